@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Spectral photon mapping of thermal infrared, without Blender: build a Scene, call render, get a Film."""
+
+from .film import Film
+from .render import render
+from .scene import (
+    AreaLight,
+    Camera,
+    Light,
+    Material,
+    PointLight,
+    Scene,
+    SceneError,
+    SpotLight,
+    SunLight,
+)
+from .settings import Settings
+
+__all__ = [
+    "AreaLight",
+    "Camera",
+    "Film",
+    "Light",
+    "Material",
+    "PointLight",
+    "Scene",
+    "SceneError",
+    "Settings",
+    "SpotLight",
+    "SunLight",
+    "render",
+]

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The immutable input of a render: surfaces, materials, lights, camera and bands.
+
+Units everywhere: metres, kelvin, micrometres, watts. World coordinates are right-handed, as in Blender.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+SUN_TEMPERATURE = 5772.0  # K, nominal effective temperature of the Sun (IAU 2015 resolution B3)
+LAMP_TEMPERATURE = 2856.0  # K, CIE standard illuminant A: an incandescent lamp
+
+
+class SceneError(ValueError):
+    """The scene cannot be rendered; the message names the object and the value."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """An opaque surface: emissivity eps, reflectance 1 - eps (Kirchhoff), the latter split in two lobes.
+
+    name: shown in messages.
+    emissivity: a float (grey), or an (n, 2) array of [wavelength um, emissivity], wavelengths ascending,
+        linear between the points and held constant outside. 0..1.
+    specular: share of the reflectance in the specular lobe, 0..1; the rest is diffuse.
+    roughness: 0 is a mirror, 1 the roughest GGX lobe (alpha = roughness^2).
+    """
+
+    name: str = "Material"
+    emissivity: float | np.ndarray = 0.95
+    specular: float = 0.0
+    roughness: float = 0.0
+
+    def __post_init__(self):
+        points = np.asarray(self.emissivity, dtype=np.float64)
+        if points.ndim == 2 and points.shape[1] == 2 and len(points):
+            wavelengths, values = points[:, 0], points[:, 1]
+            if not (np.all(np.isfinite(wavelengths)) and np.all(wavelengths > 0)):
+                raise SceneError(f"Material '{self.name}': emissivity wavelengths must be finite and above 0 um")
+            if np.any(np.diff(wavelengths) <= 0):
+                raise SceneError(f"Material '{self.name}': emissivity wavelengths must increase from point to point")
+        elif points.ndim == 0:
+            values = points[None]
+        else:
+            raise SceneError(
+                f"Material '{self.name}': emissivity must be a number or pairs of um and emissivity, "
+                f"got an array of shape {points.shape}"
+            )
+        outside = ~((values >= 0.0) & (values <= 1.0))  # also true for NaN
+        if np.any(outside):
+            raise SceneError(f"Material '{self.name}': emissivity {values[outside][0]:g} is outside 0..1")
+        for label in ("specular", "roughness"):
+            value = getattr(self, label)
+            if not 0.0 <= value <= 1.0:
+                raise SceneError(f"Material '{self.name}': {label} {value:g} is outside 0..1")
+
+    @property
+    def curve(self) -> tuple[np.ndarray, np.ndarray]:
+        """Wavelengths (n,) in um and emissivities (n,), float64; a grey material has one point."""
+        points = np.asarray(self.emissivity, dtype=np.float64)
+        if points.ndim == 0:
+            return np.array([1.0]), points[None]
+        return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """A sphere that radiates `power` W (all wavelengths) evenly in all directions, spectrum of a blackbody."""
+
+    position: np.ndarray  # (3,) m
+    power: float  # W over all wavelengths
+    radius: float = 0.0  # m
+    temperature: float = LAMP_TEMPERATURE  # K
+    name: str = "Point"
+
+
+@dataclass(frozen=True)
+class SpotLight:
+    """`power` W (all wavelengths) inside a cone; intensity falls to zero over the outer `blend` share of it."""
+
+    position: np.ndarray  # (3,) m
+    direction: np.ndarray  # (3,) axis, from the light outwards
+    power: float  # W
+    cone_angle: float  # rad, full opening angle (Blender's spot_size)
+    blend: float = 0.0  # 0..1 (Blender's spot_blend)
+    radius: float = 0.0  # m
+    temperature: float = LAMP_TEMPERATURE  # K
+    name: str = "Spot"
+
+
+@dataclass(frozen=True)
+class AreaLight:
+    """A rectangle or ellipse that radiates `power` W from one face, after Lambert's law.
+
+    axis_u and axis_v are the half axes; the light shines towards cross(axis_v, axis_u) (Blender's local -Z for
+    axis_u = +X and axis_v = +Y).
+    """
+
+    position: np.ndarray  # (3,) m, centre
+    axis_u: np.ndarray  # (3,) m, half extent
+    axis_v: np.ndarray  # (3,) m, half extent
+    power: float  # W
+    ellipse: bool = False
+    temperature: float = LAMP_TEMPERATURE  # K
+    name: str = "Area"
+
+
+@dataclass(frozen=True)
+class SunLight:
+    """Parallel light of `irradiance` W/m2 (all wavelengths) on a plane facing it; `angle` is its angular diameter."""
+
+    direction: np.ndarray  # (3,) the way the light travels
+    irradiance: float  # W/m2
+    angle: float = 0.0  # rad
+    temperature: float = SUN_TEMPERATURE  # K
+    name: str = "Sun"
+
+
+Light = PointLight | SpotLight | AreaLight | SunLight
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where the image is taken from. The image filter is a box of one pixel.
+
+    kind: 'PERSPECTIVE', 'ORTHOGRAPHIC' or 'PANORAMA' (equirectangular).
+    width, height: pixels of the whole frame.
+    matrix: (4, 4) camera to world; the camera looks along its local -Z, +Y is up. Rotation and translation only.
+    frame: (left, right, bottom, top) edges of the whole frame in camera space. PERSPECTIVE: x/-z and y/-z (tangents);
+        ORTHOGRAPHIC: metres; PANORAMA: longitude and latitude, radians (0, 0 looks along -Z, longitude grows to the right).
+    window: (x0, y0, x1, y1) pixels of the frame to render, origin at the lower left; None is the whole frame.
+    clip: (start, end) m, depth along the view axis (PANORAMA: distance). What lies outside is not seen.
+    lens_radius: m, 0 is a pinhole. focus_distance: m, depth that is in focus.
+    blades: corners of the aperture, under 3 is a disk; blade_rotation: rad; lens_ratio: anamorphic squeeze.
+    """
+
+    width: int = 128
+    height: int = 96
+    matrix: np.ndarray = field(default_factory=lambda: np.eye(4))
+    kind: str = "PERSPECTIVE"
+    frame: tuple[float, float, float, float] = (-0.36, 0.36, -0.27, 0.27)
+    window: tuple[int, int, int, int] | None = None
+    clip: tuple[float, float] = (0.0, np.inf)
+    lens_radius: float = 0.0
+    focus_distance: float = 1.0
+    blades: int = 0
+    blade_rotation: float = 0.0
+    lens_ratio: float = 1.0
+
+    @property
+    def pixels(self) -> tuple[int, int, int, int]:
+        """(x0, y0, x1, y1) of what is rendered."""
+        return (0, 0, self.width, self.height) if self.window is None else self.window
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything a render needs. Arrays are not copied: do not write to them afterwards.
+
+    vertices: (n, 3) float32 or float64, m.
+    triangles: (m, 3) int32, indices of vertices. Front side: counter-clockwise. Both sides emit and reflect alike.
+    material: (m,) int32, index into materials.
+    temperature: (m,) or (m, 3) float32, K, per triangle or per triangle corner (interpolated linearly).
+    materials: Material for each index.
+    band_edges: (b + 1,) um, ascending: b bands side by side.
+    world_temperature: K, what rays that leave the scene see.
+    lights: seen only by what they light, never by the camera.
+
+    Raises SceneError if a value cannot be rendered.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    material: np.ndarray
+    temperature: np.ndarray
+    materials: tuple[Material, ...]
+    camera: Camera
+    band_edges: np.ndarray
+    world_temperature: float = 0.0
+    lights: tuple[Light, ...] = ()
+
+    def __post_init__(self):
+        check_band_edges(self.band_edges)
+        count = len(self.triangles)
+        if count == 0:
+            raise SceneError("The scene has no triangles to render")
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
+            raise SceneError("A triangle names a vertex that does not exist")
+        if not np.isfinite(np.sum(self.vertices, dtype=np.float64)):  # a sum is one pass without a copy
+            bad = int(np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))[0])
+            raise SceneError(f"Vertex {bad} is not finite: {self.vertices[bad]}")
+        if len(self.material) != count or self.material.min() < 0 or self.material.max() >= len(self.materials):
+            raise SceneError("Every triangle needs the index of a material")
+        if self.temperature.shape not in ((count,), (count, 3)):
+            raise SceneError(f"temperature has shape {self.temperature.shape}, expected ({count},) or ({count}, 3)")
+        if not (np.isfinite(np.sum(self.temperature, dtype=np.float64)) and self.temperature.min() >= 0):
+            bad = self.temperature[~(np.isfinite(self.temperature) & (self.temperature >= 0))][0]
+            raise SceneError(f"A surface temperature is {bad:g} K; temperatures are finite and at least 0 K")
+        check_temperature(self.world_temperature, "World")
+        for light in self.lights:
+            check_temperature(light.temperature, f"Light '{light.name}'")
+
+    @property
+    def band_count(self) -> int:
+        return len(self.band_edges) - 1
+
+
+def check_temperature(value: float, owner: str) -> None:
+    """Raise SceneError unless value is a temperature in kelvin; owner is how messages name the thing it belongs to."""
+    if not (np.isfinite(value) and value >= 0.0):
+        raise SceneError(f"{owner}: temperature {value:g} K; temperatures are finite and at least 0 K")
+
+
+def check_band_edges(edges: np.ndarray) -> None:
+    """Raise SceneError unless edges (um) are two or more, finite, above 0 and ascending."""
+    edges = np.asarray(edges, dtype=np.float64)
+    if edges.ndim != 1 or len(edges) < 2:
+        raise SceneError("Bands need at least two edges (um)")
+    if not (np.all(np.isfinite(edges)) and np.all(edges > 0)):
+        raise SceneError(f"Band edges must be finite and above 0 um, got {edges[~(np.isfinite(edges) & (edges > 0))][0]:g}")
+    if np.any(np.diff(edges) <= 0):
+        at = int(np.flatnonzero(np.diff(edges) <= 0)[0])
+        raise SceneError(f"Band edges must ascend: {edges[at]:g} um is followed by {edges[at + 1]:g} um")

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How to render: passes, photons, stop conditions and the choices of the estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of one render.
+
+    passes: number of passes; 0 is no limit (then time_limit or target_noise must stop the render).
+    photons_per_pass: photons emitted in each pass.
+    neighbours: photons in one radiance estimate (k).
+    seed: of all random numbers; a pass is a function of (seed, pass index) alone.
+    threads: 0 uses every core. The image does not depend on it.
+    pass_offset: index of the first pass, to resume a render or to share it between machines.
+    time_limit: s, 0 is none. target_noise: K, 0 is none; stops when the 95th percentile of Noise is below it.
+    reference_subtraction: trace only the difference to an isothermal scene (docs/method.md).
+    reference_temperature: K, None chooses it from the scene.
+    roulette: 'POWER' keeps a photon's total weight; 'BAND_AVERAGE' is Boudet et al. 2004, section 3.2.
+    shrink: let the gather radius shrink from pass to pass (Knaus and Zwicker 2011), so that the blur vanishes.
+    """
+
+    passes: int = 32
+    photons_per_pass: int = 100_000
+    neighbours: int = 50
+    seed: int = 0
+    threads: int = 0
+    pass_offset: int = 0
+    time_limit: float = 0.0
+    target_noise: float = 0.0
+    reference_subtraction: bool = True
+    reference_temperature: float | None = None
+    roulette: str = "POWER"
+    shrink: bool = True
+
+    def __post_init__(self):
+        for name, least in (("passes", 0), ("photons_per_pass", 1), ("neighbours", 2), ("threads", 0), ("pass_offset", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} is {getattr(self, name)}, at least {least} is needed")
+        if self.passes == 0 and self.time_limit <= 0 and self.target_noise <= 0:
+            raise ValueError("Nothing stops this render: set passes, time_limit or target_noise")
+        if self.roulette not in ("POWER", "BAND_AVERAGE"):
+            raise ValueError(f"roulette is '{self.roulette}', expected 'POWER' or 'BAND_AVERAGE'")
