@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random numbers as a function of (seed, pass, path, dimension): no state, so threads and order do not matter."""
+
+import numpy as np
+from numba import njit
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_TO_UNIT = 2.0**-53
+
+# Streams of one pass: photons and camera paths never share a number.
+PHOTONS, CAMERA, PILOT = 0, 1, 2
+
+
+@njit(inline="always")
+def _mix(z):
+    """Finaliser of SplitMix64 (Steele, Lea and Flood 2014), a bijection of 64-bit integers."""
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(cache=True)
+def pass_key(seed, index, stream):
+    """Key (uint64) of one stream of one pass."""
+    z = _mix(np.uint64(seed) + _GOLDEN)
+    z = _mix(z ^ np.uint64(index))
+    return _mix(z ^ np.uint64(stream))
+
+
+@njit(inline="always")
+def path_key(key, path):
+    """Key of one path (photon or camera ray) of a stream."""
+    return _mix(key + _GOLDEN * np.uint64(path + 1))
+
+
+@njit(inline="always")
+def uniform(key, dimension):
+    """Number in [0, 1) for one dimension of a path, float64."""
+    return float(_mix(key + _GOLDEN * np.uint64(dimension + 1)) >> np.uint64(11)) * _TO_UNIT

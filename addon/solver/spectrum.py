@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Planck's law integrated over bands, with an emissivity inside the integral, and its inverse.
+
+With x = c2 / (lambda T) the radiance of a blackbody between two wavelengths is
+    L = C1 T^4 / C2^4  *  integral of x^3 / (e^x - 1) dx
+(Modest, Radiative Heat Transfer, eq. 1.21-1.25). The integrand is analytic but for poles at multiples of 2 pi i, so
+Gauss-Legendre panels of bounded width in x reach machine precision for every band and temperature.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from .scene import SceneError, check_band_edges
+
+# CODATA 2018: h and c and k are exact, so these are rounded only by float64.
+_H, _C, _K = 6.62607015e-34, 299792458.0, 1.380649e-23
+C1 = 2.0 * _H * _C**2 * 1e24  # 2 h c^2 in W um^4 m^-2 sr^-1
+C2 = _H * _C / _K * 1e6  # h c / k in um K
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on 0..1
+_REACH = 50.0  # e^-50: what lies further up in x is below float64's resolution of the integral
+_PANEL = 6.25  # width in x at which 16 nodes err below 1e-16 (nearest pole 2 pi away)
+
+MAX_PASS_NAME = 64  # characters Blender keeps of a render pass name
+
+
+def planck(wavelength: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+    """Spectral radiance B(lambda, T) of a blackbody, W m-2 sr-1 um-1; wavelength in um, temperature in K > 0."""
+    x = C2 / (np.asarray(wavelength, np.float64) * temperature)
+    return C1 / np.asarray(wavelength, np.float64) ** 5 * np.exp(-x) / -np.expm1(-x)
+
+
+def _segment(low: float, high: float, values: tuple[float, float], temperature: np.ndarray, derivative: bool) -> np.ndarray:
+    """Integral over low..high um of eps(lambda) B(lambda, T), eps linear from values[0] to values[1]. T (n,) > 0.
+
+    derivative: of d/d(ln T) of it instead; d B / d ln T = B x / (1 - e^-x).
+    """
+    start = C2 / (high * temperature)[:, None]  # x at the long end
+    span = np.minimum((C2 * (high - low) / (high * low)) / temperature, _REACH)[:, None]
+    panels = max(1, int(np.ceil(span.max() / _PANEL)))
+    t = ((np.arange(panels)[:, None] + _NODES) / panels).ravel()
+    weights = np.tile(_WEIGHTS / panels, panels)
+    above = span * t  # x - start: keeps narrow bands exact
+    x = start + above
+    slope = (values[1] - values[0]) / (high - low)
+    emissivity = values[1] - slope * (high - C2 / (x * temperature[:, None]))
+    integrand = emissivity * x**3 * np.exp(-above) / -np.expm1(-x)
+    if derivative:
+        integrand *= x / -np.expm1(-x)
+    integral = (integrand @ weights) * span[:, 0] * (C1 / C2**4) * temperature**4
+    # e^-start joins the logarithm so that the product is exact down to the smallest float64
+    result = np.zeros_like(integral)
+    positive = integral > 0
+    np.exp(np.log(integral, out=result, where=positive) - start[:, 0], out=result, where=positive)
+    return result
+
+
+def band_radiance(
+    edges: np.ndarray,
+    temperature: float | np.ndarray,
+    curve: tuple[np.ndarray, np.ndarray] | None = None,
+    derivative: bool = False,
+) -> np.ndarray:
+    """Radiance that a surface emits in each band: integral of eps(lambda) B(lambda, T), W m-2 sr-1.
+
+    edges: (b + 1,) um, ascending. temperature: K >= 0, any shape s; 0 K gives exactly 0.
+    curve: wavelengths (n,) um and emissivities (n,), linear between points and constant outside; None is a blackbody.
+    derivative: return d/d(ln T) of it instead.
+    Returns s + (b,) float64. Relative error below 1e-10 (see tests/test_spectrum.py).
+    """
+    edges = np.asarray(edges, dtype=np.float64)
+    flat = np.atleast_1d(np.asarray(temperature, dtype=np.float64)).ravel()
+    result = np.zeros((flat.size, edges.size - 1))
+    warm = flat > 0
+    if warm.any():
+        wavelengths, values = (np.array([1.0]), np.array([1.0])) if curve is None else curve
+        for band, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+            inner = wavelengths[(wavelengths > low) & (wavelengths < high)]
+            points = np.concatenate(([low], inner, [high]))
+            emissivity = np.interp(points, wavelengths, values)
+            for i in range(points.size - 1):
+                ends = (emissivity[i], emissivity[i + 1])
+                result[warm, band] += _segment(points[i], points[i + 1], ends, flat[warm], derivative)
+    return result.reshape(np.shape(temperature) + (edges.size - 1,))
+
+
+@lru_cache(maxsize=8)
+def _calibration(low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """ln L, ln T and d ln T / d ln L over all temperatures whose radiance in low..high um is a normal float64."""
+    log_t = np.arange(np.log(0.5), np.log(2e6), 0.002)
+    edges = np.array([low, high])
+    temperature = np.exp(log_t)
+    radiance = band_radiance(edges, temperature)[:, 0]
+    known = radiance > 1e-290
+    slope = band_radiance(edges, temperature[known], derivative=True)[:, 0] / radiance[known]
+    return np.log(radiance[known]), log_t[known], 1.0 / slope
+
+
+def apparent_temperature(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Temperature (K) of the blackbody with this radiance (W m-2 sr-1) over the whole range of the bands.
+
+    Any shape; float64. Radiance of 0 or below (a noisy pixel of a cold scene) has no temperature and gives 0 K.
+    Cubic Hermite interpolation of ln T over ln L; error below 1e-9 relative.
+    """
+    log_l, log_t, slope = _calibration(float(edges[0]), float(edges[-1]))
+    radiance = np.asarray(radiance, dtype=np.float64)
+    positive = radiance > np.exp(log_l[0])
+    wanted = np.log(np.where(positive, np.minimum(radiance, np.exp(log_l[-1])), 1.0))
+    i = np.clip(np.searchsorted(log_l, wanted) - 1, 0, log_l.size - 2)
+    step = log_l[i + 1] - log_l[i]
+    t = (wanted - log_l[i]) / step
+    value = (
+        (1 + 2 * t) * (1 - t) ** 2 * log_t[i]
+        + t**2 * (3 - 2 * t) * log_t[i + 1]
+        + step * (t * (1 - t) ** 2 * slope[i] + t**2 * (t - 1) * slope[i + 1])
+    )
+    return np.where(positive, np.exp(np.where(positive, value, 0.0)), 0.0)
+
+
+def uniform_edges(low: float, high: float, count: int) -> np.ndarray:
+    """(count + 1,) band edges of equal width from low to high, um."""
+    edges = np.linspace(low, high, count + 1)
+    check_band_edges(edges)
+    return edges
+
+
+def band_names(edges: np.ndarray) -> list[str]:
+    """Pass names such as '7.50-7.90um'; as many decimals as keep neighbouring edges apart, two at least.
+
+    Raises SceneError if a name is longer than Blender keeps.
+    """
+    edges = np.asarray(edges, dtype=np.float64)
+    for decimals in range(2, 64):
+        labels = [f"{edge:.{decimals}f}" for edge in edges]
+        if len(set(labels)) == len(labels):
+            break
+    names = [f"{low}-{high}um" for low, high in zip(labels[:-1], labels[1:], strict=True)]
+    longest = max(names, key=len)
+    if len(longest) > MAX_PASS_NAME:
+        raise SceneError(f"Band name '{longest}' has {len(longest)} characters, Blender's passes hold {MAX_PASS_NAME}")
+    return names
