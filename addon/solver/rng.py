@@ -20,11 +20,15 @@ def _mix(z):
 
 
 @njit(cache=True)
-def pass_key(seed, index, stream):
-    """Key (uint64) of one stream of one pass."""
-    z = _mix(np.uint64(seed) + _GOLDEN)
-    z = _mix(z ^ np.uint64(index))
-    return _mix(z ^ np.uint64(stream))
+def _pass_key(seed, index, stream):
+    z = _mix(seed + _GOLDEN)
+    z = _mix(z ^ index)
+    return _mix(z ^ stream)
+
+
+def pass_key(seed: int, index: int, stream: int) -> np.uint64:
+    """Key of one stream of one pass. A numpy integer, so that kernels are compiled for one type of key."""
+    return np.uint64(_pass_key(np.uint64(seed), np.uint64(index), np.uint64(stream)))
 
 
 @njit(inline="always")

@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Photons leave surfaces, surroundings and lights, each class in proportion to its excess power."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .radiometry import Radiometry, excess
+from .rng import path_key, uniform
+from .sampling import basis, cone_direction, cosine_direction, to_world, triangle_point
+from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
+from .spectrum import band_radiance
+from .surfaces import Surfaces, areas, normal, offset, point, temperature_at
+
+_SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
+
+# Photons of one pass form a lattice over (emitter, position u v, direction u v): additive recurrence of the generalised
+# golden ratio in four dimensions, shifted at random as a whole in every pass (Cranley and Patterson 1976), so that
+# each pass is unbiased by itself and independent of the others.
+_RATIO = 1.1673039782614187
+_ALPHA = tuple(_RATIO ** -(i + 1) for i in range(4))
+
+POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
+
+
+class Emitters(NamedTuple):
+    """Everything that emits, as entries of one discrete distribution: surface sides, surroundings, lights.
+
+    cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of an entry.
+    surface: (n,) int32 codes 2 triangle + side of entries 0..n-1, which emit.
+    sky: (m,) int32 codes of entries n..n+m-1, on which photons from the surroundings arrive.
+    area: (t,) float64, of the triangles, m2.
+    surroundings: (b,) float64, excess radiance of the surroundings, W m-2 sr-1.
+    light: (l, 16) float64 shapes (see _light_row), light_power: (l, b) float64 W (sun: W m-2), entries n+m...
+    radius: of a sphere around the origin that holds the scene, m.
+    power: total |excess| power of what photons can reach, W: what a photon's weight adds up to, over photons.
+    """
+
+    cumulative: np.ndarray
+    surface: np.ndarray
+    sky: np.ndarray
+    area: np.ndarray
+    surroundings: np.ndarray
+    light: np.ndarray
+    light_power: np.ndarray
+    radius: float
+    power: float
+
+
+def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
+    """(b,) share of a light's total flux in each band: that of a blackbody at its temperature."""
+    if light.temperature == 0:
+        return np.zeros(len(edges) - 1)
+    return math.pi * band_radiance(edges, light.temperature) / (_SIGMA * light.temperature**4)
+
+
+def _light_row(light: Light, centre: np.ndarray) -> np.ndarray:
+    """Shape of a light: kind, position or direction, two axes or a cone, radius."""
+    row = np.zeros(16)
+    if isinstance(light, SunLight):
+        row[0], row[4:7] = SUN, np.asarray(light.direction) / np.linalg.norm(light.direction)
+        row[10] = math.cos(0.5 * light.angle)
+        return row
+    row[1:4] = np.asarray(light.position, np.float64) - centre
+    if isinstance(light, AreaLight):
+        row[0] = ELLIPSE if light.ellipse else RECTANGLE
+        row[4:7], row[7:10] = light.axis_u, light.axis_v
+    elif isinstance(light, SpotLight):
+        row[0], row[4:7] = SPOT, np.asarray(light.direction) / np.linalg.norm(light.direction)
+        outer = math.cos(0.5 * light.cone_angle)
+        row[10], row[11], row[12] = outer, light.radius, (1.0 - outer) * light.blend
+        # mean of smoothstep over its own width is 1/2, so the cone holds this share of a full one
+        row[13] = 1.0 - 0.5 * light.blend
+    elif isinstance(light, PointLight):
+        row[0], row[10], row[11] = POINT, -1.0, light.radius
+        row[4:7] = (0.0, 0.0, 1.0)
+    return row
+
+
+@njit(cache=True, nogil=True)
+def _side_power(surfaces, radiometry, area, power):
+    """|Excess| power of one side of every triangle, over all bands, W: mean over its corners and its centre."""
+    value = np.empty(radiometry.reference.size)
+    varying = surfaces.temperature.shape[1] == 3
+    for t in range(area.size):
+        total = 0.0
+        for sample in range(4 if varying else 1):
+            u = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 2 else 0.0)
+            v = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 3 else 0.0)
+            kelvin = temperature_at(surfaces.temperature, t, u, v)
+            excess(radiometry, surfaces.material[t], kelvin, 2.0 / 3.0, value)
+            for b in range(value.size):
+                total += abs(value[b])
+        power[t] = math.pi * area[t] * total / (4 if varying else 1)
+
+
+def build_emitters(
+    scene: Scene, surfaces: Surfaces, radiometry: Radiometry, centre: np.ndarray, weight: np.ndarray, openness: float
+) -> Emitters:
+    """Distribution of the emitters.
+
+    weight: (t, 2) float64, factor on the probability of each side (1 for sides that the image can depend on).
+    openness: share of the directions from those sides that leave the scene, 0..1.
+    """
+    area = areas(surfaces.corners)
+    side_power = np.empty(area.size)
+    _side_power(surfaces, radiometry, area, side_power)
+    surface_power = (side_power[:, None] * weight).ravel()
+    surface = np.flatnonzero(surface_power > 0).astype(np.int32)
+    surroundings = band_radiance(scene.band_edges, scene.world_temperature) - radiometry.reference
+    sky_flux = math.pi * np.abs(surroundings).sum()
+    sky_area = (area[:, None] * weight).ravel()
+    sky = np.flatnonzero(sky_area > 0).astype(np.int32) if sky_flux > 0 else np.empty(0, np.int32)
+    sky_power = sky_flux * sky_area[sky]
+    radius = float(np.linalg.norm(surfaces.corners.reshape(-1, 3), axis=1).max())
+    light_power = np.array([_flux(light) * light_spectrum(light, scene.band_edges) for light in scene.lights])
+    light_power = light_power.reshape(len(scene.lights), radiometry.reference.size)
+    is_sun = np.array([isinstance(light, SunLight) for light in scene.lights], bool)
+    light_total = light_power.sum(axis=1) * np.where(is_sun, math.pi * radius**2, 1.0)
+    # Of the photons from the surroundings only the share `openness` arrives; for the least variance at a given number
+    # of photons a class is then chosen in proportion to power / sqrt(share) (Lagrange).
+    chosen = np.concatenate((surface_power[surface], sky_power * math.sqrt(openness), light_total))
+    cumulative = np.concatenate(([0.0], np.cumsum(chosen)))
+    power = float(surface_power.sum() + sky_power.sum() * openness + light_total.sum())
+    if cumulative[-1] > 0:
+        cumulative /= cumulative[-1]
+    return Emitters(
+        cumulative,
+        surface,
+        sky,
+        area,
+        surroundings,
+        np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16),
+        light_power,
+        radius,
+        power,
+    )
+
+
+def _flux(light: Light) -> float:
+    return light.irradiance if isinstance(light, SunLight) else light.power
+
+
+class Wave(NamedTuple):
+    """Rays in flight, n of them.
+
+    origin, direction: (n, 3) float32. power: (n, b) float32. photon: (n,) int64 number in the pass.
+    straight: (n,) bool, only mirrors since a light. arrival: (n,) int32, code of the side that a photon from the
+    surroundings arrives on if the way back to them (the ray) is free; -1 for photons on their way. u, v: where on it.
+    """
+
+    origin: np.ndarray
+    direction: np.ndarray
+    power: np.ndarray
+    photon: np.ndarray
+    straight: np.ndarray
+    arrival: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+
+def empty_wave(count: int, bands: int) -> Wave:
+    """Room for count rays."""
+    return Wave(
+        np.empty((count, 3), np.float32),
+        np.empty((count, 3), np.float32),
+        np.empty((count, bands), np.float32),
+        np.empty(count, np.int64),
+        np.empty(count, np.bool_),
+        np.empty(count, np.int32),
+        np.empty(count, np.float32),
+        np.empty(count, np.float32),
+    )
+
+
+@njit(cache=True, nogil=True)
+def emit(emitters, surfaces, radiometry, key, first, total, wave):
+    """Fill the wave with photons first, first + 1, ... of the `total` of a pass. key: of the pass's photons."""
+    shift = np.empty(6)
+    for d in range(6):
+        shift[d] = uniform(key, d)
+    value = np.empty(radiometry.reference.size)
+    surface_end = emitters.surface.size
+    sky_end = surface_end + emitters.sky.size
+    last = emitters.cumulative.size - 2
+    entry = 0
+    for i in range(wave.photon.size):
+        photon = first + i
+        pick = (photon + shift[0]) / total
+        if i == 0:
+            entry = min(last, np.searchsorted(emitters.cumulative, pick, side="right") - 1)
+        while entry < last and emitters.cumulative[entry + 1] <= pick:
+            entry += 1
+        probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
+        share = 1.0 / (total * probability)
+        s0 = (shift[1] + photon * _ALPHA[0]) % 1.0
+        s1 = (shift[2] + photon * _ALPHA[1]) % 1.0
+        s2 = (shift[3] + photon * _ALPHA[2]) % 1.0
+        s3 = (shift[4] + photon * _ALPHA[3]) % 1.0
+        wave.photon[i] = photon
+        wave.straight[i] = entry >= sky_end
+        wave.arrival[i] = -1
+        if entry < sky_end:
+            code = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]
+            t = code >> 1
+            u, v = triangle_point(s0, s1)
+            lx, ly, lz = cosine_direction(s2, s3)
+            scale = math.pi * emitters.area[t] * share
+            if entry < surface_end:
+                kelvin = temperature_at(surfaces.temperature, t, u, v)
+                excess(radiometry, surfaces.material[t], kelvin, lz, value)
+                for b in range(value.size):
+                    wave.power[i, b] = value[b] * scale
+            else:
+                wave.arrival[i] = code
+                wave.u[i], wave.v[i] = u, v
+                for b in range(value.size):
+                    wave.power[i, b] = emitters.surroundings[b] * scale
+            _leave(surfaces.corners, code, u, v, lx, ly, lz, wave, i)
+        else:
+            light = entry - sky_end
+            path = path_key(key, photon)
+            brightness = _leave_light(emitters, light, s0, s1, s2, s3, path, wave, i)
+            for b in range(value.size):
+                wave.power[i, b] = emitters.light_power[light, b] * brightness * share
+
+
+@njit(inline="always")
+def _leave(corners, code, u, v, lx, ly, lz, wave, i):
+    """Start ray i at a point of a side in a local direction."""
+    t = code >> 1
+    nx, ny, nz, _ = normal(corners, t)
+    if code & 1 == 1:
+        nx, ny, nz = -nx, -ny, -nz
+    x, y, z = point(corners, t, u, v)
+    clear = offset(corners, t, x, y, z)
+    wave.origin[i, 0], wave.origin[i, 1], wave.origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
+    wave.direction[i, 0], wave.direction[i, 1], wave.direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
+
+
+@njit(inline="always")
+def _leave_light(emitters, light, s0, s1, s2, s3, path, wave, i):
+    """Start ray i at a light; returns the factor on its power (1 on average over what the light emits)."""
+    row = emitters.light[light]
+    kind = int(row[0])
+    brightness = 1.0
+    x, y, z = row[1], row[2], row[3]
+    if kind == RECTANGLE or kind == ELLIPSE:
+        a, b = 2.0 * s0 - 1.0, 2.0 * s1 - 1.0
+        if kind == ELLIPSE:
+            r = math.sqrt(s0)
+            a, b = r * math.cos(2.0 * math.pi * s1), r * math.sin(2.0 * math.pi * s1)
+        x, y, z = x + a * row[4] + b * row[7], y + a * row[5] + b * row[8], z + a * row[6] + b * row[9]
+        nx = row[8] * row[6] - row[9] * row[5]  # cross(axis_v, axis_u)
+        ny = row[9] * row[4] - row[7] * row[6]
+        nz = row[7] * row[5] - row[8] * row[4]
+        inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+        lx, ly, lz = cosine_direction(s2, s3)
+        dx, dy, dz = to_world(lx, ly, lz, nx * inverse, ny * inverse, nz * inverse)
+    else:
+        lx, ly, lz = cone_direction(s0, s1, row[10])
+        dx, dy, dz = to_world(lx, ly, lz, row[4], row[5], row[6])
+        if kind == SPOT and row[12] > 0.0:
+            t = min(1.0, (lz - row[10]) / row[12])
+            brightness = t * t * (3.0 - 2.0 * t) / row[13]
+        # A sphere (or the sun) seen from a direction is a disk: start anywhere on it
+        radius = emitters.radius if kind == SUN else row[11]
+        if radius > 0.0:
+            r = radius * math.sqrt(s2)
+            p, q = r * math.cos(2.0 * math.pi * s3), r * math.sin(2.0 * math.pi * s3)
+            tx, ty, tz, bx, by, bz = basis(dx, dy, dz)
+            x, y, z = x + p * tx + q * bx, y + p * ty + q * by, z + p * tz + q * bz
+        if kind == SUN:
+            x, y, z = x - 1.01 * radius * dx, y - 1.01 * radius * dy, z - 1.01 * radius * dz
+            brightness = math.pi * radius * radius
+    wave.origin[i, 0], wave.origin[i, 1], wave.origin[i, 2] = x, y, z
+    wave.direction[i, 0], wave.direction[i, 1], wave.direction[i, 2] = dx, dy, dz
+    return brightness

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The image: running mean of every band and the spread between passes, which gives the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .spectrum import apparent_temperature, band_names, band_radiance
+
+
+class Film:
+    """Mean over passes of the radiance of each pixel and band. Row 0 is the bottom row.
+
+    Films of disjoint pass ranges merge into the film of all of them. Memory does not depend on the number of passes.
+
+    width, height: pixels. band_edges: (b + 1,) um. reference_temperature: K, 0 without subtraction.
+    passes: finished. photons: emitted in them.
+    """
+
+    def __init__(self, width: int, height: int, band_edges: np.ndarray, reference_temperature: float = 0.0):
+        self.width, self.height = width, height
+        self.band_edges = np.asarray(band_edges, dtype=np.float64)
+        self.reference_temperature = reference_temperature
+        self.passes = 0
+        self.photons = 0
+        self._reference = band_radiance(self.band_edges, reference_temperature)
+        # float64: a float32 mean stops moving after 2^24 passes and drifts long before
+        self._mean = np.zeros((height * width, len(self.band_edges) - 1))
+        self._squares = np.zeros(height * width)  # sum of squared deviations of the radiance (Welford 1962)
+
+    @property
+    def band_count(self) -> int:
+        return len(self.band_edges) - 1
+
+    @property
+    def band_names(self) -> list[str]:
+        """Names of the bands as in Blender's passes."""
+        return band_names(self.band_edges)
+
+    def add_pass(self, excess: np.ndarray, photons: int) -> None:
+        """Add one finished pass: excess radiance (height * width, b) float32, W m-2 sr-1 per band, and its photons."""
+        _accumulate(self._mean, self._squares, excess, self.passes + 1)
+        self.passes += 1
+        self.photons += photons
+
+    def merge(self, other: Film) -> Film:
+        """Film of the passes of both (Chan, Golub and LeVeque 1979). Raises ValueError if they do not belong together."""
+        same_shape = (self.width, self.height) == (other.width, other.height)
+        if not (same_shape and np.array_equal(self.band_edges, other.band_edges)):
+            raise ValueError("Only films of the same size and bands can be merged")
+        if self.reference_temperature != other.reference_temperature:
+            raise ValueError(
+                f"Films with different reference temperatures cannot be merged: "
+                f"{self.reference_temperature:g} K and {other.reference_temperature:g} K"
+            )
+        total = Film(self.width, self.height, self.band_edges, self.reference_temperature)
+        total.passes = self.passes + other.passes
+        total.photons = self.photons + other.photons
+        if total.passes:
+            share = other.passes / total.passes
+            difference = other._mean - self._mean
+            total._mean = self._mean + share * difference
+            total._squares = self._squares + other._squares + difference.sum(axis=1) ** 2 * self.passes * share
+        return total
+
+    def band_radiance(self, band: int) -> np.ndarray:
+        """(height, width) float32 spectral radiance averaged over one band, W m-2 sr-1 um-1."""
+        width = self.band_edges[band + 1] - self.band_edges[band]
+        return self._image((self._mean[:, band] + self._reference[band]) / width)
+
+    def radiance(self) -> np.ndarray:
+        """(height, width) float32 radiance over all bands, W m-2 sr-1."""
+        return self._image(self._radiance())
+
+    def temperature(self) -> np.ndarray:
+        """(height, width) float32 apparent temperature: of the blackbody with this radiance over all bands, K."""
+        return self._image(apparent_temperature(self._radiance(), self.band_edges))
+
+    def noise(self) -> np.ndarray:
+        """(height, width) float32 standard error of temperature(), K.
+
+        One pass says nothing about its error; the temperature itself then stands for it.
+        """
+        if self.passes < 2:
+            return self.temperature()
+        radiance = self._radiance()
+        error = np.sqrt(self._squares / (self.passes * (self.passes - 1)))
+        # half of the interval that one standard error spans: finite where the radiance itself is 0
+        above = apparent_temperature(radiance + error, self.band_edges)
+        below = apparent_temperature(np.maximum(radiance - error, 0.0), self.band_edges)
+        return self._image(0.5 * (above - below))
+
+    def _radiance(self) -> np.ndarray:
+        return self._mean.sum(axis=1) + self._reference.sum()
+
+    def _image(self, values: np.ndarray) -> np.ndarray:
+        return values.astype(np.float32).reshape(self.height, self.width)
+
+
+@njit(cache=True, nogil=True)
+def _accumulate(mean, squares, excess, count):
+    share = 1.0 / count
+    for i in range(excess.shape[0]):
+        row = mean[i]
+        before = 0.0  # deviation of the radiance from the old mean and from the new one
+        for b in range(row.size):
+            delta = excess[i, b] - row[b]
+            row[b] += delta * share
+            before += delta
+        squares[i] += before * before * (1.0 - share)

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A short deterministic look at the scene before the first pass: what the image can depend on, and how open it is.
+
+Every run of a scene with one seed repeats it identically, so passes rendered elsewhere belong to the same image.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .camera import Eye, eye_rays
+from .rng import PILOT, pass_key, path_key, uniform
+from .sampling import cosine_direction, to_world, triangle_point
+from .surfaces import Surfaces, Tracer, areas, normal, offset, point, sheets
+
+_CAMERA_PATHS = 16384
+_BOUNCES = 8
+_PROBES = 65536  # rays from sides that no camera path met
+# Chance of a side that seems out of the image's reach, against one within: nothing can be missed for good.
+DEFENSIVE = 1.0 / 64.0
+
+
+class Pilot(NamedTuple):
+    """weight: (t, 2) float64, 1 for sides that the image can depend on, DEFENSIVE for others.
+
+    openness: share of cosine-distributed directions from the former that leave the scene, above 0.
+    """
+
+    weight: np.ndarray
+    openness: float
+
+
+def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
+    """Follow camera paths that always bounce diffusely; the connected sheets of surface they meet matter.
+
+    A sheet also matters if something that matters is seen from it, so that small sources are not overlooked.
+    """
+    key = pass_key(seed, 0, PILOT)
+    sheet = sheets(surfaces.neighbours)
+    reached = np.zeros(2 * len(sheet), np.bool_)  # by label
+    count = _CAMERA_PATHS
+    pixels = int((eye.window[2] - eye.window[0]) * (eye.window[3] - eye.window[1]))
+    origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    reach = np.empty(count, np.float32)
+    step = max(1, pixels // 128)
+    for batch, start in enumerate(range(0, count, 128)):  # 128 runs of 128 neighbouring pixels, spread over the window
+        rows = slice(start, start + 128)
+        first = (batch * step) % max(1, pixels - 127)
+        eye_rays(eye, key, batch, first, origin[rows], direction[rows], reach[rows])
+    for bounce in range(_BOUNCES):
+        triangle, u, v = tracer.trace(origin, direction, reach)
+        _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, reached)
+        reach = np.full(count, 1e37, np.float32)
+    for round_ in range(3):
+        codes = _probe_codes(sheet, reached)
+        if codes.size == 0:
+            break
+        triangle, direction = _probe(surfaces, tracer, pass_key(seed, 1 + round_, PILOT), codes)
+        before = reached.sum()
+        _reach_back(surfaces, sheet, codes, triangle, direction, reached)
+        if reached.sum() == before:
+            break
+    matters = reached[sheet]
+    area = areas(surfaces.corners)
+    chosen = np.cumsum((area[:, None] * matters).ravel())
+    openness = 0.0
+    if chosen[-1] > 0:
+        picks = np.searchsorted(chosen, chosen[-1] * (np.arange(_CAMERA_PATHS) + 0.5) / _CAMERA_PATHS)
+        triangle, _ = _probe(surfaces, tracer, pass_key(seed, 9, PILOT), picks.astype(np.int32))
+        openness = float(np.mean(triangle < 0))
+    return Pilot(np.where(matters, 1.0, DEFENSIVE), max(openness, 0.5 / _CAMERA_PATHS))
+
+
+def _probe_codes(sheet: np.ndarray, reached: np.ndarray) -> np.ndarray:
+    """Sides (codes 2 t + side) of sheets that are not reached, some of every sheet, in all about _PROBES."""
+    labels = sheet.ravel()
+    codes = np.flatnonzero(~reached[labels]).astype(np.int32)
+    order = np.argsort(labels[codes], kind="stable")
+    codes = codes[order]
+    _, starts, sizes = np.unique(labels[codes], return_index=True, return_counts=True)
+    if starts.size == 0:
+        return codes
+    each = min(256, max(1, _PROBES // starts.size))
+    picks = starts[:, None] + (np.arange(each) + 0.5) / each * sizes[:, None]
+    return codes[picks.astype(np.int64).ravel()]
+
+
+def _probe(surfaces: Surfaces, tracer: Tracer, key: int, codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What cosine-distributed rays from these sides hit, and their directions."""
+    origin, direction = np.empty((codes.size, 3), np.float32), np.empty((codes.size, 3), np.float32)
+    _start_probes(surfaces, key, codes, origin, direction)
+    return tracer.trace(origin, direction)[0], direction
+
+
+@njit(inline="always")
+def _leave(corners, t, u, v, nx, ny, nz, su, sv, origin, direction, i):
+    """Start ray i at a point of triangle t, cosine-distributed around the normal."""
+    x, y, z = point(corners, t, u, v)
+    clear = offset(corners, t, x, y, z)
+    lx, ly, lz = cosine_direction(su, sv)
+    origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
+    direction[i, 0], direction[i, 1], direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
+
+
+@njit(cache=True, nogil=True)
+def _start_probes(surfaces, key, codes, origin, direction):
+    for i in range(codes.size):
+        t = codes[i] >> 1
+        path = path_key(key, i)
+        nx, ny, nz, _ = normal(surfaces.corners, t)
+        if codes[i] & 1 == 1:
+            nx, ny, nz = -nx, -ny, -nz
+        u, v = triangle_point(uniform(path, 0), uniform(path, 1))
+        _leave(surfaces.corners, t, u, v, nx, ny, nz, uniform(path, 2), uniform(path, 3), origin, direction, i)
+
+
+@njit(inline="always")
+def _facing_side(corners, t, direction, i):
+    """Side of triangle t that a ray meets, with its normal."""
+    nx, ny, nz, _ = normal(corners, t)
+    if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0:
+        return 1, -nx, -ny, -nz
+    return 0, nx, ny, nz
+
+
+@njit(cache=True, nogil=True)
+def _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, reached):
+    """Mark the sheets that rays meet and send the rays on; those that left the scene stay outside."""
+    for i in range(triangle.size):
+        t = triangle[i]
+        if t < 0:
+            continue
+        side, nx, ny, nz = _facing_side(surfaces.corners, t, direction, i)
+        reached[sheet[t, side]] = True
+        path = path_key(key, i)
+        su, sv = uniform(path, 2 * bounce + 8), uniform(path, 2 * bounce + 9)
+        _leave(surfaces.corners, t, u[i], v[i], nx, ny, nz, su, sv, origin, direction, i)
+
+
+@njit(cache=True, nogil=True)
+def _reach_back(surfaces, sheet, codes, triangle, direction, reached):
+    """A sheet from which a reached sheet is seen can send it photons, so it is reached too."""
+    for i in range(codes.size):
+        if triangle[i] >= 0:
+            side, _, _, _ = _facing_side(surfaces.corners, triangle[i], direction, i)
+            if reached[sheet[triangle[i], side]]:
+                reached[sheet[codes[i] >> 1, codes[i] & 1]] = True
+
+
+def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) -> float:
+    """Squared radius (m2) of the largest gather disk.
+
+    Where photons lie one ninth as dense as on average over the surfaces that matter, the disk holds k of them; in
+    sparser places it keeps its size and holds fewer (more noise rather than more blur).
+    """
+    matters = float(area @ (pilot.weight == 1.0).sum(axis=1))
+    return 9.0 * neighbours * max(matters, 1e-30) / (math.pi * photons)

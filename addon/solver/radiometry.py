@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What surfaces emit and reflect in each band, as tables for the kernels.
+
+Radiance here is per band (W m-2 sr-1, integrated over the band), and in excess of the reference: with a reference
+temperature T0 the solver traces dL = L - B(T0), for which a surface emits e(T) - eps B(T0) (docs/method.md).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .sampling import MIRROR_ALPHA, interpolate_albedo, lobe_albedo
+from .scene import Material
+from .spectrum import band_radiance
+
+# Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
+_LOG_STEP = 0.004
+_ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4
+
+
+class Radiometry(NamedTuple):
+    """Materials (m of them) in b bands.
+
+    reflectance: (m, b) float32, 1 - eps, the emissivity weighted with a blackbody at `weighting` K.
+    specular: (m,) float32 share of the specular lobe. alpha: (m,) float32 GGX width, 0 is a mirror.
+    albedo: (m, n) float64 of the lobe over sqrt(cosine); ones for mirrors.
+    emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
+    slope: the same, d/d(ln T) times the step.
+    log_start: ln of the first temperature. reference: (b,) float64, B(T0) of each band, zeros without subtraction.
+    quiet: K, surfaces at exactly this temperature have no excess at all; -1 where there is no such temperature.
+    """
+
+    reflectance: np.ndarray
+    specular: np.ndarray
+    alpha: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    slope: np.ndarray
+    log_start: float
+    reference: np.ndarray
+    quiet: float
+
+
+def build_radiometry(
+    materials: tuple[Material, ...],
+    edges: np.ndarray,
+    temperatures: tuple[float, float],
+    weighting: float,
+    reference: float,
+) -> Radiometry:
+    """Tables of the materials over bands.
+
+    temperatures: lowest (above 0) and highest temperature of any surface, K.
+    weighting: K, temperature of the blackbody spectrum that averages emissivity into a band's reflectance.
+    reference: T0 in K, 0 for no subtraction.
+    """
+    low, high = temperatures
+    nodes = max(2, math.ceil(math.log(high / low) / _LOG_STEP) + 2) if high > 0 else 2
+    log_start = math.log(low) if high > 0 else 0.0
+    table = np.exp(log_start + _LOG_STEP * np.arange(nodes))
+    bands = len(edges) - 1
+    emission = np.empty((len(materials) + 1, nodes, bands))
+    slope = np.empty_like(emission)
+    black, black_slope = band_radiance(edges, table), band_radiance(edges, table, derivative=True)
+    emission[-1], slope[-1] = black, black_slope * _LOG_STEP
+    reflectance = np.empty((len(materials), bands))
+    albedo = np.ones((len(materials), len(lobe_albedo(1.0, 1))))
+    alpha = np.zeros(len(materials))
+    for i, material in enumerate(materials):
+        curve = material.curve
+        if len(curve[0]) == 1:
+            emission[i], slope[i] = curve[1][0] * emission[-1], curve[1][0] * slope[-1]
+            reflectance[i] = 1.0 - curve[1][0]
+        else:
+            emission[i] = band_radiance(edges, table, curve)
+            slope[i] = band_radiance(edges, table, curve, derivative=True) * _LOG_STEP
+            reflectance[i] = 1.0 - band_emissivity(edges, weighting, curve)
+        if material.specular > 0 and material.roughness**2 > MIRROR_ALPHA:
+            alpha[i] = material.roughness**2
+            albedo[i] = lobe_albedo(alpha[i], _ALBEDO_SAMPLES)
+    return Radiometry(
+        reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
+        specular=np.array([m.specular for m in materials], np.float32),
+        alpha=alpha.astype(np.float32),
+        albedo=albedo,
+        emission=emission,
+        slope=slope,
+        log_start=log_start,
+        reference=band_radiance(edges, reference),
+        quiet=reference if reference == weighting else -1.0,
+    )
+
+
+def band_emissivity(edges: np.ndarray, temperature: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(b,) emissivity of each band, weighted with a blackbody's spectrum at temperature (K).
+
+    A temperature so low that the band holds no radiance in float64 is raised to where x = c2 / (lambda T) is 300.
+    """
+    temperature = max(temperature, 14388.0 / (300.0 * float(edges[0])))
+    return band_radiance(edges, temperature, curve) / band_radiance(edges, temperature)
+
+
+@njit(inline="always")
+def locate(radiometry, temperature):
+    """Row of the emission table below a temperature and the place between the rows, 0..1; row -1 where cold."""
+    if temperature <= 0.0:
+        return -1, 0.0
+    position = (math.log(temperature) - radiometry.log_start) / _LOG_STEP
+    if position < -1e-6:  # between 0 K and the coldest surface above 0 K: see emission_range
+        return -1, 0.0
+    row = min(max(int(position), 0), radiometry.emission.shape[1] - 2)
+    return row, position - row
+
+
+@njit(inline="always")
+def excess(radiometry, material, temperature, cosine, out):
+    """Fill out (b,) with the radiance that a surface emits towards a direction, in excess of eps B(T0), W m-2 sr-1.
+
+    The lobe's loss at grazing angles is emissivity: eps(theta) = eps + rho specular (1 - albedo(theta)).
+    """
+    if temperature == radiometry.quiet:
+        out[:] = 0.0
+        return
+    row, t = locate(radiometry, temperature)
+    black = radiometry.emission.shape[0] - 1
+    h0 = (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t)
+    h1 = t * t * (3.0 - 2.0 * t)
+    d0 = t * (1.0 - t) * (1.0 - t)
+    d1 = t * t * (t - 1.0)
+    lost = 0.0
+    if radiometry.alpha[material] > 0.0:
+        lost = radiometry.specular[material] * (1.0 - interpolate_albedo(radiometry.albedo, material, cosine))
+    e, s = radiometry.emission, radiometry.slope
+    for b in range(out.size):
+        rho = float(radiometry.reflectance[material, b])
+        value = -(1.0 - rho) * radiometry.reference[b]
+        if row >= 0:
+            value += h0 * e[material, row, b] + h1 * e[material, row + 1, b]
+            value += d0 * s[material, row, b] + d1 * s[material, row + 1, b]
+        if lost > 0.0:
+            extra = -rho * radiometry.reference[b]
+            if row >= 0:
+                extra += h0 * (e[black, row, b] - e[material, row, b]) + h1 * (e[black, row + 1, b] - e[material, row + 1, b])
+                extra += d0 * (s[black, row, b] - s[material, row, b]) + d1 * (s[black, row + 1, b] - s[material, row + 1, b])
+            value += lost * extra
+        out[b] = value
+
+
+def emission_range(temperature: np.ndarray) -> tuple[float, float]:
+    """Lowest temperature above 0 K and highest of an array, K; what lies 1000 times below the highest counts as 0 K.
+
+    (T / T_max)^4 is then below 1e-12 of the scene's radiance, and in a thermal band far less.
+    """
+    high = float(temperature.max())
+    low = float(temperature.min())
+    if low < high / 1000.0:
+        warm = temperature[temperature >= high / 1000.0]
+        low = float(warm.min()) if temperature.shape[-1] == 1 else high / 1000.0
+    return low, high

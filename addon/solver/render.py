@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pass loop of multi-pass spectral photon mapping (Boudet et al. 2004, section 4).
+
+    look at the scene: what can matter, reference temperature, tables, emitters
+    for every pass:
+        emit photons, trace them, store their hits          (emission, transport)
+        sort them into a photon map                         (photon_map)
+        follow camera paths and gather photons at their ends (eye_paths)
+        add the image to the running mean                   (film)
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from .camera import Eye, build_eye
+from .emission import Emitters, build_emitters
+from .eye_paths import Estimate, render_pixels
+from .film import Film
+from .photon_map import build_photon_map
+from .pilot import explore, gather_reach
+from .radiometry import Radiometry, build_radiometry, emission_range
+from .reference import choose_reference
+from .rng import CAMERA, PHOTONS, pass_key
+from .scene import Scene
+from .settings import Settings
+from .surfaces import Surfaces, Tracer, build_surfaces
+from .transport import Optics, trace_photons
+
+log = logging.getLogger(__name__)
+
+# Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
+PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
+PIXEL_CHUNK = 4096
+_RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
+_ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene made ready to render."""
+
+    surfaces: Surfaces
+    tracer: Tracer
+    radiometry: Radiometry
+    emitters: Emitters
+    optics: Optics
+    eye: Eye
+    bounds: tuple[np.ndarray, np.ndarray]
+    reach2: float
+    straight: bool
+    reference_temperature: float
+    photons_per_pass: int
+
+
+def render(
+    scene: Scene,
+    settings: Settings,
+    on_pass: Callable[[Film], None] | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Film:
+    """Render a scene until a stop condition of the settings holds.
+
+    on_pass is called after every pass, in this thread, with the film so far (which the next pass changes).
+    cancelled is asked many times a pass; once it is true the unfinished pass is dropped and the film returned.
+    Raises SceneError if the scene cannot be rendered.
+    """
+    threads = settings.threads or os.cpu_count() or 1
+    model = prepare(scene, settings)
+    x0, y0, x1, y1 = scene.camera.pixels
+    film = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
+    image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
+    started = time.monotonic()
+    next_check = 8
+    with ThreadPoolExecutor(threads) as pool:
+        while not cancelled():
+            if not render_pass(model, settings, settings.pass_offset + film.passes, image, pool, cancelled):
+                break
+            film.add_pass(image, model.photons_per_pass)
+            if on_pass:
+                on_pass(film)
+            if film.passes == settings.passes:
+                break
+            if 0 < settings.time_limit <= time.monotonic() - started:
+                break
+            if settings.target_noise > 0 and film.passes >= next_check:
+                next_check = math.ceil(1.1 * film.passes)
+                if np.percentile(film.noise(), 95) < settings.target_noise:
+                    break
+    log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
+    return film
+
+
+def prepare(scene: Scene, settings: Settings) -> Model:
+    """Build what the passes need, and only what this scene needs; the log says what that is."""
+    surfaces, tracer, centre = build_surfaces(scene)
+    eye = build_eye(scene.camera, centre)
+    pilot = explore(surfaces, tracer, eye, settings.seed)
+    chosen = choose_reference(scene, surfaces, pilot)
+    reference = chosen if settings.reference_temperature is None else settings.reference_temperature
+    if not settings.reference_subtraction:
+        reference = 0.0
+    radiometry = build_radiometry(
+        scene.materials, scene.band_edges, emission_range(surfaces.temperature), chosen, reference
+    )
+    emitters = build_emitters(scene, surfaces, radiometry, centre, pilot.weight, pilot.openness)
+    used = np.unique(surfaces.material)
+    rough = bool(np.any(radiometry.alpha[used] > 0))
+    straight = rough and len(scene.lights) > 0
+    reflecting = bool(np.any(radiometry.reflectance[used] > 0))
+    photons = settings.photons_per_pass if emitters.power > 0 and reflecting else 0
+    widths = np.diff(scene.band_edges)
+    log.info(
+        "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
+        len(surfaces.corners),
+        scene.band_count,
+        len(used),
+        "diffuse" if not np.any(radiometry.specular[used]) else "rough specular" if rough else "specular",
+        len(scene.lights),
+        f"{reference:g} K" if settings.reference_subtraction else "off",
+        f"{photons} photons a pass" if photons else "no photons needed: nothing differs from the reference or nothing reflects",
+    )
+    corners = surfaces.corners.reshape(-1, 3)
+    return Model(
+        surfaces,
+        tracer,
+        radiometry,
+        emitters,
+        Optics(widths / widths.sum(), settings.roulette == "POWER", straight),
+        eye,
+        (corners.min(axis=0), corners.max(axis=0)),
+        gather_reach(emitters.area, pilot, max(1, photons), settings.neighbours),
+        straight,
+        reference,
+        photons,
+    )
+
+
+def shrink_factor(index: int) -> float:
+    """r^2 of pass `index` (from 0) over that of the first: the product of (i + a) / (i + 1) for i = 1 .. index."""
+    a = _RADIUS_ALPHA
+    return math.exp(math.lgamma(index + 1 + a) - math.lgamma(1 + a) - math.lgamma(index + 2))
+
+
+def render_pass(
+    model: Model, settings: Settings, index: int, image: np.ndarray, pool: ThreadPoolExecutor, cancelled
+) -> bool:
+    """Render pass `index` into image (pixels, b) float32; False if it was cancelled on the way."""
+    m = model
+    total = m.photons_per_pass
+    photon_key = pass_key(settings.seed, index, PHOTONS)
+
+    def trace(first: int):
+        count = min(PHOTON_CHUNK, total - first)
+        return trace_photons(
+            m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, photon_key, first, count, total, cancelled
+        )
+
+    batches = [batch for chunk in pool.map(trace, range(0, total, PHOTON_CHUNK)) for batch in chunk]
+    if cancelled():
+        return False
+    stored = sum(len(batch.surface) for batch in batches)
+    photon_map = build_photon_map(batches, m.radiometry.reference.size, m.bounds)
+    estimate = Estimate(
+        settings.neighbours,
+        m.reach2,
+        shrink_factor(index) if settings.shrink else 1.0,
+        stored > 0,
+        m.straight,
+    )
+    keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
+
+    def gather(first: int):
+        render_pixels(
+            m.tracer, m.surfaces, m.radiometry, m.emitters.surroundings, m.eye, photon_map, estimate, keys, index,
+            first, image[first : first + PIXEL_CHUNK], cancelled,
+        )  # fmt: skip
+
+    for _ in pool.map(gather, range(0, len(image), PIXEL_CHUNK)):
+        pass
+    return not cancelled()

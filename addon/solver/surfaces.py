@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles for the kernels: corners, adjacency, ray tracing, and the surface area inside a ball."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numba import njit
+
+from .scene import Scene
+
+# Cosine between two oriented normals below which a photon does not belong to the surface that gathers it.
+SAME_SURFACE = 0.8
+# Triangles whose area inside the gather disk is summed exactly; in finer meshes the disk counts as plane.
+PATCH_LIMIT = 64
+
+
+class Surfaces(NamedTuple):
+    """Geometry in solver coordinates (world minus `centre`).
+
+    corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K.
+    neighbours: (m, 3) int32, code 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
+        flip is 1 where the two triangles wind differently.
+    """
+
+    corners: np.ndarray
+    material: np.ndarray
+    temperature: np.ndarray
+    neighbours: np.ndarray
+
+
+class Tracer:
+    """Embree's BVH over the triangles. Embree starts rays at 0, so origins must be off their surface (see `offset`)."""
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
+        """vertices (n, 3) float32, triangles (m, 3) int32. Builds the BVH at once, so that threads never race for it."""
+        self._scene = EmbreeScene()  # robust: no ray slips between two triangles that share an edge
+        TriangleMesh(self._scene, vertices, triangles)
+        self.trace(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+
+    def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None):
+        """First hits of (n, 3) float32 rays: triangle (n,) int32 (-1 for none), u (n,), v (n,) float32.
+
+        reach: (n,) float32 in units of the direction's length, overwritten. Releases the GIL.
+        """
+        hits = self._scene.run(origin, direction, reach, output=True)
+        return hits["primID"], hits["u"], hits["v"]
+
+
+def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
+    """Surfaces, Tracer and the centre (3,) float64 that was subtracted so that float32 resolves the scene's own size."""
+    low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
+    centre = 0.5 * (low.astype(np.float64) + high)
+    vertices = (scene.vertices - centre).astype(np.float32)
+    triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
+    surfaces = Surfaces(
+        corners=vertices[triangles],
+        material=np.ascontiguousarray(scene.material, dtype=np.int32),
+        temperature=np.ascontiguousarray(scene.temperature.reshape(len(triangles), -1), dtype=np.float32),
+        neighbours=_neighbours(vertices, triangles),
+    )
+    return surfaces, Tracer(vertices, triangles), centre
+
+
+def areas(corners: np.ndarray) -> np.ndarray:
+    """(m,) float64 areas of (m, 3, 3) triangles, m2."""
+    return _areas(corners)
+
+
+@njit(cache=True, nogil=True)
+def _areas(corners):
+    area = np.empty(corners.shape[0])
+    for t in range(corners.shape[0]):
+        area[t] = 0.5 * normal(corners, t)[3]
+    return area
+
+
+@njit(inline="always")
+def normal(corners, t):
+    """Unit normal of triangle t and twice its area."""
+    ax = float(corners[t, 1, 0]) - corners[t, 0, 0]
+    ay = float(corners[t, 1, 1]) - corners[t, 0, 1]
+    az = float(corners[t, 1, 2]) - corners[t, 0, 2]
+    bx = float(corners[t, 2, 0]) - corners[t, 0, 0]
+    by = float(corners[t, 2, 1]) - corners[t, 0, 1]
+    bz = float(corners[t, 2, 2]) - corners[t, 0, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    inverse = 1.0 / length if length > 0.0 else 0.0
+    return nx * inverse, ny * inverse, nz * inverse, length
+
+
+@njit(inline="always")
+def point(corners, t, u, v):
+    """Point of triangle t with barycentric coordinates u, v of corners 1 and 2."""
+    w = 1.0 - u - v
+    return (
+        w * corners[t, 0, 0] + u * corners[t, 1, 0] + v * corners[t, 2, 0],
+        w * corners[t, 0, 1] + u * corners[t, 1, 1] + v * corners[t, 2, 1],
+        w * corners[t, 0, 2] + u * corners[t, 1, 2] + v * corners[t, 2, 2],
+    )
+
+
+@njit(inline="always")
+def temperature_at(temperature, t, u, v):
+    """Temperature on triangle t, linear between its corners, K."""
+    if temperature.shape[1] == 1:
+        return float(temperature[t, 0])
+    return (1.0 - u - v) * temperature[t, 0] + u * temperature[t, 1] + v * temperature[t, 2]
+
+
+@njit(inline="always")
+def offset(corners, t, x, y, z):
+    """Distance along the normal that takes a ray's origin clear of triangle t in float32.
+
+    The plane of a triangle is known to a few units in the last place of its coordinates, and Embree computes with
+    differences between origin and corners, so the error grows with the larger of position and triangle.
+    """
+    reach = max(abs(x), abs(y), abs(z))
+    for i in range(3):
+        for axis in range(3):
+            reach = max(reach, abs(corners[t, i, axis]))
+    return reach * 2.0**-20
+
+
+@njit(cache=True, nogil=True)
+def _vertex_hashes(vertices):
+    """64-bit hash of each vertex's position: vertices that coincide exactly have one hash."""
+    bits = vertices.view(np.uint32)
+    hashes = np.empty(vertices.shape[0], np.uint64)
+    for i in range(vertices.shape[0]):
+        h = np.uint64(0xCBF29CE484222325)
+        for axis in range(3):
+            word = bits[i, axis]
+            if vertices[i, axis] == 0.0:
+                word = np.uint32(0)  # -0 is 0
+            h = (h ^ np.uint64(word)) * np.uint64(0x9E3779B97F4A7C15)
+            h ^= h >> np.uint64(29)
+        hashes[i] = h
+    return hashes
+
+
+@njit(cache=True, nogil=True)
+def _edge_keys(triangles, vertex):
+    keys = np.empty(3 * triangles.shape[0], np.uint64)
+    for t in range(triangles.shape[0]):
+        for i in range(3):
+            a, b = vertex[triangles[t, i]], vertex[triangles[t, (i + 1) % 3]]
+            keys[3 * t + i] = (np.uint64(min(a, b)) << np.uint64(32)) | np.uint64(max(a, b))
+    return keys
+
+
+@njit(cache=True, nogil=True)
+def _link(keys, order, triangles, vertex):
+    neighbours = np.full((triangles.shape[0], 3), -1, np.int32)
+    i = 0
+    while i < order.size:
+        j = i + 1
+        while j < order.size and keys[order[j]] == keys[order[i]]:
+            j += 1
+        if j - i == 2:  # where three or more faces meet the surface is not one sheet: treat the edge as a border
+            e, f = order[i], order[i + 1]
+            same = vertex[triangles[e // 3, e % 3]] == vertex[triangles[f // 3, f % 3]]
+            neighbours[e // 3, e % 3] = 2 * (f // 3) + (1 if same else 0)
+            neighbours[f // 3, f % 3] = 2 * (e // 3) + (1 if same else 0)
+        i = j
+    return neighbours
+
+
+def _neighbours(vertices, triangles):
+    """Adjacency over edges whose ends coincide, so that split normals, UV seams and separate objects still join."""
+    _, vertex = np.unique(_vertex_hashes(vertices), return_inverse=True)
+    vertex = vertex.astype(np.uint32).ravel()
+    keys = _edge_keys(triangles, vertex)
+    return _link(keys, np.argsort(keys, kind="stable"), triangles, vertex)
+
+
+@njit(cache=True, nogil=True)
+def sheets(neighbours):
+    """Label (m, 2) int32 of the connected sheet that each side of each triangle belongs to (union-find)."""
+    parent = np.arange(2 * neighbours.shape[0]).astype(np.int32)
+
+    def find(i):
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    for t in range(neighbours.shape[0]):
+        for i in range(3):
+            code = neighbours[t, i]
+            if code >= 0:
+                other, flip = code >> 1, code & 1
+                for side in range(2):
+                    a, b = find(2 * t + side), find(2 * other + (side ^ flip))
+                    if a < b:
+                        parent[b] = a
+                    else:
+                        parent[a] = b
+    for i in range(parent.size):
+        parent[i] = find(i)
+    return parent.reshape((neighbours.shape[0], 2))
+
+
+@njit(inline="always")
+def _wedge(ax, ay, bx, by, r2):
+    """Signed area of the disk around the origin inside the triangle (origin, a, b)."""
+    cross = ax * by - ay * bx
+    dx, dy = bx - ax, by - ay
+    length2 = dx * dx + dy * dy
+    if length2 == 0.0 or cross == 0.0:
+        return 0.0
+    along = -(ax * dx + ay * dy) / length2  # parameter of the point nearest to the origin
+    gap2 = cross * cross / length2  # its squared distance
+    if gap2 >= r2:
+        return 0.5 * r2 * math.atan2(cross, ax * bx + ay * by)
+    half = math.sqrt((r2 - gap2) / length2)
+    t0, t1 = max(0.0, along - half), min(1.0, along + half)
+    if t0 >= t1:
+        return 0.5 * r2 * math.atan2(cross, ax * bx + ay * by)
+    px, py, qx, qy = ax + t0 * dx, ay + t0 * dy, ax + t1 * dx, ay + t1 * dy
+    area = 0.5 * (px * qy - py * qx)
+    if t0 > 0.0:
+        area += 0.5 * r2 * math.atan2(ax * py - ay * px, ax * px + ay * py)
+    if t1 < 1.0:
+        area += 0.5 * r2 * math.atan2(qx * by - qy * bx, qx * bx + qy * by)
+    return area
+
+
+@njit(cache=True, nogil=True)
+def area_in_ball(corners, t, x, y, z, r2):
+    """Area of triangle t inside the ball of squared radius r2 around (x, y, z), m2; exact."""
+    nx, ny, nz, double_area = normal(corners, t)
+    if double_area == 0.0:
+        return 0.0
+    ax, ay, az = corners[t, 0, 0] - x, corners[t, 0, 1] - y, corners[t, 0, 2] - z
+    bx, by, bz = corners[t, 1, 0] - x, corners[t, 1, 1] - y, corners[t, 1, 2] - z
+    cx, cy, cz = corners[t, 2, 0] - x, corners[t, 2, 1] - y, corners[t, 2, 2] - z
+    height = ax * nx + ay * ny + az * nz
+    r2 -= height * height
+    if r2 <= 0.0:
+        return 0.0
+    # coordinates in the plane, along the first edge and across it
+    ex, ey, ez = bx - ax, by - ay, bz - az
+    inverse = 1.0 / math.sqrt(ex * ex + ey * ey + ez * ez)
+    ex, ey, ez = ex * inverse, ey * inverse, ez * inverse
+    fx, fy, fz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
+    au, av = ax * ex + ay * ey + az * ez, ax * fx + ay * fy + az * fz
+    bu, bv = bx * ex + by * ey + bz * ez, bx * fx + by * fy + bz * fz
+    cu, cv = cx * ex + cy * ey + cz * ez, cx * fx + cy * fy + cz * fz
+    return _wedge(au, av, bu, bv, r2) + _wedge(bu, bv, cu, cv, r2) + _wedge(cu, cv, au, av, r2)
+
+
+@njit(inline="always")
+def _edge_distance2(corners, t, i, x, y, z):
+    """Squared distance of a point from edge i of triangle t."""
+    j = (i + 1) % 3
+    ax, ay, az = float(corners[t, i, 0]), float(corners[t, i, 1]), float(corners[t, i, 2])
+    dx, dy, dz = corners[t, j, 0] - ax, corners[t, j, 1] - ay, corners[t, j, 2] - az
+    px, py, pz = x - ax, y - ay, z - az
+    length2 = dx * dx + dy * dy + dz * dz
+    s = min(1.0, max(0.0, (px * dx + py * dy + pz * dz) / length2)) if length2 > 0.0 else 0.0
+    px, py, pz = px - s * dx, py - s * dy, pz - s * dz
+    return px * px + py * py + pz * pz
+
+
+@njit(cache=True, nogil=True)
+def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
+    """The sheet of surface around a point of triangle t that a gather in the ball may count.
+
+    Walks from t over shared edges to the triangles that reach into the ball and face the same way. Fills patch
+    (PATCH_LIMIT,) int32 with codes 2 t + side and returns their number and their area inside the ball, m2. A mesh too
+    fine for that returns 0 and the disk's area pi r2: then every photon of the ball that faces the same way counts.
+    """
+    nx, ny, nz, _ = normal(corners, t)
+    if side == 1:
+        nx, ny, nz = -nx, -ny, -nz
+    patch[0] = 2 * t + side
+    count, done, area = 1, 0, 0.0
+    while done < count:
+        current, current_side = patch[done] >> 1, patch[done] & 1
+        done += 1
+        area += area_in_ball(corners, current, x, y, z, r2)
+        for i in range(3):
+            code = neighbours[current, i]
+            if code < 0 or _edge_distance2(corners, current, i, x, y, z) >= r2:
+                continue
+            code ^= current_side  # 2 t + side of the same side of the sheet
+            mx, my, mz, _ = normal(corners, code >> 1)
+            facing = nx * mx + ny * my + nz * mz
+            if (facing if code & 1 == 0 else -facing) < SAME_SURFACE:
+                continue
+            known = False
+            for j in range(count):
+                known |= patch[j] == code
+            if not known:
+                if count == PATCH_LIMIT:
+                    return 0, math.pi * r2
+                patch[count] = code
+                count += 1
+    return count, abs(area)

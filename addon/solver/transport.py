@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Photons travel: Embree traces a wave of rays, a kernel stores and scatters them, until roulette has ended all."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .emission import Emitters, Wave, emit, empty_wave
+from .photon_map import Photons
+from .radiometry import Radiometry
+from .rng import path_key, uniform
+from .sampling import basis, cosine_direction, sample_lobe, to_world
+from .surfaces import Surfaces, Tracer, normal, offset, point
+
+# No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
+MAX_SURVIVAL = 1.0 - 1.0 / 4096.0
+_DIMENSIONS = 4  # random numbers of one bounce
+
+
+class Optics(NamedTuple):
+    """What the walk needs to know beside the tables. band_widths: (b,) float64 um, share of the whole range.
+
+    power_roulette: survival by power (else by the band average). keep_incoming: store directions of straight photons.
+    """
+
+    band_share: np.ndarray
+    power_roulette: bool
+    keep_incoming: bool
+
+
+def trace_photons(
+    tracer: Tracer,
+    surfaces: Surfaces,
+    radiometry: Radiometry,
+    emitters: Emitters,
+    optics: Optics,
+    key: int,
+    first: int,
+    count: int,
+    total: int,
+    cancelled,
+) -> list[Photons]:
+    """Trace photons first..first+count-1 of the `total` of a pass; returns what they store, one batch a bounce."""
+    wave = empty_wave(count, radiometry.reference.size)
+    emit(emitters, surfaces, radiometry, key, first, total, wave)
+    batches = []
+    bounce = 0
+    while count and not cancelled():
+        triangle, u, v = tracer.trace(wave.origin[:count], wave.direction[:count])
+        stored = _room(count, radiometry.reference.size, optics.keep_incoming)
+        kept, count = scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored)
+        if kept:
+            batches.append(Photons(*(array[:kept] for array in stored)))
+        bounce += 1
+    return batches
+
+
+def _room(count: int, bands: int, directed: bool) -> Photons:
+    return Photons(
+        np.empty((count, 3), np.float32),
+        np.empty(count, np.int32),
+        np.empty((count, bands), np.float32),
+        np.empty((count if directed else 0, 3), np.float32),
+    )
+
+
+@njit(cache=True, nogil=True)
+def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored):
+    """Store the photons that hit, play roulette with them and send the survivors on, moved to the front of the wave.
+
+    Returns the number stored and the number that survived.
+    """
+    bands = radiometry.reference.size
+    kept = alive = 0
+    for i in range(triangle.size):
+        t, pu, pv = triangle[i], u[i], v[i]
+        dx, dy, dz = float(wave.direction[i, 0]), float(wave.direction[i, 1]), float(wave.direction[i, 2])
+        if wave.arrival[i] >= 0:  # from the surroundings: it is here if its way back to them is free
+            if t >= 0:
+                continue
+            t, pu, pv = wave.arrival[i] >> 1, wave.u[i], wave.v[i]
+            dx, dy, dz = -dx, -dy, -dz
+        elif t < 0:
+            continue
+        nx, ny, nz, _ = normal(surfaces.corners, t)
+        cosine = -(dx * nx + dy * ny + dz * nz)
+        side = 0
+        if cosine < 0.0:
+            side, cosine, nx, ny, nz = 1, -cosine, -nx, -ny, -nz
+        material = surfaces.material[t]
+        rho = radiometry.reflectance[material]
+        alpha = float(radiometry.alpha[material])
+        specular = float(radiometry.specular[material])
+        x, y, z = point(surfaces.corners, t, pu, pv)
+        # power that a bounce would keep, against what arrives
+        reflected = arriving = 0.0
+        if optics.power_roulette:
+            for b in range(bands):
+                weight = abs(wave.power[i, b])
+                arriving += weight
+                reflected += weight * rho[b]
+        else:
+            arriving = 1.0
+            for b in range(bands):
+                reflected += optics.band_share[b] * rho[b]
+        if not reflected > 0.0:
+            continue
+        straight = wave.straight[i] and alpha > 0.0
+        if specular < 1.0 or straight:
+            stored.position[kept, 0], stored.position[kept, 1], stored.position[kept, 2] = x, y, z
+            stored.surface[kept] = 2 * t + side
+            for b in range(bands):
+                stored.power[kept, b] = wave.power[i, b]
+            if optics.keep_incoming:
+                sign = -1.0 if straight else 0.0
+                stored.incoming[kept, 0] = sign * dx
+                stored.incoming[kept, 1] = sign * dy
+                stored.incoming[kept, 2] = sign * dz
+            kept += 1
+        survival = min(MAX_SURVIVAL, reflected / arriving)
+        path = path_key(key, wave.photon[i])
+        choice = uniform(path, _DIMENSIONS * bounce + 8)
+        if choice >= survival:
+            continue
+        s = uniform(path, _DIMENSIONS * bounce + 9)
+        w = uniform(path, _DIMENSIONS * bounce + 10)
+        scale = 1.0 / survival
+        is_mirror = False
+        if choice < survival * specular:
+            if alpha == 0.0:
+                is_mirror = True
+                ox, oy, oz = dx + 2.0 * cosine * nx, dy + 2.0 * cosine * ny, dz + 2.0 * cosine * nz
+            else:
+                tx, ty, tz, bx, by, bz = basis(nx, ny, nz)
+                lx = -(dx * tx + dy * ty + dz * tz)
+                ly = -(dx * bx + dy * by + dz * bz)
+                lx, ly, lz, weight = sample_lobe(lx, ly, max(1e-6, cosine), alpha, s, w)
+                if weight <= 0.0:
+                    continue
+                scale *= weight
+                ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
+        else:
+            lx, ly, lz = cosine_direction(s, w)
+            ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
+        inverse = 1.0 / math.sqrt(ox * ox + oy * oy + oz * oz)
+        clear = offset(surfaces.corners, t, x, y, z)
+        wave.origin[alive, 0], wave.origin[alive, 1], wave.origin[alive, 2] = x + clear * nx, y + clear * ny, z + clear * nz
+        wave.direction[alive, 0], wave.direction[alive, 1] = ox * inverse, oy * inverse
+        wave.direction[alive, 2] = oz * inverse
+        for b in range(bands):
+            wave.power[alive, b] = wave.power[i, b] * rho[b] * scale
+        wave.photon[alive] = wave.photon[i]
+        wave.straight[alive] = wave.straight[i] and is_mirror
+        wave.arrival[alive] = -1
+        alive += 1
+    return kept, alive
