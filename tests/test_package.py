@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""run.py: the environment it makes, the wheels it selects, the extension it builds with Blender's own tool."""
+
+import importlib.metadata
+import shutil
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+import run
+
+PYPROJECT = run.read_toml(run.PYPROJECT)
+BUNDLED = run.bundled_requirements(PYPROJECT)
+
+
+def write_wheels(folder: Path, requirements=BUNDLED, tag="cp313-cp313-manylinux_2_27_x86_64.manylinux_2_28_x86_64"):
+    """Fill a folder with empty archives named like the wheels of the requirements."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for requirement in requirements:
+        name, version = requirement.split("==")
+        zipfile.ZipFile(folder / f"{name.replace('-', '_')}-{version}-{tag}.whl", "w").close()
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A project with a small add-on and the litter that running it leaves; run.py works on it."""
+    for name in ("LICENSE", "blender_manifest.toml"):
+        shutil.copy(run.ROOT / name, tmp_path)
+    for name in (
+        "__init__.py",
+        "solver/render.py",
+        "materials.csv",
+        "__pycache__/__init__.cpython-313.pyc",
+        "solver/__pycache__/render.trace-10.py313.nbi",
+        "solver/render.trace-10.py313.1.nbc",
+    ):
+        path = tmp_path / "addon" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    monkeypatch.setattr(run, "ROOT", tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """The commands that run.py would have run; they succeed and do nothing."""
+    made = []
+
+    def record(*command):
+        made.append([str(part) for part in command])
+        return 0
+
+    monkeypatch.setattr(run, "call", record)
+    return made
+
+
+# The environment
+
+
+def test_other_python_versions_are_told_what_is_needed(monkeypatch):
+    monkeypatch.setattr(run, "python_version", lambda: "3.12")
+    with pytest.raises(SystemExit, match=r"needs Python 3\.11 or 3\.13.*runs in Python 3\.12"):
+        run.main()
+
+
+def test_this_environment_has_the_blender_that_pyproject_names():
+    needed = [Requirement(line) for line in PYPROJECT["dependency-groups"]["blender"]]
+    (bpy,) = [requirement for requirement in needed if requirement.marker.evaluate()]
+    assert importlib.metadata.version("bpy") in bpy.specifier
+
+
+def test_environment_is_made_once_and_again_when_the_requirements_change(project, calls, monkeypatch):
+    python = (
+        project / f".venv-{run.python_version()}" / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+    )
+    python.parent.mkdir(parents=True)
+    python.touch()
+
+    assert run.environment() == python
+    steps = [next(word for word in ("venv", "install", "import bpy") if word in command) for command in calls]
+    assert steps == ["venv", "install", "import bpy"]
+    assert any(requirement.startswith("bpy==") for requirement in calls[1])
+
+    calls.clear()
+    run.environment()
+    assert calls == []
+
+    monkeypatch.setattr(run, "environment_requirements", lambda pyproject: ["bpy==0"])
+    run.environment()
+    assert "bpy==0" in calls[1]
+
+
+def test_a_failed_installation_is_tried_again(project, monkeypatch):
+    monkeypatch.setattr(run, "call", lambda *command: int("install" in command))
+    for _ in range(2):
+        with pytest.raises(SystemExit, match="pip could not install"):
+            run.environment()
+
+
+# The wheels
+
+
+def test_bundled_wheels_are_complete():
+    """All that a bundled wheel needs is bundled at a version it accepts, or comes with every Blender."""
+    bundled = dict(requirement.split("==") for requirement in BUNDLED)
+    assert {"numba", "llvmlite", "embreex", "openexr"} <= set(bundled)
+    assert "numpy" not in bundled
+    for name in bundled:
+        for needed in map(Requirement, importlib.metadata.requires(name) or []):
+            if needed.marker is None or needed.marker.evaluate({"extra": ""}):
+                key = run.normalised(needed.name)
+                assert key == "numpy" or needed.specifier.contains(bundled[key], prereleases=True), needed
+
+
+def test_every_dependency_is_bundled_but_numpy():
+    dependencies = {run.normalised(Requirement(line).name) for line in PYPROJECT["project"]["dependencies"]}
+    assert dependencies == {requirement.split("==")[0] for requirement in BUNDLED} | {"numpy"}
+
+
+def test_wheels_at_hand_are_not_fetched_again(project, calls):
+    write_wheels(project / "wheels" / "linux-x64-3.13")
+    folder = run.fetch_wheels(Path("python"), "linux-x64", "3.13")
+    assert run.wheel_requirements(folder) == set(BUNDLED)
+    assert calls == []
+
+
+def test_outdated_wheels_are_replaced(project, monkeypatch):
+    folder = project / "wheels" / "macos-arm64-3.11"
+    write_wheels(folder, [*BUNDLED[1:], BUNDLED[0].split("==")[0] + "==0.1"])
+
+    def download(*command):
+        assert command[command.index("--platform") + 1].endswith("_arm64")
+        assert command[command.index("--python-version") + 1] == "3.11"
+        write_wheels(Path(command[command.index("--dest") + 1]), [word for word in command if "==" in str(word)])
+        return 0
+
+    monkeypatch.setattr(run, "call", download)
+    assert run.wheel_requirements(run.fetch_wheels(Path("python"), "macos-arm64", "3.11")) == set(BUNDLED)
+
+
+def test_a_wheel_that_does_not_come_is_named(project, monkeypatch):
+    def download(*command):
+        write_wheels(Path(command[command.index("--dest") + 1]), BUNDLED[1:])
+        return 0
+
+    monkeypatch.setattr(run, "call", download)
+    with pytest.raises(SystemExit, match=f"windows-x64 and Python 3.13 of {BUNDLED[0]}"):
+        run.fetch_wheels(Path("python"), "windows-x64", "3.13")
+
+
+def test_a_python_without_wheels_is_an_error(project, monkeypatch):
+    monkeypatch.setattr(run, "call", lambda *command: 1)
+    with pytest.raises(SystemExit, match="no wheels for linux-x64 and Python 3.7"):
+        run.fetch_wheels(Path("python"), "linux-x64", "3.7")
+
+
+# The extension
+
+
+def stage(project: Path) -> Path:
+    """Stage the project's extension with wheels for every platform and two Pythons."""
+    folders = {}
+    for platform, tag in run.PLATFORMS.items():
+        folders[platform] = [project / "wheels" / f"{platform}-{version}" for version in ("3.11", "3.13")]
+        for folder, python in zip(folders[platform], ("cp311-cp311", "cp313-cp313"), strict=True):
+            write_wheels(folder, tag=f"{python}-{tag}")
+    run.stage_extension(project / "stage", folders)
+    return project / "stage"
+
+
+def test_staging_holds_the_code_and_no_litter(project):
+    folder = stage(project)
+    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert {name for name in files if not name.startswith("wheels/")} == {
+        "__init__.py", "solver/render.py", "materials.csv", "LICENSE", "blender_manifest.toml",
+    }  # fmt: skip
+    manifest = run.read_toml(folder / "blender_manifest.toml")
+    assert {name for name in files if name.startswith("wheels/")} == {name[2:] for name in manifest["wheels"]}
+    assert len(manifest["wheels"]) == len(BUNDLED) * 2 * len(run.PLATFORMS)
+
+
+def test_staging_leaves_the_source_manifest_alone_and_keeps_what_it_says(project):
+    source = run.read_toml(project / "blender_manifest.toml")
+    staged = run.read_toml(stage(project) / "blender_manifest.toml")
+    assert run.read_toml(project / "blender_manifest.toml") == source
+    assert {key: staged[key] for key in source} == source
+    assert set(staged) - set(source) == {"platforms", "wheels"}
+
+
+def test_blender_builds_one_valid_zip_per_platform_with_its_own_wheels(project):
+    archives = run.build_extension(Path(sys.executable), stage(project), project)
+    assert len(archives) == len(run.PLATFORMS)
+    for archive, (platform, tag) in zip(archives, run.PLATFORMS.items(), strict=True):
+        with zipfile.ZipFile(archive) as content:
+            names = content.namelist()
+            generated = tomllib.loads(content.read("blender_manifest.toml").decode())["build"]["generated"]
+        wheels = [f"./{name}" for name in names if name.startswith("wheels/")]
+        assert generated["platforms"] == [platform]
+        assert sorted(generated["wheels"]) == sorted(wheels)
+        assert len(wheels) == 2 * len(BUNDLED)
+        assert all(wheel.endswith(f"{tag}.whl") for wheel in wheels)
+        assert {"__init__.py", "LICENSE", "solver/render.py"} <= set(names)
+
+
+def test_blender_refuses_a_broken_manifest(project):
+    folder = stage(project)
+    manifest = folder / "blender_manifest.toml"
+    manifest.write_text(manifest.read_text().replace('type = "add-on"', 'type = "engine"'))
+    with pytest.raises(SystemExit, match="did not build"):
+        run.build_extension(Path(sys.executable), folder, project)

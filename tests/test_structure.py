@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules about the source that no other test would notice to be broken."""
+
+import ast
+import string
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+ADDON = ROOT / "addon"
+MODULES = sorted(ADDON.rglob("*.py"))
+SOURCES = sorted({*ROOT.glob("*.py"), *MODULES, *(ROOT / "tests").rglob("*.py"), *(ROOT / "docs").rglob("*.py")})
+MANIFEST = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def name(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def absolute_imports(path: Path) -> set[str]:
+    """The top-level packages that a module imports by absolute name, anywhere in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add(node.module.partition(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_every_source_names_its_licence(path):
+    assert path.read_text(encoding="utf-8").startswith("# SPDX-License-Identifier: GPL-3.0-or-later\n")
+
+
+@pytest.mark.parametrize("path", sorted((ADDON / "solver").rglob("*.py")), ids=name)
+def test_solver_never_imports_blender(path):
+    blenders_modules = {
+        "bpy",
+        "bpy_extras",
+        "bl_math",
+        "blf",
+        "bmesh",
+        "gpu",
+        "gpu_extras",
+        "idprop",
+        "imbuf",
+        "mathutils",
+    }
+    assert not absolute_imports(path) & blenders_modules
+
+
+def test_solver_works_without_blender():
+    script = "import sys; sys.modules['bpy'] = None; from addon.solver import Scene, Settings, render"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_addon_imports_itself_relatively(path):
+    """Installed, the package is called bl_ext.<repository>.infrared_photons."""
+    assert "addon" not in absolute_imports(path)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_addon_needs_only_what_the_extension_brings(path):
+    """Standard library, Blender's own modules (numpy among them) and the bundled wheels."""
+    allowed = {
+        "bpy",
+        "bpy_extras",
+        "bl_ui",
+        "blf",
+        "gpu",
+        "gpu_extras",
+        "mathutils",
+        "numpy",
+        "numba",
+        "llvmlite",
+        "embreex",
+        "OpenEXR",
+    }
+    assert absolute_imports(path) <= allowed | sys.stdlib_module_names
+
+
+def test_versions_agree():
+    assert MANIFEST["version"] == PROJECT["version"]
+
+
+def test_licences_agree():
+    assert MANIFEST["license"] == ["SPDX:" + PROJECT["license"]]
+    assert "GNU GENERAL PUBLIC LICENSE" in (ROOT / "LICENSE").read_text(encoding="utf-8")
+
+
+def test_manifest_texts_fit_blenders_rules():
+    for text in (MANIFEST["tagline"], *MANIFEST["permissions"].values()):
+        assert 0 < len(text) <= 64
+        assert text[-1] not in string.punctuation
+    assert "blender" not in MANIFEST["name"].lower()
+
+
+def test_manifest_has_the_fixed_names():
+    assert (MANIFEST["id"], MANIFEST["name"], MANIFEST["type"]) == ("infrared_photons", "Infrared Photons", "add-on")
+
+
+def test_manifest_leaves_wheels_to_the_build():
+    assert not {"wheels", "platforms"} & set(MANIFEST)
