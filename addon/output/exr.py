@@ -43,7 +43,7 @@ def write_band_exr(
 
     bands: (h, w) float32 for each band, spectral radiance, W m-2 sr-1 um-1. band_edges: (b + 1,) um.
     radiance: (h, w) W m-2 sr-1. temperature, noise: (h, w) K. Row 0 is the bottom, as in Blender.
-    metadata: more header attributes by name, written as text: passes, photons, seed, referenceTemperature (K), software.
+    metadata: more header attributes, written as text: passes, photons, seed, referenceTemperature (K), software.
 
     An existing file is replaced once the new one is complete. Raises OSError naming the path if it cannot be written,
     ValueError if the images differ in shape or are not one per band.
