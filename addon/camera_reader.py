@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's camera becomes the solver's Camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .solver.scene import Camera, SceneError
+
+
+def read_camera(depsgraph, obj, warnings) -> Camera:
+    """The solver's camera for an evaluated camera object and the scene's resolution and border.
+
+    Raises SceneError without a camera, or if it cannot take a picture.
+    """
+    if obj is None:
+        raise SceneError("The scene has no camera")
+    if obj.type != "CAMERA":
+        raise SceneError(f"Object '{obj.name}' is the scene's camera, but it is a {obj.type.lower()}, not a camera")
+    obj = obj.evaluated_get(depsgraph)
+    camera, render = obj.data, depsgraph.scene_eval.render
+    width, height = render_size(render)
+    matrix = _rigid(np.array(obj.matrix_world, dtype=np.float64))
+    if not np.isfinite(matrix).all():
+        raise SceneError(f"Camera '{obj.name}': its position or scale is not finite, or its scale is 0")
+    kind = {"PERSP": "PERSPECTIVE", "ORTHO": "ORTHOGRAPHIC", "PANO": "PANORAMA"}.get(camera.type)
+    if kind is None:
+        raise SceneError(f"Camera '{obj.name}': type {camera.type} cannot be rendered")
+    if kind == "PANORAMA":
+        frame = _panorama_frame(camera, obj.name, warnings)
+    else:
+        projection = obj.calc_matrix_camera(
+            depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
+        )
+        frame = _projection_frame(np.array(projection, dtype=np.float64), kind)
+    return Camera(
+        width=width,
+        height=height,
+        matrix=matrix,
+        kind=kind,
+        frame=frame,
+        window=render_window(render),
+        clip=(camera.clip_start, camera.clip_end),
+        **_lens(depsgraph, camera, matrix, kind),
+    )
+
+
+def render_size(render) -> tuple[int, int]:
+    """(width, height) in pixels of the whole frame, rounded down as Blender does."""
+    return (
+        max(1, render.resolution_x * render.resolution_percentage // 100),
+        max(1, render.resolution_y * render.resolution_percentage // 100),
+    )
+
+
+def render_window(render) -> tuple[int, int, int, int] | None:
+    """(x0, y0, x1, y1) in pixels of the border, origin at the lower left; None renders the whole frame."""
+    if not render.use_border:
+        return None
+    width, height = np.float32(render_size(render))  # Blender multiplies in float32 and rounds down
+    x0, x1 = np.float32((render.border_min_x, render.border_max_x)) * width
+    y0, y1 = np.float32((render.border_min_y, render.border_max_y)) * height
+    return int(x0), int(y0), int(x1), int(y1)
+
+
+def _rigid(matrix: np.ndarray) -> np.ndarray:
+    """The matrix without its scale: as Blender, a camera does not zoom with its object."""
+    result = matrix.copy()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        result[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
+    return result
+
+
+def _projection_frame(projection: np.ndarray, kind: str) -> tuple[float, float, float, float]:
+    """(left, right, bottom, top) of the frame, from where the projection matrix maps to -1 and 1."""
+    column, sign = (2, 1.0) if kind == "PERSPECTIVE" else (3, -1.0)
+    left, right = (np.array([-1.0, 1.0]) + sign * projection[0, column]) / projection[0, 0]
+    bottom, top = (np.array([-1.0, 1.0]) + sign * projection[1, column]) / projection[1, 1]
+    return float(left), float(right), float(bottom), float(top)
+
+
+def _panorama_frame(camera, name: str, warnings) -> tuple[float, float, float, float]:
+    """(left, right, bottom, top) in radians of longitude and latitude; a shift counts in frames, as in Cycles."""
+    if camera.panorama_type != "EQUIRECTANGULAR":
+        other = camera.bl_rna.properties["panorama_type"].enum_items[camera.panorama_type].name
+        warnings.add(name, f"panorama type {other} is not supported, rendered as Equirectangular")
+    across = camera.shift_x * (camera.longitude_max - camera.longitude_min)
+    up = camera.shift_y * (camera.latitude_max - camera.latitude_min)
+    return (
+        camera.longitude_min + across,
+        camera.longitude_max + across,
+        camera.latitude_min + up,
+        camera.latitude_max + up,
+    )
+
+
+def _lens(depsgraph, camera, matrix: np.ndarray, kind: str) -> dict:
+    """Depth of field: lens radius and focus distance in m, and the shape of the aperture, as Cycles takes them."""
+    dof = camera.dof
+    if not dof.use_dof:
+        return {}
+    aperture = 1.0 if kind == "ORTHOGRAPHIC" else camera.lens * 1e-3  # m; an orthographic camera has no focal length
+    return {
+        "lens_radius": aperture / (2.0 * max(dof.aperture_fstop, 1e-5)),
+        "focus_distance": _focus_distance(depsgraph, dof, matrix),
+        "blades": dof.aperture_blades,
+        "blade_rotation": dof.aperture_rotation,
+        "lens_ratio": dof.aperture_ratio,
+    }
+
+
+def _focus_distance(depsgraph, dof, matrix: np.ndarray) -> float:
+    """Depth in focus, m: set by hand, or that of the focus object (or its bone) along the view axis."""
+    if dof.focus_object is None:
+        return dof.focus_distance
+    target = dof.focus_object.evaluated_get(depsgraph)
+    place = target.matrix_world
+    if target.pose is not None and dof.focus_subtarget in target.pose.bones:
+        place = place @ target.pose.bones[dof.focus_subtarget].matrix
+    return float(abs((matrix[:3, 3] - np.array(place.translation)) @ matrix[:3, 2]))

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators behind the panels: add and remove the custom properties that carry the physics."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+from bpy.types import Operator
+
+from .properties import CUSTOM_PROPERTIES, add_custom_property, initial_value
+
+OWNERS = (
+    ("OBJECT", "Object", "The active object", 0),
+    ("MATERIAL", "Material", "The active material", 1),
+    ("WORLD", "World", "The scene's world", 2),
+)
+KEYS = tuple((key, key.capitalize(), ui["description"], i) for i, (key, ui) in enumerate(CUSTOM_PROPERTIES.items()))
+
+
+def _owner(context, kind: str):
+    """The data block that the panel shows, or None."""
+    return getattr(context, kind.lower(), None) or (context.scene.world if kind == "WORLD" else None)
+
+
+class CustomPropertyOperator:
+    """Base of operators on one custom property of the object, material or world in the panel."""
+
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    owner: EnumProperty(name="Owner", items=OWNERS)
+    key: EnumProperty(name="Property", items=KEYS)
+
+    def execute(self, context):
+        id_block = _owner(context, self.owner)
+        if id_block is None or not id_block.is_editable:
+            self.report({"ERROR"}, f"There is no editable {self.owner.lower()} here")
+            return {"CANCELLED"}
+        self.edit(context, id_block)
+        id_block.update_tag()
+        return {"FINISHED"}
+
+
+class INFRARED_OT_property_add(CustomPropertyOperator, Operator):
+    """Set a value here. It starts at what counted without it"""
+
+    bl_idname = "infrared.property_add"
+    bl_label = "Set"
+
+    def edit(self, context, id_block):
+        add_custom_property(id_block, self.key, initial_value(id_block, self.key, context.scene))
+
+
+class INFRARED_OT_property_remove(CustomPropertyOperator, Operator):
+    """Remove the value, so that the default counts"""
+
+    bl_idname = "infrared.property_remove"
+    bl_label = "Remove"
+
+    def edit(self, context, id_block):
+        id_block.pop(self.key, None)
+
+
+class EmissivityOperator:
+    """Base of operators that set the active material's emissivity."""
+
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    @classmethod
+    def poll(cls, context):
+        material = getattr(context, "material", None)
+        return material is not None and material.is_editable
+
+
+def _library_items(_self, _context):
+    from .solver import library
+
+    _library_items.kept = [(name, name, "") for name in library.names()]  # Blender keeps no reference to the texts
+    return _library_items.kept
+
+
+class INFRARED_OT_emissivity_library(EmissivityOperator, Operator):
+    """Use the measured spectral emissivity of a library material"""
+
+    bl_idname = "infrared.emissivity_library"
+    bl_label = "Emissivity from Library"
+    bl_property = "name"
+
+    name: EnumProperty(name="Material", items=_library_items)
+
+    def invoke(self, context, _event):
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        context.material["emissivity"] = self.name
+        context.material.update_tag()
+        return {"FINISHED"}
+
+
+class INFRARED_OT_emissivity_curve(EmissivityOperator, Operator):
+    """Give the emissivity at several wavelengths; it is linear between them and constant outside"""
+
+    bl_idname = "infrared.emissivity_curve"
+    bl_label = "Emissivity over Wavelength"
+
+    points: StringProperty(
+        name="µm, emissivity, ...",
+        description="Pairs of wavelength in micrometres and emissivity 0 to 1, separated by commas",
+        default="8, 0.95, 14, 0.90",
+    )
+
+    def invoke(self, context, _event):
+        value = context.material.get("emissivity")
+        if hasattr(value, "to_list"):
+            self.points = ", ".join(f"{number:g}" for number in value.to_list())
+        return context.window_manager.invoke_props_dialog(self, width=500)
+
+    def execute(self, context):
+        from .scene_reader import SceneError, read_material
+
+        try:
+            points = [float(word) for word in self.points.split(",")]
+        except ValueError:
+            self.report({"ERROR"}, f"'{self.points}' is no list of numbers separated by commas")
+            return {"CANCELLED"}
+        material = context.material
+        before = material.get("emissivity")
+        material["emissivity"] = points
+        try:
+            read_material(material, default_emissivity=1.0)
+        except SceneError as error:
+            if before is None:
+                del material["emissivity"]
+            else:
+                material["emissivity"] = before
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        material.update_tag()
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        INFRARED_OT_property_add,
+        INFRARED_OT_property_remove,
+        INFRARED_OT_emissivity_library,
+        INFRARED_OT_emissivity_curve,
+    )
+)

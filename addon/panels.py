@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels in Blender's Properties editor, and Blender's own panels that stay with this engine."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.types import Panel
+
+ENGINE = "INFRARED_PHOTONS"
+
+# Blender's panels for every engine are marked BLENDER_RENDER; these do nothing here, or ours stand in their place.
+REPLACED_PANELS = {"DATA_PT_light", "DATA_PT_preview", "NODE_DATA_PT_light", "NODE_DATA_PT_spot", "OBJECT_PT_shading"}
+# These are marked for some engines only, but serve this one too.
+SHARED_PANELS = {
+    "DATA_PT_camera_dof",
+    "DATA_PT_camera_dof_aperture",
+    "EEVEE_MATERIAL_PT_context_material",
+    "VIEWLAYER_PT_override",
+}
+
+
+class InfraredPanel:
+    """Base of all panels: a tab of the Properties editor while this engine is chosen."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+    def column(self):
+        """A column in Blender's usual style: names to the left, values to the right."""
+        self.layout.use_property_split = True
+        return self.layout.column()
+
+
+class RenderSettingsPanel(InfraredPanel):
+    """Base of panels on scene.infrared: settings are not keyed as a rule."""
+
+    def draw(self, context):
+        self.layout.use_property_decorate = False
+        self.draw_settings(self.column(), context.scene.infrared)
+
+
+class INFRARED_PT_photons(RenderSettingsPanel, Panel):
+    bl_label = "Photons"
+
+    def draw_settings(self, column, infrared):
+        column.prop(infrared, "passes")
+        column.prop(infrared, "photons_per_pass")
+        column.prop(infrared, "neighbours")
+        column.separator()
+        column.prop(infrared, "time_limit")
+        column.prop(infrared, "target_noise")
+        if infrared.passes == 0 and infrared.time_limit == 0 and infrared.target_noise == 0:
+            column.label(text="Nothing stops this render", icon="ERROR")
+
+
+class INFRARED_PT_photons_advanced(RenderSettingsPanel, Panel):
+    bl_label = "Advanced"
+    bl_parent_id = "INFRARED_PT_photons"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, column, infrared):
+        column.prop(infrared, "seed")
+        column.prop(infrared, "pass_offset")
+        column.prop(infrared, "threads")
+        column.separator()
+        column.prop(infrared, "reference_subtraction")
+        column.prop(infrared, "shrink")
+        column.prop(infrared, "roulette")
+
+
+class INFRARED_PT_spectrum(RenderSettingsPanel, Panel):
+    bl_label = "Spectrum"
+
+    def draw_settings(self, column, infrared):
+        column.row().prop(infrared, "band_mode", expand=True)
+        if infrared.band_mode == "UNIFORM":
+            limits = column.column(align=True)
+            limits.prop(infrared, "wavelength_min")
+            limits.prop(infrared, "wavelength_max")
+            column.prop(infrared, "band_count")
+        else:
+            column.prop(infrared, "band_edges")
+        problem = band_problem(infrared)
+        if problem:
+            column.label(text=problem, icon="ERROR")
+
+
+class INFRARED_PT_defaults(RenderSettingsPanel, Panel):
+    bl_label = "Where Nothing Is Set"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, column, infrared):
+        column.prop(infrared, "ambient_temperature", text="Temperature")
+        column.prop(infrared, "default_emissivity")
+
+
+class INFRARED_PT_output(RenderSettingsPanel, Panel):
+    bl_label = "Band Images"
+    bl_context = "output"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, column, infrared):
+        column.prop(infrared, "band_exr_path")
+
+
+class INFRARED_PT_object(InfraredPanel, Panel):
+    bl_label = "Thermal"
+    bl_context = "object"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.object is not None and context.object.type in SURFACE_TYPES
+
+    def draw(self, context):
+        obj, ambient = context.object, context.scene.infrared.ambient_temperature
+        attribute = obj.data.attributes.get("temperature") if obj.type == "MESH" else None
+        if attribute is not None:
+            self.layout.label(text="The mesh attribute 'temperature' sets it", icon="MESH_DATA")
+        column = self.column()
+        column.active = attribute is None
+        draw_custom_property(column, obj, "OBJECT", "temperature", f"{ambient:g} K (ambient)")
+
+
+class INFRARED_PT_material(InfraredPanel, Panel):
+    bl_label = "Thermal Surface"
+    bl_context = "material"
+
+    @classmethod
+    def poll(cls, context):
+        material = context.material
+        return super().poll(context) and material is not None and not material.grease_pencil
+
+    def draw(self, context):
+        material, default = context.material, context.scene.infrared.default_emissivity
+        column = self.column()
+        emissivity = material.get("emissivity")
+        if emissivity is None or isinstance(emissivity, float | int):
+            draw_custom_property(column, material, "MATERIAL", "emissivity", f"{default:g} (default)")
+        else:
+            draw_spectrum(column, emissivity)
+        row = column.row(align=True)
+        row.operator("infrared.emissivity_library", text="From Library...", icon="VIEWZOOM")
+        row.operator("infrared.emissivity_curve", text="Over Wavelength...", icon="FCURVE")
+        column.separator()
+        draw_custom_property(column, material, "MATERIAL", "specular", "0 (diffuse)")
+        draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
+
+
+class INFRARED_PT_world(InfraredPanel, Panel):
+    bl_label = "Surroundings"
+    bl_context = "world"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world is not None
+
+    def draw(self, context):
+        draw_custom_property(self.column(), context.world, "WORLD", "temperature", "0 K (no radiation)")
+
+
+class INFRARED_PT_light(InfraredPanel, Panel):
+    bl_label = "Light"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.light is not None
+
+    def draw(self, context):
+        light = context.light
+        self.layout.row().prop(light, "type", expand=True)
+        column = self.column()
+        if light.type == "SUN":
+            column.prop(light, "energy", text="Irradiance (W/m²)")
+            column.prop(light, "angle")
+        else:
+            column.prop(light, "energy", text="Power")
+        if light.type in {"POINT", "SPOT"}:
+            column.prop(light, "shadow_soft_size", text="Radius")
+        elif light.type == "AREA":
+            column.prop(light, "shape")
+            two_sizes = light.shape in {"RECTANGLE", "ELLIPSE"}
+            size = column.column(align=True)
+            size.prop(light, "size", text="Size X" if two_sizes else "Size")
+            if two_sizes:
+                size.prop(light, "size_y", text="Y")
+        if context.object is not None:  # the temperature is the object's, a pinned light has none
+            default = "5772 K" if light.type == "SUN" else "2856 K"
+            draw_custom_property(column, context.object, "OBJECT", "temperature", f"{default} (default)")
+
+
+class INFRARED_PT_panorama(InfraredPanel, Panel):
+    bl_label = "Panorama"
+    bl_context = "data"
+    bl_parent_id = "DATA_PT_lens"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.camera is not None and context.camera.type == "PANO"
+
+    def draw(self, context):
+        camera = context.camera
+        column = self.column()
+        column.prop(camera, "panorama_type", text="Type")
+        if camera.panorama_type != "EQUIRECTANGULAR":
+            column.label(text="Rendered as Equirectangular", icon="ERROR")
+        for angle in ("latitude", "longitude"):
+            limits = column.column(align=True)
+            limits.prop(camera, f"{angle}_min", text=f"{angle.capitalize()} Min")
+            limits.prop(camera, f"{angle}_max", text="Max")
+
+
+SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+
+
+def draw_custom_property(column, id_block, owner: str, key: str, without: str) -> None:
+    """One line: the value and a button to remove it, or what counts without it and a button to set it."""
+    row = column.row(align=True)
+    present = key in id_block.keys()
+    if present:
+        row.prop(id_block, f'["{key}"]', text=key.capitalize())
+        operator = row.operator("infrared.property_remove", text="", icon="X")
+    else:
+        split = row.split(factor=0.4)
+        split.alignment = "RIGHT"
+        split.label(text=key.capitalize())
+        value = split.row(align=True)
+        value.label(text=without)
+        operator = value.operator("infrared.property_add", text="", icon="ADD")
+    operator.owner, operator.key = owner, key
+
+
+def draw_spectrum(column, emissivity) -> None:
+    """An emissivity that depends on the wavelength, in words, and a button to remove it."""
+    row = column.row(align=True)
+    if isinstance(emissivity, str):
+        text = emissivity
+    elif hasattr(emissivity, "to_list") and len(emissivity) % 2 == 0:
+        text = f"{len(emissivity) // 2} points over wavelength"
+    else:
+        text = "Not a number, list or library name"
+    row.label(text=f"Emissivity: {text}")
+    operator = row.operator("infrared.property_remove", text="", icon="X")
+    operator.owner, operator.key = "MATERIAL", "emissivity"
+
+
+def band_problem(infrared) -> str:
+    """Why the band settings cannot be rendered, or an empty text."""
+    from .scene_reader import SceneError, read_band_edges
+
+    try:
+        read_band_edges(infrared)
+    except SceneError as error:
+        return str(error)
+    return ""
+
+
+CLASSES = (
+    INFRARED_PT_photons,
+    INFRARED_PT_photons_advanced,
+    INFRARED_PT_spectrum,
+    INFRARED_PT_defaults,
+    INFRARED_PT_output,
+    INFRARED_PT_object,
+    INFRARED_PT_material,
+    INFRARED_PT_world,
+    INFRARED_PT_light,
+    INFRARED_PT_panorama,
+)
+
+
+def get_panels():
+    """Blender's own panels that stay usable with this engine: dimensions, output, camera, view layers, ..."""
+    for panel in Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", ())
+        general = "BLENDER_RENDER" in engines and "freestyle" not in panel.__name__
+        if panel.__name__ in SHARED_PANELS or (general and panel.__name__ not in REPLACED_PANELS):
+            yield panel
+
+
+def register():
+    for panel in get_panels():
+        panel.COMPAT_ENGINES.add(ENGINE)
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    for panel in get_panels():
+        panel.COMPAT_ENGINES.discard(ENGINE)

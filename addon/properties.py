@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scene.infrared, and the custom properties that give objects, materials, worlds and lights their physics.
+
+Numbers have soft limits where a value outside is an error: a script's mistake is reported, not silently clamped.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from .solver.scene import LAMP_TEMPERATURE, SUN_TEMPERATURE
+from .solver.settings import Settings
+
+ROOM_TEMPERATURE = 293.15  # K
+
+# Custom property -> what Blender's interface shows of it. The limits are soft for the reason above.
+CUSTOM_PROPERTIES = {
+    "temperature": {
+        "subtype": "TEMPERATURE",
+        "soft_min": 0.0,
+        "soft_max": 2000.0,
+        "step": 100.0,
+        "precision": 2,
+        "description": "Temperature in kelvin. A mesh attribute named 'temperature' wins over it",
+    },
+    "emissivity": {
+        "subtype": "FACTOR",
+        "soft_min": 0.0,
+        "soft_max": 1.0,
+        "precision": 3,
+        "description": "Share of a blackbody's radiation that the surface emits, 0 to 1; it reflects the rest",
+    },
+    "specular": {
+        "subtype": "FACTOR",
+        "soft_min": 0.0,
+        "soft_max": 1.0,
+        "precision": 3,
+        "description": "Share of the reflected radiation that is mirrored instead of scattered, 0 to 1",
+    },
+    "roughness": {
+        "subtype": "FACTOR",
+        "soft_min": 0.0,
+        "soft_max": 1.0,
+        "precision": 3,
+        "description": "Roughness of the mirrored share: 0 is a perfect mirror, 1 the widest gloss",
+    },
+}
+
+
+def initial_value(id_block, key: str, scene) -> float:
+    """What a missing custom property counts as, so that adding it changes nothing until it is edited."""
+    if key == "emissivity":
+        return scene.infrared.default_emissivity
+    if key != "temperature":
+        return 0.0
+    if isinstance(id_block, bpy.types.World):
+        return 0.0
+    if id_block.type == "LIGHT":
+        return SUN_TEMPERATURE if id_block.data.type == "SUN" else LAMP_TEMPERATURE
+    return scene.infrared.ambient_temperature
+
+
+def add_custom_property(id_block, key: str, value: float) -> None:
+    """Set the custom property `key` to a number, with its unit and tooltip."""
+    id_block[key] = float(value)
+    id_block.id_properties_ui(key).update(default=float(value), **CUSTOM_PROPERTIES[key])
+
+
+class InfraredSettings(bpy.types.PropertyGroup):
+    """Settings of the Infrared Photons engine, one set in every scene."""
+
+    passes: IntProperty(
+        name="Passes",
+        description="Number of passes; the image is their mean. 0 renders until the time or the noise limit is reached",
+        default=Settings.passes,
+        min=0,
+        soft_max=10_000,
+    )
+    photons_per_pass: IntProperty(
+        name="Photons per Pass",
+        description="Photons traced in each pass. More give less noise and less blur, and need more memory",
+        default=Settings.photons_per_pass,
+        min=1,
+        soft_min=1_000,
+        soft_max=10_000_000,
+    )
+    neighbours: IntProperty(
+        name="Neighbours",
+        description="Photons gathered for one radiance estimate: many for less noise, few for sharper light patterns",
+        default=Settings.neighbours,
+        min=2,
+        soft_max=1_000,
+    )
+    seed: IntProperty(
+        name="Seed",
+        description="Start of all random numbers; the same seed gives the same image",
+        default=Settings.seed,
+        min=0,
+    )
+    threads: IntProperty(
+        name="Threads",
+        description="Processor threads; 0 uses all. The image does not depend on it",
+        default=Settings.threads,
+        min=0,
+        soft_max=64,
+    )
+    pass_offset: IntProperty(
+        name="First Pass",
+        description="Index of the first pass, to resume a render or to share its passes between machines",
+        default=Settings.pass_offset,
+        min=0,
+    )
+    time_limit: FloatProperty(
+        name="Time Limit",
+        description="Stop after this many seconds for each view layer; 0 is no limit",
+        default=Settings.time_limit,
+        min=0.0,
+        soft_max=86_400.0,
+        subtype="TIME_ABSOLUTE",
+        unit="TIME_ABSOLUTE",
+    )
+    target_noise: FloatProperty(
+        name="Target Noise (K)",
+        description="Stop when the standard error of the temperature is below this many kelvin in 95 % of the pixels; "
+        "0 is no limit",
+        default=Settings.target_noise,
+        min=0.0,
+        soft_max=10.0,
+        precision=3,
+    )
+    reference_subtraction: BoolProperty(
+        name="Reference Subtraction",
+        description="Trace only the difference to a scene at one temperature: far less noise, the same mean",
+        default=Settings.reference_subtraction,
+    )
+    roulette: EnumProperty(
+        name="Roulette",
+        description="How a photon's survival of a reflection is decided",
+        items=(
+            ("POWER", "Power Weighted", "Keep a photon's total power over all bands: bounded weights", 0),
+            ("BAND_AVERAGE", "Band Average", "Survive with the reflectance averaged over the bands (Boudet 2004)", 1),
+        ),
+        default=Settings.roulette,
+    )
+    shrink: BoolProperty(
+        name="Shrinking Radius",
+        description="Gather photons from ever smaller disks, so that the image converges to the truth, not to a blur",
+        default=Settings.shrink,
+    )
+    band_mode: EnumProperty(
+        name="Bands",
+        description="How the spectrum is divided into bands; each becomes one image",
+        items=(
+            ("UNIFORM", "Uniform", "Bands of equal width between two wavelengths", 0),
+            ("CUSTOM", "Custom", "Bands between the edges you list", 1),
+        ),
+        default="UNIFORM",
+    )
+    wavelength_min: FloatProperty(
+        name="Shortest (µm)",
+        description="Lower end of the spectrum in micrometres",
+        default=7.5,
+        soft_min=0.1,
+        soft_max=100.0,
+        precision=3,
+    )
+    wavelength_max: FloatProperty(
+        name="Longest (µm)",
+        description="Upper end of the spectrum in micrometres",
+        default=14.0,
+        soft_min=0.1,
+        soft_max=1_000.0,
+        precision=3,
+    )
+    band_count: IntProperty(
+        name="Band Count",
+        description="Number of bands of equal width",
+        default=16,
+        min=1,
+        soft_max=256,
+    )
+    band_edges: StringProperty(
+        name="Edges (µm)",
+        description="Band edges in micrometres, ascending, separated by commas",
+        default="3, 5, 8, 10, 12, 14",
+    )
+    ambient_temperature: FloatProperty(
+        name="Ambient",
+        description="Temperature in kelvin of objects that have none of their own",
+        default=ROOM_TEMPERATURE,
+        soft_min=0.0,
+        soft_max=2_000.0,
+        precision=2,
+        step=100,
+        subtype="TEMPERATURE",
+        unit="TEMPERATURE",
+    )
+    default_emissivity: FloatProperty(
+        name="Emissivity",
+        description="Emissivity, 0 to 1, of materials that have none of their own and of faces without a material",
+        default=0.95,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+        subtype="FACTOR",
+    )
+    band_exr_path: StringProperty(
+        name="Band EXR",
+        description="Write every band of each final render to this OpenEXR file, with the band edges and units in its "
+        "header. '//' starts at the blend file, '####' is the frame number; empty writes nothing",
+        default="",
+        subtype="FILE_PATH",
+    )
+
+
+def register():
+    bpy.utils.register_class(InfraredSettings)
+    bpy.types.Scene.infrared = PointerProperty(type=InfraredSettings, name="Infrared Photons")
+
+
+def unregister():
+    del bpy.types.Scene.infrared
+    bpy.utils.unregister_class(InfraredSettings)

@@ -1,0 +1,419 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's evaluated scene becomes the solver's Scene: numpy arrays, one bulk read for each mesh.
+
+Units: metres (one Blender unit, whatever the display units), kelvin, micrometres, watts.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from .camera_reader import read_camera
+from .solver.scene import (
+    LAMP_TEMPERATURE,
+    SUN_TEMPERATURE,
+    AreaLight,
+    Light,
+    Material,
+    PointLight,
+    Scene,
+    SceneError,
+    SpotLight,
+    SunLight,
+    check_band_edges,
+    check_temperature,
+)
+from .solver.settings import Settings
+from .solver.spectrum import uniform_edges
+
+UNSUPPORTED = {
+    "CURVES": "hair curves",
+    "POINTCLOUD": "point clouds",
+    "VOLUME": "volumes",
+    "GREASEPENCIL": "grease pencil",
+    "GPENCIL": "grease pencil",
+}
+
+
+class Warnings:
+    """What rendering goes on in spite of: one message for each kind of trouble, with the objects it concerns."""
+
+    def __init__(self):
+        self._names = defaultdict(dict)  # message -> names in order, without doubles
+
+    def add(self, name: str, message: str) -> None:
+        """name: of the object, material or light; message: the trouble and the fallback."""
+        self._names[message][name] = None
+
+    def messages(self, most: int = 5) -> list[str]:
+        """One line for each message; at most `most` names are spelt out."""
+        lines = []
+        for message, names in self._names.items():
+            listed = ", ".join(f"'{name}'" for name in list(names)[:most])
+            more = f" and {len(names) - most} more" if len(names) > most else ""
+            lines.append(f"{listed}{more}: {message}")
+        return lines
+
+
+def read_scene(depsgraph, camera=None) -> tuple[Scene, list[str]]:
+    """Everything that the depsgraph's view layer renders, and warnings about what it cannot render as it stands.
+
+    camera: evaluated camera object; None is the scene's camera.
+    Raises SceneError, naming the object and the value, if there is nothing to render or a value makes no sense.
+    """
+    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    infrared = scene.infrared
+    check_temperature(infrared.ambient_temperature, "Ambient")
+    warnings = Warnings()
+    surfaces = SurfaceReader(infrared, layer.material_override, warnings)
+    lights = []
+    for instance in depsgraph.object_instances:
+        obj = instance.object
+        if not instance.show_self:
+            continue
+        if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
+            surfaces.add(obj, np.array(instance.matrix_world, dtype=np.float64))
+        elif obj.type == "LIGHT":
+            lights.extend(read_light(obj, np.array(instance.matrix_world, dtype=np.float64), warnings))
+        elif obj.type in UNSUPPORTED:
+            warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
+    if not surfaces.triangles:
+        raise SceneError(f"View layer '{layer.name}' has nothing to render: no visible object has faces")
+    result = Scene(
+        **surfaces.arrays(),
+        camera=read_camera(depsgraph, camera or scene.camera, warnings),
+        band_edges=read_band_edges(infrared),
+        world_temperature=_world_temperature(scene.world),
+        lights=tuple(lights),
+    )
+    return result, warnings.messages()
+
+
+def read_settings(infrared) -> Settings:
+    """The solver's settings from scene.infrared. Raises SceneError if nothing would stop the render."""
+    try:
+        names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name)]
+        return Settings(**{name: getattr(infrared, name) for name in names})
+    except ValueError as error:
+        raise SceneError(str(error)) from error
+
+
+def read_band_edges(infrared) -> np.ndarray:
+    """Band edges (b + 1,) in um from scene.infrared. Raises SceneError if they are no ascending numbers above 0."""
+    if infrared.band_mode == "UNIFORM":
+        return uniform_edges(infrared.wavelength_min, infrared.wavelength_max, infrared.band_count)
+    words = [word.strip() for word in infrared.band_edges.split(",")]
+    edges = []
+    for word in words:
+        try:
+            edges.append(float(word))
+        except ValueError:
+            raise SceneError(
+                f"Band edges: '{word}' is not a number; expected um between commas, as in 3, 5, 8, 14"
+            ) from None
+    edges = np.array(edges)
+    check_band_edges(edges)
+    return edges
+
+
+# Custom properties ----------------------------------------------------------------------------------------------------
+
+
+def _number(id_block, key: str, default: float, owner: str, unit: str) -> float:
+    """The custom property `key` as a float; SceneError if it is anything but a number."""
+    value = id_block.get(key)
+    if value is None:
+        return default
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SceneError(f"{owner}: {key} is {_describe(value)}, expected a number{unit}")
+    return float(value)
+
+
+def _describe(value) -> str:
+    """A custom property's value as users know it."""
+    if hasattr(value, "to_dict"):
+        value = value.to_dict()
+    elif hasattr(value, "to_list"):
+        value = value.to_list()
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _temperature(id_block, default: float, owner: str) -> float:
+    """The custom property `temperature`, K, checked."""
+    temperature = _number(id_block, "temperature", default, owner, " in kelvin")
+    check_temperature(temperature, owner)
+    return temperature
+
+
+def _world_temperature(world) -> float:
+    """What rays that leave the scene see, K; without the property, or without a world, that is 0 K."""
+    return 0.0 if world is None else _temperature(world, 0.0, f"World '{world.name}'")
+
+
+# Materials ------------------------------------------------------------------------------------------------------------
+
+
+def read_material(material, default_emissivity: float) -> Material:
+    """The solver's material from a Blender material's custom properties."""
+    owner = f"Material '{material.name}'"
+    return Material(
+        name=material.name,
+        emissivity=_emissivity(material.get("emissivity", default_emissivity), owner),
+        specular=_number(material, "specular", 0.0, owner, " from 0 to 1"),
+        roughness=_number(material, "roughness", 0.0, owner, " from 0 to 1"),
+    )
+
+
+def _emissivity(value, owner: str) -> float | np.ndarray:
+    """A float, or an (n, 2) array of [um, emissivity] from a flat list or the name of a library material."""
+    if isinstance(value, str):
+        return _library_emissivity(value, owner)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if getattr(value, "typecode", None) not in ("i", "f", "d"):  # an IDPropertyArray of numbers
+        raise SceneError(
+            f"{owner}: emissivity is {_describe(value)}, expected a number, "
+            "a flat list of wavelengths (um) and emissivities, or the name of a library material"
+        )
+    if len(value) == 0 or len(value) % 2:
+        raise SceneError(
+            f"{owner}: the emissivity list has {len(value)} numbers, expected pairs of wavelength (um) and emissivity"
+        )
+    return np.array(value.to_list(), dtype=np.float64).reshape(-1, 2)
+
+
+def _library_emissivity(name: str, owner: str) -> np.ndarray:
+    from .solver import library
+
+    try:
+        return library.find(name)
+    except KeyError:
+        close = difflib.get_close_matches(name, library.names(), n=3, cutoff=0.4)
+        hint = " Did you mean " + " or ".join(f"'{match}'" for match in close) + "?" if close else ""
+        raise SceneError(f"{owner}: the library has no material '{name}'.{hint}") from None
+
+
+# Surfaces -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MeshData:
+    """A mesh in its own space, read once however often it is instanced.
+
+    vertices: (n, 3) float64. triangles: (m, 3) int32. slot: (m,) int32, material slot of each triangle.
+    temperature: (m,) or (m, 3) float32 K from the mesh attribute, or None.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    slot: np.ndarray
+    temperature: np.ndarray | None
+
+
+def read_mesh(mesh, owner: str, warnings: Warnings) -> MeshData:
+    """Positions, triangles, slots and the `temperature` attribute of an evaluated mesh, one bulk read for each."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    if count == 0:
+        return MeshData(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), None)
+    corner_vertices = _read(mesh.attributes[".corner_vert"], "value", np.int32)
+    corners = np.empty(3 * count, dtype=np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    faces = np.empty(count, dtype=np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", faces)
+    slots = mesh.attributes.get("material_index")
+    return MeshData(
+        vertices=_read(mesh.attributes["position"], "vector", np.float32, 3).astype(np.float64),
+        triangles=corner_vertices[corners].reshape(-1, 3),
+        slot=np.zeros(count, np.int32) if slots is None else _read(slots, "value", np.int32)[faces],
+        temperature=_read_temperature(mesh, corner_vertices, corners, faces, owner, warnings),
+    )
+
+
+def _read(attribute, member: str, dtype, width: int = 1) -> np.ndarray:
+    """All of a mesh attribute, (n,) or (n, width); a dtype other than its own would be slow."""
+    values = np.empty(len(attribute.data) * width, dtype=dtype)
+    attribute.data.foreach_get(member, values)
+    return values if width == 1 else values.reshape(-1, width)
+
+
+def _read_temperature(mesh, corner_vertices, corners, faces, owner, warnings) -> np.ndarray | None:
+    """The mesh attribute `temperature` per triangle (m,) or per triangle corner (m, 3), float32 K; None without one."""
+    attribute = mesh.attributes.get("temperature")
+    if attribute is None:
+        return None
+    if attribute.data_type != "FLOAT" or attribute.domain not in ("POINT", "CORNER", "FACE"):
+        warnings.add(
+            owner,
+            f"the attribute 'temperature' ({attribute.data_type.lower()} on {attribute.domain.lower()}s) is no float "
+            "on points, corners or faces; using the object's temperature",
+        )
+        return None
+    values = _read(attribute, "value", np.float32)
+    if attribute.domain == "FACE":
+        values = values[faces]
+    else:
+        values = values[corner_vertices[corners] if attribute.domain == "POINT" else corners].reshape(-1, 3)
+    if not (np.isfinite(values.sum(dtype=np.float64)) and values.min() >= 0):
+        bad = values[~(np.isfinite(values) & (values >= 0))][0]
+        check_temperature(bad, f"Attribute 'temperature' of object '{owner}'")
+    return values
+
+
+class SurfaceReader:
+    """Gathers the triangles of all objects and their instances in world space."""
+
+    def __init__(self, infrared, override, warnings: Warnings):
+        """infrared: the scene's settings. override: the view layer's material override or None."""
+        self.ambient_temperature = infrared.ambient_temperature
+        self.default = Material(name="(scene default)", emissivity=infrared.default_emissivity)
+        self.override, self.warnings = override, warnings
+        self.meshes = {}  # evaluated mesh -> MeshData
+        self.indices = {}  # Blender's material (None: no material) -> index into materials
+        self.materials: list[Material] = []
+        self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
+        self.vertex_count = 0
+
+    def add(self, obj, matrix: np.ndarray) -> None:
+        """One object or instance; matrix: (4, 4) float64, object to world."""
+        if _is_gas_domain(obj):
+            self.warnings.add(obj.name, "smoke and fire are not rendered")
+            return
+        if _has_particle_hair(obj):
+            self.warnings.add(obj.name, "particle hair is not rendered, only its surface")
+        key = obj.data.as_pointer()
+        if key not in self.meshes:
+            self.meshes[key] = read_mesh(obj.data, obj.name, self.warnings)
+        mesh = self.meshes[key]
+        if len(mesh.triangles) == 0:
+            return
+        with np.errstate(invalid="ignore"):  # what is not finite is reported below, by name
+            vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        if not np.isfinite(vertices.sum()):
+            bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+            raise SceneError(f"Object '{obj.name}': vertex {bad} is not finite: {vertices[bad]}")
+        triangles = mesh.triangles + np.int32(self.vertex_count)
+        temperature = self._temperature(obj, mesh)
+        if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored object keeps its front sides outside
+            triangles = triangles[:, ::-1]
+            temperature = temperature[:, ::-1] if temperature.ndim == 2 else temperature
+        self.vertices.append(vertices)
+        self.triangles.append(triangles)
+        self.slots.append(self._materials(obj, mesh.slot))
+        self.temperatures.append(temperature)
+        self.vertex_count += len(vertices)
+
+    def arrays(self) -> dict:
+        """The arguments of Scene that describe its surfaces."""
+        temperatures = self.temperatures
+        if any(t.ndim == 2 for t in temperatures):
+            temperatures = [np.broadcast_to(t if t.ndim == 2 else t[:, None], (len(t), 3)) for t in temperatures]
+        return {
+            "vertices": np.concatenate(self.vertices),
+            "triangles": np.concatenate(self.triangles),
+            "material": np.concatenate(self.slots),
+            "temperature": np.concatenate(temperatures),
+            "materials": tuple(self.materials),
+        }
+
+    def _temperature(self, obj, mesh: MeshData) -> np.ndarray:
+        if mesh.temperature is not None:
+            return mesh.temperature
+        if obj.get("temperature") is None:
+            self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
+        temperature = _temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")
+        return np.full(len(mesh.triangles), temperature, dtype=np.float32)
+
+    def _materials(self, obj, slot: np.ndarray) -> np.ndarray:
+        """(m,) int32 index into materials for triangles with these material slots."""
+        materials = [s.material for s in obj.material_slots] or [None]
+        if self.override is not None:
+            materials = [self.override] * len(materials)
+        slot = np.clip(slot, 0, len(materials) - 1)  # as Blender: faces beyond the last slot take the last
+        used = np.bincount(slot, minlength=len(materials)) > 0
+        indices = np.zeros(len(materials), dtype=np.int32)
+        for i in np.flatnonzero(used):
+            if materials[i] is None:
+                fallback = f"using the default emissivity {self.default.emissivity:g}"
+                self.warnings.add(obj.name, f"faces without a material, {fallback}")
+            indices[i] = self._index(materials[i])
+        return indices[slot]
+
+    def _index(self, material) -> int:
+        key = None if material is None else material.as_pointer()
+        if key not in self.indices:
+            self.indices[key] = len(self.materials)
+            default = self.default
+            self.materials.append(default if material is None else read_material(material, default.emissivity))
+        return self.indices[key]
+
+
+def _is_gas_domain(obj) -> bool:
+    """True if the mesh is only the box around a smoke simulation."""
+    return any(
+        modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings.domain_type == "GAS"
+        for modifier in obj.modifiers
+    )
+
+
+def _has_particle_hair(obj) -> bool:
+    """True if the object wears strands that would be rendered."""
+    settings = [system.settings for system in obj.particle_systems]
+    return any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)
+
+
+# Lights ---------------------------------------------------------------------------------------------------------------
+
+
+def read_light(obj, matrix: np.ndarray, warnings: Warnings) -> list[Light]:
+    """The solver's light for a light obj, none if it is dark; matrix: (4, 4) float64, object to world.
+
+    Only an area light's size follows the object's scale, as in Cycles.
+    """
+    light = obj.data
+    owner = f"Light '{obj.name}'"
+    sun = light.type == "SUN"
+    temperature = _temperature(obj, SUN_TEMPERATURE if sun else LAMP_TEMPERATURE, owner)
+    if not np.isfinite(matrix).all():
+        raise SceneError(f"{owner}: its position or scale is not finite")
+    if light.energy < 0 or not np.isfinite(light.energy):
+        raise SceneError(f"{owner}: energy {light.energy:g} {'W/m2' if sun else 'W'}; lights radiate 0 or more")
+    if light.energy == 0:
+        return []
+    if getattr(light, "exposure", 0.0) != 0:
+        warnings.add(obj.name, "the light's exposure is ignored; its energy alone is its power")
+    common = {"temperature": temperature, "name": obj.name}
+    position, direction = matrix[:3, 3], -_unit(matrix[:3, 2], owner)
+    if sun:
+        return [SunLight(direction=direction, irradiance=light.energy, angle=light.angle, **common)]
+    common |= {"position": position, "power": light.energy}
+    if light.type == "AREA":
+        return [_area_light(light, matrix, common, warnings)]
+    common["radius"] = light.shadow_soft_size
+    if light.type == "SPOT":
+        return [SpotLight(direction=direction, cone_angle=light.spot_size, blend=light.spot_blend, **common)]
+    return [PointLight(**common)]
+
+
+def _area_light(light, matrix: np.ndarray, common: dict, warnings: Warnings) -> AreaLight:
+    if light.spread < np.pi - 1e-4:
+        warnings.add(common["name"], "the area light's spread is ignored; it shines after Lambert's law")
+    size_x, size_y = light.size, light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+    axis_u, axis_v = 0.5 * size_x * matrix[:3, 0], 0.5 * size_y * matrix[:3, 1]
+    if not np.linalg.norm(np.cross(axis_u, axis_v)) > 0:
+        raise SceneError(f"Light '{common['name']}': an area light needs a size and a scale above 0")
+    if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored light still shines towards its own -Z
+        axis_u = -axis_u
+    return AreaLight(axis_u=axis_u, axis_v=axis_v, ellipse=light.shape in ("DISK", "ELLIPSE"), **common)
+
+
+def _unit(vector: np.ndarray, owner: str) -> np.ndarray:
+    length = np.linalg.norm(vector)
+    if not length > 0:
+        raise SceneError(f"{owner}: its scale is 0, so it points nowhere")
+    return vector / length
