@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An artist's way through a real Blender: install the zip, render the demo from the command line, read it back.
+
+REAL_BLENDER names a launcher that runs `blender ARGS` when called as `LAUNCHER run ARGS`.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+from scipy.constants import c, h, k
+
+import run
+
+ROOT = run.ROOT
+LAUNCHER = Path(os.environ.get("REAL_BLENDER", ROOT.parent / "shared" / "blender" / "real-blender"))
+DEMO = ROOT / "docs" / "demo" / "demo.blend"
+SCRIPTS = Path(__file__).resolve().parent / "real_blender"
+WORK = ROOT / "build" / "real_blender"  # inside the checkout, which the launcher shows to Blender
+
+pytestmark = [
+    pytest.mark.skipif(not LAUNCHER.exists(), reason=f"no real Blender: there is no {LAUNCHER} (set REAL_BLENDER)"),
+    pytest.mark.skipif(run.python_version() != run.supported_pythons()[-1], reason="runs once, with the newest Python"),
+]
+
+
+def blender(*arguments, check_scripts=True) -> str:
+    """Run the real Blender with its own, empty user folder; returns what it prints."""
+    folders = {"BLENDER_USER_RESOURCES": str(WORK / "user"), "HOME": str(WORK / "home")}
+    options = ("-b", "--python-exit-code", "1") if check_scripts else ()
+    done = subprocess.run(
+        [LAUNCHER, "run", *options, *map(str, arguments)],
+        cwd=ROOT, env=os.environ | folders, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        text=True, timeout=900,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    assert "Traceback" not in done.stdout, done.stdout
+    return done.stdout
+
+
+def report(*arguments) -> dict:
+    """What the real Blender says about itself, the extension and the scene it has open; see report.py."""
+    lines = blender(*arguments, "--python", SCRIPTS / "report.py").splitlines()
+    return json.loads(next(line for line in lines if line.startswith("REPORT "))[7:])
+
+
+def render(output: Path) -> tuple[dict[str, np.ndarray], float]:
+    """Render the demo small from the command line; returns its passes and the seconds it took."""
+    start = time.monotonic()
+    settings = ("--python", SCRIPTS / "small.py", "-E", "INFRARED_PHOTONS", "-F", "OPEN_EXR_MULTILAYER")
+    text = blender(DEMO, *settings, "-o", f"{output}_####", "-f", "1")
+    seconds = time.monotonic() - start
+    assert "ERROR" not in text, text
+    return read_passes(output.with_name(f"{output.name}_0001.exr")), seconds
+
+
+def read_passes(path: Path) -> dict[str, np.ndarray]:
+    """The passes of a multilayer EXR as float32 images by name, (height, width) or (height, width, 4)."""
+    passes = {}
+    for part in OpenEXR.File(str(path)).parts:
+        for channel in part.channels.values():
+            assert channel.pixels.dtype == np.float32
+            layer, _, name = channel.name.removesuffix(".X").partition(".")
+            passes[name or layer] = channel.pixels
+    return passes
+
+
+@pytest.fixture(scope="module")
+def installed():
+    """The extension, built for the real Blender's Python, in an empty user folder; returns the zip."""
+    subprocess.run([LAUNCHER, "setup"], cwd=ROOT, check=True, stdin=subprocess.DEVNULL)
+    shutil.rmtree(WORK, ignore_errors=True)
+    (WORK / "home").mkdir(parents=True)
+    # Wheels for another Python go along, to see that Blender takes the fitting ones.
+    pythons = dict.fromkeys([run.supported_pythons()[-1], report("--factory-startup")["python"]])
+    command = [sys.executable, ROOT / "run.py", "package", "--platform", "linux-x64", "--output", WORK / "dist"]
+    subprocess.run([*command, "--python", *pythons], cwd=ROOT, check=True, stdin=subprocess.DEVNULL)
+    (archive,) = (WORK / "dist").glob("*.zip")
+    text = blender(
+        "--command", "extension", "install-file", "-r", "user_default", "--enable", archive, check_scripts=False
+    )
+    assert 'Installed "infrared_photons"' in text
+    return archive
+
+
+@pytest.fixture(scope="module")
+def first(installed):
+    """Passes and seconds of the first render after installing, which compiles the kernels."""
+    return render(WORK / "first")
+
+
+@pytest.fixture(scope="module")
+def passes(first):
+    return first[0]
+
+
+@pytest.fixture(scope="module")
+def scene(installed):
+    return report(DEMO)
+
+
+def test_zip_is_valid(installed):
+    assert "Success" in blender("--command", "extension", "validate", installed, check_scripts=False)
+
+
+def test_zip_holds_only_the_addon(installed):
+    with zipfile.ZipFile(installed) as content:
+        names = set(content.namelist())
+    sources = {path.relative_to(ROOT / "addon").as_posix() for path in (ROOT / "addon").rglob("*.py")}
+    assert sources | {"LICENSE", "blender_manifest.toml"} <= names
+    assert not [name for name in names if "__pycache__" in name or "test" in name]
+
+
+def test_extension_registers_and_brings_its_libraries(installed, scene):
+    assert "INFRARED_PHOTONS" in scene["engines"]
+    for name in ("numba", "llvmlite", "embreex", "OpenEXR"):
+        assert Path(scene["libraries"][name]).is_relative_to(WORK / "user")
+    assert not Path(scene["libraries"]["numpy"]).is_relative_to(WORK / "user")
+
+
+def test_every_band_is_there(passes, scene):
+    edges = band_edges(scene)
+    names = [f"{low:.2f}-{high:.2f}um" for low, high in zip(edges, edges[1:], strict=False)]
+    assert set(passes) == {*names, "Combined", "Radiance", "Temperature", "Noise"}
+    assert all(np.isfinite(image).all() for image in passes.values())
+    assert all(image.shape[:2] == (48, 64) for image in passes.values())
+
+
+def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(passes, scene):
+    """Bodies emit at most what a blackbody of the hottest one does, and at least nothing."""
+    temperature = passes["Temperature"]
+    assert temperature.min() >= 0
+    assert temperature.max() <= max(scene["temperatures"])
+    assert np.ptp(temperature) > 1  # K: there is something to see
+    assert (passes["Noise"] >= 0).all()
+    assert passes["Noise"].max() > 0
+
+
+def test_radiance_is_the_sum_of_the_bands(passes, scene):
+    edges = band_edges(scene)
+    widths = np.diff(edges)
+    bands = [passes[f"{low:.2f}-{high:.2f}um"] for low, high in zip(edges, edges[1:], strict=False)]
+    total = sum(band.astype(float) * width for band, width in zip(bands, widths, strict=True))
+    # Every image is rounded to float32, 6e-8 of its value; the bands add up to about the same.
+    np.testing.assert_allclose(passes["Radiance"], total, rtol=1e-5, atol=1e-6 * total.max())
+
+
+def test_temperature_is_that_of_a_blackbody_of_the_same_radiance(passes, scene):
+    """Planck's law, integrated here by the midpoint rule, whose error at 20,000 steps is below 1e-8."""
+    edges = band_edges(scene)
+    radiance, temperature = passes["Radiance"].ravel(), passes["Temperature"].ravel().astype(float)
+    chosen = np.linspace(0, radiance.size - 1, 50).astype(int)
+    step = (edges[-1] - edges[0]) / 20_000
+    wavelength = (edges[0] + step * (np.arange(20_000) + 0.5)) * 1e-6  # m
+    for pixel in chosen[temperature[chosen] > 0]:
+        spectral = 2 * h * c**2 / wavelength**5 / np.expm1(h * c / (wavelength * k * temperature[pixel]))
+        # A temperature rounded to float32 moves the radiance by d ln L / d ln T, at most 30 here, times 6e-8.
+        assert np.sum(spectral) * step * 1e-6 == pytest.approx(radiance[pixel], rel=1e-5)
+
+
+def test_rendering_again_gives_the_same_bits_without_compiling(first, capsys):
+    passes, seconds = first
+    again, seconds_again = render(WORK / "second")
+    with capsys.disabled():
+        print(f" [first render {seconds:.1f} s with compiling, second {seconds_again:.1f} s]", end=" ")
+    assert all(np.array_equal(passes[name], again[name]) for name in passes)
+    assert seconds_again < seconds
+
+
+def test_bpy_renders_the_same_image(passes):
+    """The add-on from the source, in another Blender and Python, with the same seed."""
+    output = WORK / "bpy.exr"
+    script = SCRIPTS / "render_with_bpy.py"
+    done = subprocess.run([sys.executable, script, DEMO, output], cwd=ROOT, capture_output=True, text=True, timeout=900)
+    assert done.returncode == 0, done.stdout + done.stderr
+    other = read_passes(output)
+    assert set(other) == set(passes)
+    for name, image in passes.items():
+        np.testing.assert_allclose(other[name], image, rtol=1e-4, err_msg=name)
+
+
+def test_extension_can_be_removed(installed):
+    blender("--command", "extension", "remove", "infrared_photons", check_scripts=False)
+    assert "INFRARED_PHOTONS" not in report()["engines"]
+
+
+def band_edges(scene: dict) -> np.ndarray:
+    """The band edges of the scene in um."""
+    assert scene["band_mode"] == "UNIFORM"
+    low, high, count = scene["bands"]
+    return np.linspace(low, high, count + 1)
