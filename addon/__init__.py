@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import atexit
+import os
+import sys
 
 
 def register():
     """Make the engine, its settings and its panels known to Blender; the solver is loaded by the first render."""
+    _keep_kernels()
     for module in _modules():
         module.register()
     atexit.register(unregister)  # as a Python module, Blender 4.5 hangs at exit while an engine class is registered
@@ -18,6 +21,22 @@ def unregister():
     atexit.unregister(unregister)
     for module in reversed(_modules()):
         module.unregister()
+
+
+def _keep_kernels():
+    """Let numba keep compiled kernels in the extension's own folder, which survives updates and is writable.
+
+    Without an extension (the add-on as a Python package) the place is numba's choice.
+    """
+    import bpy
+
+    try:
+        folder = bpy.utils.extension_path_user(__package__, path="kernels", create=True)
+    except (ValueError, OSError):
+        return
+    os.environ.setdefault("NUMBA_CACHE_DIR", folder)  # read when numba is imported, by the first render
+    if "numba" in sys.modules:
+        sys.modules["numba"].config.CACHE_DIR = folder
 
 
 def _modules():

@@ -2,15 +2,13 @@
 """scene.infrared, and the custom properties that give objects, materials, worlds and lights their physics.
 
 Numbers have soft limits where a value outside is an error: a script's mistake is reported, not silently clamped.
+The defaults are the solver's (a test compares them); to ask it for them would load numba whenever Blender starts.
 """
 
 from __future__ import annotations
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
-
-from .solver.scene import LAMP_TEMPERATURE, SUN_TEMPERATURE
-from .solver.settings import Settings
 
 ROOM_TEMPERATURE = 293.15  # K
 
@@ -57,6 +55,8 @@ def initial_value(id_block, key: str, scene) -> float:
     if isinstance(id_block, bpy.types.World):
         return 0.0
     if id_block.type == "LIGHT":
+        from .solver.scene import LAMP_TEMPERATURE, SUN_TEMPERATURE
+
         return SUN_TEMPERATURE if id_block.data.type == "SUN" else LAMP_TEMPERATURE
     return scene.infrared.ambient_temperature
 
@@ -73,14 +73,14 @@ class InfraredSettings(bpy.types.PropertyGroup):
     passes: IntProperty(
         name="Passes",
         description="Number of passes; the image is their mean. 0 renders until the time or the noise limit is reached",
-        default=Settings.passes,
+        default=32,
         min=0,
         soft_max=10_000,
     )
     photons_per_pass: IntProperty(
         name="Photons per Pass",
         description="Photons traced in each pass. More give less noise and less blur, and need more memory",
-        default=Settings.photons_per_pass,
+        default=100_000,
         min=1,
         soft_min=1_000,
         soft_max=10_000_000,
@@ -88,33 +88,33 @@ class InfraredSettings(bpy.types.PropertyGroup):
     neighbours: IntProperty(
         name="Neighbours",
         description="Photons gathered for one radiance estimate: many for less noise, few for sharper light patterns",
-        default=Settings.neighbours,
+        default=50,
         min=2,
         soft_max=1_000,
     )
     seed: IntProperty(
         name="Seed",
         description="Start of all random numbers; the same seed gives the same image",
-        default=Settings.seed,
+        default=0,
         min=0,
     )
     threads: IntProperty(
         name="Threads",
         description="Processor threads; 0 uses all. The image does not depend on it",
-        default=Settings.threads,
+        default=0,
         min=0,
         soft_max=64,
     )
     pass_offset: IntProperty(
         name="First Pass",
         description="Index of the first pass, to resume a render or to share its passes between machines",
-        default=Settings.pass_offset,
+        default=0,
         min=0,
     )
     time_limit: FloatProperty(
         name="Time Limit",
         description="Stop after this many seconds for each view layer; 0 is no limit",
-        default=Settings.time_limit,
+        default=0.0,
         min=0.0,
         soft_max=86_400.0,
         subtype="TIME_ABSOLUTE",
@@ -124,7 +124,7 @@ class InfraredSettings(bpy.types.PropertyGroup):
         name="Target Noise (K)",
         description="Stop when the standard error of the temperature is below this many kelvin in 95 % of the pixels; "
         "0 is no limit",
-        default=Settings.target_noise,
+        default=0.0,
         min=0.0,
         soft_max=10.0,
         precision=3,
@@ -132,7 +132,7 @@ class InfraredSettings(bpy.types.PropertyGroup):
     reference_subtraction: BoolProperty(
         name="Reference Subtraction",
         description="Trace only the difference to a scene at one temperature: far less noise, the same mean",
-        default=Settings.reference_subtraction,
+        default=True,
     )
     roulette: EnumProperty(
         name="Roulette",
@@ -141,12 +141,12 @@ class InfraredSettings(bpy.types.PropertyGroup):
             ("POWER", "Power Weighted", "Keep a photon's total power over all bands: bounded weights", 0),
             ("BAND_AVERAGE", "Band Average", "Survive with the reflectance averaged over the bands (Boudet 2004)", 1),
         ),
-        default=Settings.roulette,
+        default="POWER",
     )
     shrink: BoolProperty(
         name="Shrinking Radius",
         description="Gather photons from ever smaller disks, so that the image converges to the truth, not to a blur",
-        default=Settings.shrink,
+        default=True,
     )
     band_mode: EnumProperty(
         name="Bands",

@@ -6,13 +6,13 @@ Units: metres (one Blender unit, whatever the display units), kelvin, micrometre
 
 from __future__ import annotations
 
-import difflib
 from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 
 from .camera_reader import read_camera
+from .solver import library
 from .solver.scene import (
     LAMP_TEMPERATURE,
     SUN_TEMPERATURE,
@@ -188,14 +188,10 @@ def _emissivity(value, owner: str) -> float | np.ndarray:
 
 
 def _library_emissivity(name: str, owner: str) -> np.ndarray:
-    from .solver import library
-
     try:
         return library.find(name)
-    except KeyError:
-        close = difflib.get_close_matches(name, library.names(), n=3, cutoff=0.4)
-        hint = " Did you mean " + " or ".join(f"'{match}'" for match in close) + "?" if close else ""
-        raise SceneError(f"{owner}: the library has no material '{name}'.{hint}") from None
+    except KeyError as error:
+        raise SceneError(f"{owner}: {error.args[0]}") from None
 
 
 # Surfaces -------------------------------------------------------------------------------------------------------------

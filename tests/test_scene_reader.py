@@ -8,6 +8,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
+from addon.solver import library  # noqa: E402
 from addon.solver.scene import AreaLight, PointLight, SceneError, SpotLight, SunLight  # noqa: E402
 
 from blender_helpers import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
@@ -471,7 +472,6 @@ def test_impossible_default_emissivity():
 
 
 def test_library_emissivity_and_unknown_names():
-    library = pytest.importorskip("addon.solver.library")
     name = library.names()[0]
     mesh = cube_mesh()
     paint = material("Paint", emissivity=name)
@@ -479,7 +479,7 @@ def test_library_emissivity_and_unknown_names():
     link("Cube", mesh, temperature=300.0)
     np.testing.assert_array_equal(read()[0].materials[0].emissivity, library.find(name))
     paint["emissivity"] = name + "x"
-    with pytest.raises(SceneError, match=f"Material 'Paint'.*'{name}x'.*Did you mean '{name}'"):
+    with pytest.raises(SceneError, match=f"Material 'Paint'.*'{name}x'.*close names:.*'{name}'"):
         read()
 
 

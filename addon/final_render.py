@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A final render: Blender's thread reads the scene and shows the image, a background thread runs the solver."""
+
+from __future__ import annotations
+
+import logging
+import re
+import sys
+import threading
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from .output.palette import thermal
+from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
+from .solver import render
+from .solver.spectrum import band_names
+
+log = logging.getLogger(__name__)
+
+POLL = 0.05  # s between looks at Esc and at the solver
+LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
+LIVE_SHARE = 0.1  # most of the time that updates may take
+
+finished_layers: dict[str, dict] = {}  # view layer -> arguments of write_band_exr, of the last finished render
+
+
+def render_passes(band_edges):
+    """Every pass of a view layer as (name, channels, channel ids, kind, function of the film that gives the image).
+
+    The one list from which passes are registered, added and filled. Images are (height, width[, channels]) float32.
+    Raises SceneError if a name would be too long for Blender.
+    """
+    yield "Combined", 4, "RGBA", "COLOR", thermal_picture
+    for band, name in enumerate(band_names(band_edges)):
+        yield name, 1, "X", "VALUE", lambda film, band=band: film.band_radiance(band)
+    yield "Radiance", 1, "X", "VALUE", lambda film: film.radiance()
+    yield "Temperature", 1, "X", "VALUE", lambda film: film.temperature()
+    yield "Noise", 1, "X", "VALUE", lambda film: film.noise()
+
+
+def thermal_picture(film) -> np.ndarray:
+    """The apparent temperature in a thermal palette, (height, width, 4) float32, linear RGB and alpha 1."""
+    picture = np.ones((film.height, film.width, 4), dtype=np.float32)
+    picture[..., :3] = thermal(film.temperature())
+    return picture
+
+
+def register_passes(engine, scene, view_layer) -> None:
+    """Register the passes of the scene's bands; none if the bands are wrong, which panel and render report."""
+    try:
+        passes = tuple(render_passes(read_band_edges(scene.infrared)))
+    except SceneError:
+        return
+    for name, channels, channel_ids, kind, _image in passes:
+        engine.register_pass(scene, view_layer, name, channels, channel_ids, kind)
+
+
+def render_view_layer(engine, depsgraph) -> None:
+    """Render the depsgraph's view layer into the render result, and into a band EXR if the scene wants one.
+
+    Raises SceneError if the scene cannot be rendered, OSError if the file cannot be written.
+    """
+    engine.update_stats("", "Reading the scene")
+    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval.name
+    layers = [each.name for each in scene.view_layers if each.use]
+    if layer == layers[0]:
+        finished_layers.clear()
+    settings = read_settings(scene.infrared)
+    passes = tuple(render_passes(read_band_edges(scene.infrared)))
+    solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
+    if scene.render.use_multiview:
+        warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
+    for warning in warnings:
+        log.warning(warning)
+        engine.report({"WARNING"}, warning)
+    for name, channels, channel_ids, _kind, _image in passes[1:]:  # Combined is there already
+        engine.add_pass(name, channels, channel_ids, layer=layer)
+    job = RenderJob(solver_scene, settings, passes)
+    x0, y0, x1, y1 = solver_scene.camera.pixels
+    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
+    try:
+        job.start()
+        _watch(engine, job, result)
+        images = job.final_images()
+        if images:
+            write_images(result, images)
+    finally:
+        engine.end_result(result)
+    log.info("%s: %s", layer, job.status())
+    if images and not job.cancelled:
+        finished_layers[layer] = exr_arguments(job, images)
+        if scene.infrared.band_exr_path:
+            path = band_exr_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
+            write_layer(path, layer)
+
+
+def _watch(engine, job: RenderJob, result) -> None:
+    """Show progress and image until the job ends; Esc cancels it."""
+    next_image = time.monotonic() + LIVE_INTERVAL
+    while job.is_alive():
+        if engine.test_break():
+            job.cancel()
+            return
+        now = time.monotonic()
+        images = job.take_images()
+        if images:
+            write_images(result, images)
+            engine.update_result(result)
+            cost = job.snapshot_seconds + time.monotonic() - now
+            next_image = now + max(LIVE_INTERVAL, cost / LIVE_SHARE)
+        elif now >= next_image:
+            job.request_images()
+        engine.update_progress(job.progress())
+        engine.update_stats("", job.status())
+        job.join(POLL)
+
+
+class RenderJob(threading.Thread):
+    """The solver in a background thread. It touches no Blender data; images are handed over on request."""
+
+    def __init__(self, scene, settings, passes):
+        super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
+        self.scene, self.settings, self.film = scene, settings, None
+        self.snapshot_seconds = 0.0
+        self._image_functions = {name: image for name, _channels, _ids, _kind, image in passes}
+        self._cancel, self._request = threading.Event(), threading.Event()
+        self._images = self._error = self._noise = None
+        self._passes = self._photons = 0
+        self._begin = time.monotonic()
+
+    def run(self):
+        try:
+            self.film = render(self.scene, self.settings, self._on_pass, self._cancel.is_set)
+        except BaseException as error:  # raised again on Blender's thread
+            self._error = error
+
+    def _on_pass(self, film) -> None:
+        self._passes, self._photons = film.passes, film.photons
+        if self._request.is_set():
+            self._request.clear()
+            self._images = self._snapshot(film)
+
+    def _snapshot(self, film) -> dict[str, np.ndarray]:
+        begin = time.monotonic()
+        images = {name: image(film) for name, image in self._image_functions.items()}
+        self._noise = float(np.percentile(images["Noise"], 95)) if film.passes > 1 else None
+        self.snapshot_seconds = time.monotonic() - begin
+        return images
+
+    def request_images(self) -> None:
+        """Ask for the images of the next finished pass."""
+        self._request.set()
+
+    def take_images(self) -> dict[str, np.ndarray] | None:
+        """The images asked for, by pass name, once."""
+        images, self._images = self._images, None
+        return images
+
+    def cancel(self) -> None:
+        """End the render; the finished passes are kept."""
+        self._cancel.set()
+
+    @property
+    def cancelled(self) -> bool:
+        """True if the render was ended before its time."""
+        return self._cancel.is_set()
+
+    def final_images(self, patience: float = 0.3) -> dict[str, np.ndarray] | None:
+        """The images at the end, by pass name; None if no pass was finished. Raises what the solver raised.
+
+        patience: s to wait for a cancelled solver, which may be compiling and is then left to itself.
+        """
+        self.join(patience if self.cancelled else None)
+        if self._error is not None:
+            raise self._error
+        return self._snapshot(self.film) if self.film is not None and self.film.passes else None
+
+    def progress(self) -> float:
+        """Share of the render that is done, by the stop condition that is nearest, 0..1."""
+        settings = self.settings
+        by_passes = self._passes / settings.passes if settings.passes else 0.0
+        by_time = (time.monotonic() - self._begin) / settings.time_limit if settings.time_limit else 0.0
+        return min(1.0, max(by_passes, by_time))
+
+    def status(self) -> str:
+        """What users read while they wait."""
+        if self._passes == 0:
+            return "Preparing kernels (compiled once on first use)"
+        total = f"/{self.settings.passes}" if self.settings.passes else ""
+        noise = "" if self._noise is None else f" | Noise {self._noise:.3g} K"
+        memory = process_memory()
+        peak = f" | Peak {memory:.0f} MB" if memory else ""
+        return f"Pass {self._passes}{total} | {self._photons:,} photons{noise}{peak}"
+
+
+def write_images(result, images: dict[str, np.ndarray]) -> None:
+    """Fill the passes of a render result, in bulk."""
+    for render_pass in result.layers[0].passes:
+        if render_pass.name in images:
+            render_pass.rect.foreach_set(images[render_pass.name].reshape(-1))
+
+
+def process_memory() -> float:
+    """Peak memory of the whole process in MB; 0 on Windows, whose Python does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
+
+
+# Band EXR -------------------------------------------------------------------------------------------------------------
+
+
+def exr_arguments(job: RenderJob, images: dict[str, np.ndarray]) -> dict:
+    """The arguments of write_band_exr, but for its path."""
+    film, settings = job.film, job.settings
+    return {
+        "bands": [images[name] for name in film.band_names],
+        "band_edges": film.band_edges,
+        "radiance": images["Radiance"],
+        "temperature": images["Temperature"],
+        "noise": images["Noise"],
+        "metadata": {
+            "passes": film.passes,
+            "firstPass": settings.pass_offset,
+            "photons": film.photons,
+            "seed": settings.seed,
+            "referenceTemperature": film.reference_temperature,
+            "software": "Infrared Photons",
+        },
+    }
+
+
+def write_layer(path: Path, layer: str) -> None:
+    """Write the last finished render of a view layer to a band EXR. Raises OSError, KeyError without such a render."""
+    from .output.exr import write_band_exr  # here, so that rendering works without OpenEXR
+
+    write_band_exr(path, **finished_layers[layer])
+    log.info("%s: band images written to %s", layer, path)
+
+
+def band_exr_path(scene, layer: str, animation: bool) -> Path:
+    """File of this frame: '//' and '####' resolved, the layer's name added if it is given, '.exr' at the end."""
+    text = bpy.path.abspath(scene.infrared.band_exr_path)
+    stem = text[: -len(".exr")] if text.lower().endswith(".exr") else text
+    if animation and "#" not in Path(stem).name:
+        stem += "####"
+    folder, name = Path(stem).parent, Path(stem).name
+    name = re.sub("#+", lambda digits: f"{scene.frame_current:0{len(digits[0])}d}", name)
+    return folder / (f"{name}_{bpy.path.clean_name(layer)}.exr" if layer else f"{name}.exr")
