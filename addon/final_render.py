@@ -35,10 +35,10 @@ def render_passes(band_edges):
     """
     yield "Combined", 4, "RGBA", "COLOR", thermal_picture
     for band, name in enumerate(band_names(band_edges)):
-        yield name, 1, "X", "VALUE", lambda film, band=band: film.band_radiance(band)
-    yield "Radiance", 1, "X", "VALUE", lambda film: film.radiance()
-    yield "Temperature", 1, "X", "VALUE", lambda film: film.temperature()
-    yield "Noise", 1, "X", "VALUE", lambda film: film.noise()
+        yield name, 1, "V", "VALUE", lambda film, band=band: film.band_radiance(band)
+    yield "Radiance", 1, "V", "VALUE", lambda film: film.radiance()
+    yield "Temperature", 1, "V", "VALUE", lambda film: film.temperature()
+    yield "Noise", 1, "V", "VALUE", lambda film: film.noise()
 
 
 def thermal_picture(film) -> np.ndarray:
@@ -99,7 +99,7 @@ def render_view_layer(engine, depsgraph) -> None:
 
 def _watch(engine, job: RenderJob, result) -> None:
     """Show progress and image until the job ends; Esc cancels it."""
-    next_image = time.monotonic() + LIVE_INTERVAL
+    next_image, shown = time.monotonic() + LIVE_INTERVAL, None
     while job.is_alive():
         if engine.test_break():
             job.cancel()
@@ -114,7 +114,10 @@ def _watch(engine, job: RenderJob, result) -> None:
         elif now >= next_image:
             job.request_images()
         engine.update_progress(job.progress())
-        engine.update_stats("", job.status())
+        status = job.status()
+        if status != shown:  # without a window Blender prints a line for each
+            engine.update_stats("", status)
+            shown = status
         job.join(POLL)
 
 

@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator
+from bpy_extras.io_utils import ExportHelper
 
 from .properties import CUSTOM_PROPERTIES, add_custom_property, initial_value
 
@@ -116,26 +120,48 @@ class INFRARED_OT_emissivity_curve(EmissivityOperator, Operator):
         return context.window_manager.invoke_props_dialog(self, width=500)
 
     def execute(self, context):
-        from .scene_reader import SceneError, read_material
+        from .scene_reader import Material, SceneError, pair_points
 
+        material = context.material
         try:
             points = [float(word) for word in self.points.split(",")]
+            Material(name=material.name, emissivity=pair_points(points, f"Material '{material.name}'"))
+        except SceneError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         except ValueError:
             self.report({"ERROR"}, f"'{self.points}' is no list of numbers separated by commas")
             return {"CANCELLED"}
-        material = context.material
-        before = material.get("emissivity")
         material["emissivity"] = points
+        material.update_tag()
+        return {"FINISHED"}
+
+
+class INFRARED_OT_export_bands(Operator, ExportHelper):
+    """Write every band of the last render to an OpenEXR file, one for each view layer"""
+
+    bl_idname = "infrared.export_bands"
+    bl_label = "Export Band Images"
+
+    filename_ext = ".exr"
+    filter_glob: StringProperty(default="*.exr", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, _context):
+        final_render = sys.modules.get(f"{__package__}.final_render")  # not loaded: nothing was rendered
+        return final_render is not None and bool(final_render.finished_layers)
+
+    def execute(self, _context):
+        from . import final_render
+
+        path, layers = Path(bpy.path.abspath(self.filepath)), list(final_render.finished_layers)
         try:
-            read_material(material, default_emissivity=1.0)
-        except SceneError as error:
-            if before is None:
-                del material["emissivity"]
-            else:
-                material["emissivity"] = before
+            for layer in layers:
+                suffix = f"_{bpy.path.clean_name(layer)}" if len(layers) > 1 else ""
+                final_render.write_layer(path.with_name(f"{path.stem}{suffix}.exr"), layer)
+        except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        material.update_tag()
         return {"FINISHED"}
 
 
@@ -145,5 +171,6 @@ register, unregister = bpy.utils.register_classes_factory(
         INFRARED_OT_property_remove,
         INFRARED_OT_emissivity_library,
         INFRARED_OT_emissivity_curve,
+        INFRARED_OT_export_bands,
     )
 )

@@ -107,6 +107,7 @@ class INFRARED_PT_output(RenderSettingsPanel, Panel):
 
     def draw_settings(self, column, infrared):
         column.prop(infrared, "band_exr_path")
+        column.operator("infrared.export_bands", text="Export Last Render...", icon="EXPORT")
 
 
 class INFRARED_PT_object(InfraredPanel, Panel):
@@ -222,7 +223,7 @@ SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 def draw_custom_property(column, id_block, owner: str, key: str, without: str) -> None:
     """One line: the value and a button to remove it, or what counts without it and a button to set it."""
     row = column.row(align=True)
-    present = key in id_block.keys()
+    present = key in id_block
     if present:
         row.prop(id_block, f'["{key}"]', text=key.capitalize())
         operator = row.operator("infrared.property_remove", text="", icon="X")

@@ -211,6 +211,7 @@ class InfraredSettings(bpy.types.PropertyGroup):
         "header. '//' starts at the blend file, '####' is the frame number; empty writes nothing",
         default="",
         subtype="FILE_PATH",
+        options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
     )
 
 

@@ -180,11 +180,16 @@ def _emissivity(value, owner: str) -> float | np.ndarray:
             f"{owner}: emissivity is {_describe(value)}, expected a number, "
             "a flat list of wavelengths (um) and emissivities, or the name of a library material"
         )
-    if len(value) == 0 or len(value) % 2:
+    return pair_points(value.to_list(), owner)
+
+
+def pair_points(numbers: list[float], owner: str) -> np.ndarray:
+    """(n, 2) float64 points [um, emissivity] of a flat list. Raises SceneError unless its length is even."""
+    if len(numbers) == 0 or len(numbers) % 2:
         raise SceneError(
-            f"{owner}: the emissivity list has {len(value)} numbers, expected pairs of wavelength (um) and emissivity"
+            f"{owner}: the emissivity list has {len(numbers)} numbers, expected pairs of wavelength (um) and emissivity"
         )
-    return np.array(value.to_list(), dtype=np.float64).reshape(-1, 2)
+    return np.array(numbers, dtype=np.float64).reshape(-1, 2)
 
 
 def _library_emissivity(name: str, owner: str) -> np.ndarray:

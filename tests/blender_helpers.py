@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bmesh
 import bpy
+import OpenEXR
 
 
 def link(name, data=None, collection=None, **properties):
@@ -77,3 +78,35 @@ def read(layer="ViewLayer"):
     if isinstance(result, Exception):
         raise result
     return result
+
+
+def use_multilayer_exr():
+    """Let Blender write every pass to one 32-bit file."""
+    image = bpy.context.scene.render.image_settings
+    if hasattr(image, "media_type"):  # Blender 5; it resets the colour depth
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format, image.color_depth = "OPEN_EXR_MULTILAYER", "32"
+
+
+def render_to_exr(folder, animation=False):
+    """Render as a user does and read the multilayer EXR that Blender writes: {view layer: {pass: pixels}}.
+
+    Pixels are (h, w[, 4]) float32, row 0 at the bottom. Raises RuntimeError with the engine's message if it fails.
+    """
+    scene = bpy.context.scene
+    scene.render.engine = "INFRARED_PHOTONS"
+    use_multilayer_exr()
+    scene.render.filepath = str(folder / ("image_####" if animation else "image"))
+    bpy.ops.render.render(animation=animation, write_still=not animation)
+    return read_exr(folder / (f"image_{scene.frame_current:04d}.exr" if animation else "image.exr"))
+
+
+def read_exr(path):
+    """{view layer: {pass: pixels}} of a multilayer EXR, one part (Blender 4.5) or a part for each pass (5)."""
+    layers = {}
+    for part in OpenEXR.File(str(path)).parts:
+        for name, channel in part.channels.items():
+            layer, _, rest = name.partition(".")
+            pass_name = rest.removesuffix(".V").removesuffix(".RGBA")
+            layers.setdefault(layer, {})[pass_name] = channel.pixels[::-1]
+    return layers

@@ -6,12 +6,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from blender_helpers import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 from addon.solver import library  # noqa: E402
 from addon.solver.scene import AreaLight, PointLight, SceneError, SpotLight, SunLight  # noqa: E402
-
-from blender_helpers import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

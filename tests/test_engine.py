@@ -1,0 +1,516 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The engine inside Blender: pixels in every pass, messages instead of tracebacks, files where they belong.
+
+The scenes are black walls: they reflect nothing, so every pixel is Planck's law and no tolerance covers noise.
+"""
+
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender_helpers import camera, cube_mesh, link, material, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
+
+from addon import final_render  # noqa: E402
+from addon.solver.settings import Settings  # noqa: E402
+from addon.solver.spectrum import band_names, band_radiance  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[1]
+FLOAT32 = 1e-6  # relative: a few roundings of float32
+
+
+@pytest.fixture(autouse=True)
+def small_render(reset_blender):
+    camera()
+    infrared = bpy.context.scene.infrared
+    infrared.passes, infrared.photons_per_pass, infrared.band_count, infrared.threads = 2, 1000, 3, 1
+
+
+def wall(temperature, name="Wall", collection=None, emissivity=1.0, size=40.0, location=(0.0, 0.0, -20.0)):
+    """A cube in front of the camera, black unless told otherwise, whose top fills the picture."""
+    mesh = cube_mesh(name)
+    mesh.materials.append(material(f"{name} paint", emissivity=emissivity))
+    obj = link(name, mesh, collection, temperature=temperature)
+    obj.scale, obj.location = (size, size, size), location
+    return obj
+
+
+def left_and_right(left=280.0, right=340.0):
+    """Two black walls that meet in the middle of the picture, one in each half."""
+    wall(left, "Left", location=(-20.0, 0.0, -20.0))
+    wall(right, "Right", location=(20.0, 0.0, -20.0))
+
+
+# Passes ---------------------------------------------------------------------------------------------------------------
+
+
+def test_every_pass_holds_its_image(tmp_path):
+    wall(300.0)
+    images = render_to_exr(tmp_path)["ViewLayer"]
+    edges = np.linspace(7.5, 14.0, 4)
+    exact = band_radiance(edges, 300.0)
+    names = band_names(edges)
+    assert set(images) == {"Combined", *names, "Radiance", "Temperature", "Noise"}
+    for name, value, width in zip(names, exact, np.diff(edges), strict=True):
+        assert images[name].shape == (12, 16)
+        np.testing.assert_allclose(images[name], value / width, rtol=FLOAT32)
+    np.testing.assert_allclose(images["Radiance"], exact.sum(), rtol=FLOAT32)
+    np.testing.assert_allclose(images["Temperature"], 300.0, rtol=FLOAT32)
+    assert np.all(images["Noise"] < 1e-3)
+    assert images["Combined"].shape == (12, 16, 4) and np.all(images["Combined"][..., 3] == 1.0)
+
+
+def test_combined_is_a_thermal_picture(tmp_path):
+    left_and_right()
+    combined = render_to_exr(tmp_path)["ViewLayer"]["Combined"][..., :3]
+    assert combined[:, -1].sum() > 2 * combined[:, 0].sum()  # warm is bright
+
+
+def test_image_is_the_right_way_up_and_round(tmp_path):
+    left_and_right()
+    bpy.data.objects["Left"].location.y = 20.0  # the lower left corner shows the 0 K surroundings
+    temperature = render_to_exr(tmp_path)["ViewLayer"]["Temperature"]
+    np.testing.assert_allclose(temperature[:, 9:], 340.0, rtol=FLOAT32)
+    np.testing.assert_allclose(temperature[7:, :7], 280.0, rtol=FLOAT32)
+    np.testing.assert_array_equal(temperature[:5, :7], 0.0)
+
+
+def test_every_view_layer_is_filled_with_its_own_objects(tmp_path):
+    scene = bpy.context.scene
+    cold, hot = (bpy.data.collections.new(name) for name in ("Cold", "Hot"))
+    for collection, temperature in ((cold, 250.0), (hot, 350.0)):
+        scene.collection.children.link(collection)
+        wall(temperature, collection.name, collection)
+    other = scene.view_layers.new("Other")
+    scene.view_layers[0].layer_collection.children["Hot"].exclude = True
+    other.layer_collection.children["Cold"].exclude = True
+    layers = render_to_exr(tmp_path)
+    assert set(layers["ViewLayer"]) == set(layers["Other"]) and len(layers["Other"]) == 3 + 4
+    np.testing.assert_allclose(layers["ViewLayer"]["Temperature"], 250.0, rtol=FLOAT32)
+    np.testing.assert_allclose(layers["Other"]["Temperature"], 350.0, rtol=FLOAT32)
+
+
+def test_compositor_has_a_socket_for_every_pass():
+    scene = bpy.context.scene
+    scene.render.engine = "INFRARED_PHOTONS"
+    if hasattr(scene, "compositing_node_group"):  # Blender 5
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+    node = tree.nodes.new("CompositorNodeRLayers")
+    bpy.context.view_layer.update()
+    sockets = {socket.name for socket in node.outputs if socket.enabled}
+    assert {*band_names(np.linspace(7.5, 14.0, 4)), "Radiance", "Temperature", "Noise"} <= sockets
+
+
+def test_custom_bands_name_the_passes(tmp_path):
+    wall(300.0)
+    infrared = bpy.context.scene.infrared
+    infrared.band_mode, infrared.band_edges = "CUSTOM", "3, 5, 8.121, 8.124"
+    images = render_to_exr(tmp_path)["ViewLayer"]
+    assert {"3.000-5.000um", "5.000-8.121um", "8.121-8.124um"} <= set(images)
+
+
+@pytest.mark.parametrize("crop", [False, True])
+def test_border(tmp_path, crop):
+    left_and_right()
+    render = bpy.context.scene.render
+    render.use_border, render.use_crop_to_border = True, crop
+    render.border_min_x, render.border_max_x = 0.25, 0.75  # columns 4 to 11 of 16
+    render.border_min_y, render.border_max_y = 0.5, 1.0  # rows 6 to 11 of 12
+    temperature = render_to_exr(tmp_path)["ViewLayer"]["Temperature"]
+    if crop:
+        assert temperature.shape == (6, 8)
+    else:
+        assert temperature.shape == (12, 16)
+        outside = np.ones((12, 16), bool)
+        outside[6:12, 4:12] = False
+        assert np.all(temperature[outside] == 0.0)
+        temperature = temperature[6:12, 4:12]
+    np.testing.assert_allclose(temperature[:, :3], 280.0, rtol=FLOAT32)
+    np.testing.assert_allclose(temperature[:, 5:], 340.0, rtol=FLOAT32)
+
+
+@pytest.mark.parametrize("border", [(0.1, 0.9, 0.1, 0.9), (0.333, 0.777, 0.0, 0.29), (0.05, 0.2, 0.71, 0.99)])
+@pytest.mark.parametrize("size", [(16, 12), (33, 17)])
+def test_border_of_any_size_fits_blenders_result(tmp_path, border, size):
+    """Blender drops a result of a wrong size without a word; then the pixels stay 0."""
+    wall(300.0)
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = size
+    render.use_border = render.use_crop_to_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = border
+    np.testing.assert_allclose(render_to_exr(tmp_path)["ViewLayer"]["Temperature"], 300.0, rtol=FLOAT32)
+
+
+def test_animation_renders_every_frame_with_its_own_temperature(tmp_path):
+    obj = wall(300.0)
+    obj.keyframe_insert('["temperature"]', frame=1)
+    obj["temperature"] = 320.0
+    obj.keyframe_insert('["temperature"]', frame=2)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 2
+    render_to_exr(tmp_path, animation=True)
+    for frame, temperature in ((1, 300.0), (2, 320.0)):
+        image = read_exr(tmp_path / f"image_{frame:04d}.exr")["ViewLayer"]["Temperature"]
+        np.testing.assert_allclose(image, temperature, rtol=FLOAT32)
+
+
+def grey_room():
+    """A grey wall under a hot plate: photons matter."""
+    wall(290.0, emissivity=0.5)
+    plate = wall(600.0, "Plate", size=1.0, location=(0.0, 0.0, 2.0))
+    plate.scale.z = 0.01
+
+
+def test_pass_ranges_add_up(tmp_path):
+    """Passes 0-3 are the mean of passes 0-1 and 2-3 (radiance; the temperature is not linear in it)."""
+    grey_room()
+    infrared = bpy.context.scene.infrared
+    images = {}
+    for passes, offset in ((4, 0), (2, 0), (2, 2)):
+        infrared.passes, infrared.pass_offset = passes, offset
+        images[passes, offset] = render_to_exr(tmp_path)["ViewLayer"]["Radiance"]
+    assert not np.array_equal(images[2, 0], images[2, 2])
+    np.testing.assert_allclose(images[4, 0], 0.5 * (images[2, 0] + images[2, 2]), rtol=FLOAT32)
+
+
+# While it renders -----------------------------------------------------------------------------------------------------
+
+
+class Watcher:
+    """Stands between the engine and Blender: records what Blender is told and breaks the render on demand."""
+
+    def __init__(self, monkeypatch):
+        self.statuses, self.progress, self.updates = [], [], 0
+        self.break_when, self.broken_at = lambda: False, None
+        real = final_render.render_view_layer
+        monkeypatch.setattr(final_render, "render_view_layer", lambda engine, graph: real(self.wrap(engine), graph))
+
+    def wrap(self, engine):
+        self.engine = engine
+        return self
+
+    def __getattr__(self, name):
+        return getattr(self.engine, name)
+
+    def update_stats(self, _stats, info):
+        self.statuses.append(info)
+
+    def update_progress(self, share):
+        self.progress.append(share)
+
+    def update_result(self, result):
+        assert threading.current_thread() is threading.main_thread()
+        self.updates += 1
+        self.engine.update_result(result)
+
+    def test_break(self):
+        if self.broken_at is None and self.break_when():
+            self.broken_at = time.monotonic()
+        return self.broken_at is not None
+
+
+def test_progress_status_and_live_image(tmp_path, monkeypatch):
+    grey_room()
+    infrared = bpy.context.scene.infrared
+    infrared.passes, infrared.photons_per_pass = 40, 20_000
+    monkeypatch.setattr(final_render, "LIVE_INTERVAL", 0.0)
+    monkeypatch.setattr(final_render, "POLL", 0.005)
+    watcher = Watcher(monkeypatch)
+    live = render_to_exr(tmp_path)["ViewLayer"]
+    assert watcher.updates >= 1
+    assert watcher.progress == sorted(watcher.progress) and 0 < watcher.progress[-1] <= 1
+    assert "Preparing kernels (compiled once on first use)" in watcher.statuses
+    running = next(status for status in watcher.statuses if "Noise" in status)
+    assert running.startswith("Pass ") and "/40 | " in running and " photons | Noise " in running and " MB" in running
+    monkeypatch.undo()
+    for name, image in render_to_exr(tmp_path)["ViewLayer"].items():  # updates leave no trace in the final image
+        np.testing.assert_array_equal(image, live[name])
+
+
+def test_break_ends_the_render_and_keeps_the_passes(tmp_path, monkeypatch):
+    wall(300.0)
+    infrared = bpy.context.scene.infrared
+    infrared.passes = 1_000_000
+    infrared.band_exr_path = str(tmp_path / "bands")
+    watcher = Watcher(monkeypatch)
+    watcher.break_when = lambda: any(status.startswith("Pass") for status in watcher.statuses)
+    bpy.context.scene.render.engine = "INFRARED_PHOTONS"
+    bpy.ops.render.render()
+    assert time.monotonic() - watcher.broken_at < 0.5
+    assert not list(tmp_path.iterdir())  # an unfinished image does not replace a finished file
+    use_multilayer_exr()
+    bpy.data.images["Render Result"].save_render(str(tmp_path / "kept.exr"))
+    np.testing.assert_allclose(read_exr(tmp_path / "kept.exr")["ViewLayer"]["Temperature"], 300.0, rtol=FLOAT32)
+
+
+def test_break_during_compilation_leaves_the_solver_behind(monkeypatch):
+    """Numba cannot be interrupted; the render ends all the same."""
+    wall(300.0)
+    release = threading.Event()
+
+    def compiling(scene, settings, on_pass, cancelled):
+        release.wait(10.0)
+        assert cancelled()
+
+    monkeypatch.setattr(final_render, "render", compiling)
+    watcher = Watcher(monkeypatch)
+    watcher.break_when = lambda: True
+    bpy.context.scene.render.engine = "INFRARED_PHOTONS"
+    bpy.ops.render.render()
+    assert time.monotonic() - watcher.broken_at < 0.5
+    release.set()
+
+
+# Messages -------------------------------------------------------------------------------------------------------------
+
+
+def failed_render(tmp_path):
+    """The message of a render that must fail."""
+    with pytest.raises(RuntimeError) as error:
+        render_to_exr(tmp_path)
+    return str(error.value)
+
+
+def break_camera():
+    bpy.context.scene.camera = None
+
+
+def break_geometry():
+    bpy.data.objects["Wall"].hide_render = True
+
+
+def break_temperature():
+    bpy.data.objects["Wall"]["temperature"] = -5.0
+
+
+def break_emissivity():
+    bpy.data.materials["Wall paint"]["emissivity"] = [8.0, 0.5, 7.0, 0.5]
+
+
+def break_library_name():
+    bpy.data.materials["Wall paint"]["emissivity"] = "Unobtainium"
+
+
+def break_bands():
+    bpy.context.scene.infrared.band_mode = "CUSTOM"
+    bpy.context.scene.infrared.band_edges = "8, 7"
+
+
+def break_pass_name():
+    bpy.context.scene.infrared.band_mode = "CUSTOM"
+    bpy.context.scene.infrared.band_edges = "1e-40, 2e-40, 1"
+
+
+def break_stop_condition():
+    bpy.context.scene.infrared.passes = 0
+
+
+@pytest.mark.parametrize(
+    "damage, message",
+    [
+        (break_camera, "camera"),
+        (break_geometry, "View layer 'ViewLayer' has nothing to render"),
+        (break_temperature, "Object 'Wall': temperature -5 K"),
+        (break_emissivity, "Material 'Wall paint': emissivity wavelengths must increase"),
+        (break_library_name, "Material 'Wall paint': the library has no material 'Unobtainium'"),
+        (break_bands, "Band edges must ascend: 8 um is followed by 7 um"),
+        (break_pass_name, "characters"),
+        (break_stop_condition, "Nothing stops this render"),
+    ],
+)
+def test_errors_are_messages_without_a_traceback(tmp_path, capfd, damage, message):
+    wall(300.0)
+    damage()
+    assert message in failed_render(tmp_path)
+    shown = "".join(capfd.readouterr())
+    assert "Traceback" not in shown
+
+
+def test_a_later_render_works_after_an_error(tmp_path):
+    wall(300.0)
+    break_temperature()
+    failed_render(tmp_path)
+    bpy.data.objects["Wall"]["temperature"] = 310.0
+    np.testing.assert_allclose(render_to_exr(tmp_path)["ViewLayer"]["Temperature"], 310.0, rtol=FLOAT32)
+
+
+def test_solver_failure_reaches_the_user(tmp_path, monkeypatch, caplog):
+    wall(300.0)
+
+    def fail(*_args):
+        raise ZeroDivisionError("by a mistake of ours")
+
+    monkeypatch.setattr(final_render, "render", fail)
+    assert "The solver failed: ZeroDivisionError('by a mistake of ours')" in failed_render(tmp_path)
+    assert "Traceback" in caplog.text  # for the bug report
+
+
+def test_missing_library_is_explained(tmp_path, monkeypatch):
+    wall(300.0)
+    monkeypatch.delitem(sys.modules, "addon.final_render")
+    monkeypatch.setitem(sys.modules, "addon.scene_reader", None)
+    assert "A library of the solver is missing" in failed_render(tmp_path)
+
+
+def test_warnings_name_the_object_and_rendering_goes_on(tmp_path, caplog):
+    wall(300.0)
+    del bpy.data.objects["Wall"]["temperature"]
+    bpy.context.scene.infrared.ambient_temperature = 305.0
+    images = render_to_exr(tmp_path)["ViewLayer"]
+    assert "'Wall': no temperature, using the ambient 305 K" in caplog.text
+    np.testing.assert_allclose(images["Temperature"], 305.0, rtol=FLOAT32)
+
+
+# Band EXR -------------------------------------------------------------------------------------------------------------
+
+
+def test_band_exr_is_written_with_the_render(tmp_path):
+    wall(300.0)
+    scene = bpy.context.scene
+    scene.frame_set(7)
+    scene.infrared.band_exr_path = str(tmp_path / "bands_###.exr")
+    blenders = render_to_exr(tmp_path)["ViewLayer"]
+    file = OpenEXR.File(str(tmp_path / "bands_007.exr"))
+    channels = {name: channel.pixels[::-1] for name, channel in file.parts[0].channels.items()}
+    for name, image in blenders.items():
+        if name != "Combined":
+            np.testing.assert_array_equal(channels[name.replace(".", ",") + ".V"], image)
+    header = file.header()
+    edges = [float(edge) for edge in header["bandEdges"].split()]
+    np.testing.assert_array_equal(edges, np.linspace(7.5, 14.0, 4))
+    assert (header["passes"], header["firstPass"], header["seed"]) == ("2", "0", "0")
+    assert "W m-2 sr-1 um-1" in header["units"]
+
+
+def test_band_exr_paths(tmp_path):
+    """(setting, layer, animation) -> file"""
+    scene = bpy.context.scene
+    scene.frame_set(12)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    for setting, layer, animation, expected in (
+        ("//out", "", False, "out.exr"),
+        ("//out", "", True, "out0012.exr"),
+        ("//out_##.EXR", "", True, "out_12.exr"),
+        ("//sub/v1.2_###", "", False, "sub/v1.2_012.exr"),
+        ("//out", "Layer/1", False, "out_Layer_1.exr"),
+    ):
+        scene.infrared.band_exr_path = setting
+        assert final_render.band_exr_path(scene, layer, animation) == tmp_path / expected
+
+
+def test_band_exr_of_several_view_layers(tmp_path):
+    wall(300.0)
+    bpy.context.scene.view_layers.new("Other")
+    bpy.context.scene.infrared.band_exr_path = str(tmp_path / "bands")
+    render_to_exr(tmp_path)
+    assert sorted(path.name for path in tmp_path.glob("bands*")) == ["bands_Other.exr", "bands_ViewLayer.exr"]
+
+
+def test_unwritable_band_exr_is_an_error(tmp_path):
+    wall(300.0)
+    bpy.context.scene.infrared.band_exr_path = str(tmp_path / "missing" / "bands.exr")
+    assert "missing" in failed_render(tmp_path)
+
+
+def test_export_operator_writes_the_last_render(tmp_path):
+    final_render.finished_layers.clear()
+    with pytest.raises(RuntimeError, match="poll"):
+        bpy.ops.infrared.export_bands(filepath=str(tmp_path / "export.exr"))
+    wall(300.0)
+    blenders = render_to_exr(tmp_path)["ViewLayer"]
+    assert bpy.ops.infrared.export_bands(filepath=str(tmp_path / "export.exr")) == {"FINISHED"}
+    file = OpenEXR.File(str(tmp_path / "export.exr"))
+    np.testing.assert_array_equal(file.parts[0].channels["Temperature.V"].pixels[::-1], blenders["Temperature"])
+    with pytest.raises(RuntimeError, match="no such folder"):
+        bpy.ops.infrared.export_bands(filepath=str(tmp_path / "missing" / "export.exr"))
+
+
+# Registration, panels and operators -----------------------------------------------------------------------------------
+
+
+def test_registering_is_light_and_the_interpreter_exits():
+    script = (
+        "import sys, bpy, addon; addon.register(); addon.unregister(); addon.register();"
+        "assert 'numba' not in sys.modules, 'numba slows the start of Blender'; print('registered')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert "registered" in done.stdout and done.returncode == 0, done.stderr
+
+
+def test_defaults_are_the_solvers():
+    properties = bpy.context.scene.infrared.bl_rna.properties
+    for name in Settings.__dataclass_fields__:
+        if name != "reference_temperature":  # chosen by the solver
+            assert properties[name].default == getattr(Settings(), name), name
+
+
+def test_every_setting_has_a_tooltip():
+    for prop in bpy.context.scene.infrared.bl_rna.properties:
+        if prop.identifier not in ("rna_type", "name"):
+            assert len(prop.description) > 10, prop.identifier
+
+
+def test_blenders_general_panels_stay():
+    from addon.panels import ENGINE, get_panels
+
+    names = {panel.__name__ for panel in get_panels()}
+    for name in (
+        "RENDER_PT_format",
+        "RENDER_PT_output",
+        "RENDER_PT_color_management",
+        "DATA_PT_lens",
+        "DATA_PT_camera",
+        "DATA_PT_camera_dof",
+        "VIEWLAYER_PT_layer",
+        "WORLD_PT_context_world",
+        "DATA_PT_context_light",
+        "EEVEE_MATERIAL_PT_context_material",
+    ):
+        assert name in names, name
+    assert all(ENGINE in panel.COMPAT_ENGINES for panel in get_panels())
+
+
+def test_setting_and_removing_custom_properties():
+    obj = link("Cube", cube_mesh())
+    lamp = link("Sun", bpy.data.lights.new("Sun", "SUN"))
+    paint = material()
+    world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
+    for owner, id_block, key, value in (
+        ("OBJECT", obj, "temperature", pytest.approx(293.15)),
+        ("OBJECT", lamp, "temperature", 5772.0),
+        ("MATERIAL", paint, "emissivity", pytest.approx(0.95)),
+        ("MATERIAL", paint, "specular", 0.0),
+        ("WORLD", world, "temperature", 0.0),
+    ):
+        with bpy.context.temp_override(**{owner.lower(): id_block}):
+            assert bpy.ops.infrared.property_add(owner=owner, key=key) == {"FINISHED"}
+            assert id_block[key] == value
+            ui = id_block.id_properties_ui(key).as_dict()
+            assert ui["soft_min"] == 0.0 and len(ui["description"]) > 10
+            assert bpy.ops.infrared.property_remove(owner=owner, key=key) == {"FINISHED"}
+            assert key not in id_block
+
+
+def test_emissivity_operators():
+    paint = material(emissivity=0.5)
+    with bpy.context.temp_override(material=paint):
+        bpy.ops.infrared.emissivity_curve(points="8, 0.9, 14, 0.7")
+        assert paint["emissivity"].to_list() == [8.0, 0.9, 14.0, 0.7]
+        for wrong in ("8, high", "8", "8, 2", "8, 0.5, 7, 0.5"):
+            with pytest.raises(RuntimeError):
+                bpy.ops.infrared.emissivity_curve(points=wrong)
+            assert paint["emissivity"].to_list() == [8.0, 0.9, 14.0, 0.7]
+        from addon.solver import library
+
+        bpy.ops.infrared.emissivity_library(name=library.names()[0])
+        assert paint["emissivity"] == library.names()[0]
