@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import itertools
 import json
 import os
 import re
@@ -101,9 +102,9 @@ def read_toml(path: Path) -> dict:
 
 
 def environment_requirements(pyproject: dict) -> list[str]:
-    """What pip has to install to run and test the add-on."""
-    groups = pyproject["dependency-groups"]
-    return [*pyproject["project"]["dependencies"], *groups["blender"], *groups["test"]]
+    """What pip has to install to run and test the add-on, and to render the demo."""
+    groups = pyproject["dependency-groups"].values()
+    return [*pyproject["project"]["dependencies"], *itertools.chain.from_iterable(groups)]
 
 
 # The extension

@@ -6,6 +6,7 @@ REAL_BLENDER names a launcher that runs `blender ARGS` when called as `LAUNCHER 
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -68,8 +69,9 @@ def read_passes(path: Path) -> dict[str, np.ndarray]:
     for part in OpenEXR.File(str(path)).parts:
         for channel in part.channels.values():
             assert channel.pixels.dtype == np.float32
-            layer, _, name = channel.name.removesuffix(".X").partition(".")
-            passes[name or layer] = channel.pixels
+            layer, name = re.fullmatch(r"(\w+)\.(.+?)(\.[A-Z])?", channel.name).groups()[:2]
+            assert layer == "ViewLayer"
+            passes[name] = channel.pixels
     return passes
 
 
