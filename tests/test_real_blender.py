@@ -35,11 +35,12 @@ pytestmark = [
 
 def blender(*arguments, check_scripts=True) -> str:
     """Run the real Blender with its own, empty user folder; returns what it prints."""
-    folders = {"BLENDER_USER_RESOURCES": str(WORK / "user"), "HOME": str(WORK / "home")}
+    environment = os.environ | {"BLENDER_USER_RESOURCES": str(WORK / "user"), "HOME": str(WORK / "home")}
+    environment.pop("NUMBA_CACHE_DIR", None)  # an artist has none
     options = ("-b", "--python-exit-code", "1") if check_scripts else ()
     done = subprocess.run(
         [LAUNCHER, "run", *options, *map(str, arguments)],
-        cwd=ROOT, env=os.environ | folders, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, timeout=900,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
@@ -175,6 +176,13 @@ def test_rendering_again_gives_the_same_bits_without_compiling(first, capsys):
         print(f" [first render {seconds:.1f} s with compiling, second {seconds_again:.1f} s]", end=" ")
     assert all(np.array_equal(passes[name], again[name]) for name in passes)
     assert seconds_again < seconds
+
+
+def test_compiled_kernels_are_kept_in_the_extensions_own_folder(first):
+    user = WORK / "user" / "extensions"
+    kernels = list(WORK.rglob("*.nbc"))
+    assert kernels
+    assert all(path.is_relative_to(user / ".user" / "user_default" / "infrared_photons") for path in kernels)
 
 
 def test_bpy_renders_the_same_image(passes):
