@@ -54,7 +54,6 @@ def main() -> int:
         parser.error(f"unknown options: {' '.join(rest)}")
 
     python = environment()
-    os.environ["NUMBA_CACHE_DIR"] = str(kernel_cache())
     if options.command == "demo":
         return call(python, ROOT / "docs/demo/render.py", *rest)
     if options.command == "test":
@@ -93,21 +92,6 @@ def environment() -> Path:
         run(f"Blender's module does not start; {BPY_NEEDS}", python, "-c", "import bpy")
         stamp.write_text(fingerprint)  # last, so that a broken environment is made again
     return python
-
-
-def kernel_cache() -> Path:
-    """The folder for compiled kernels, a new one whenever the source changes.
-
-    Numba alone compiles a kernel again when its own file has changed, but not when that of a function it calls has.
-    """
-    sources = sorted((ROOT / "addon").rglob("*.py"))
-    fingerprint = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
-    folder = ROOT / "build" / "kernels" / fingerprint[:16]
-    for other in folder.parent.glob("*"):
-        if other != folder:
-            shutil.rmtree(other)
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 def read_toml(path: Path) -> dict:

@@ -101,17 +101,6 @@ def test_a_failed_installation_is_tried_again(project, monkeypatch):
             run.environment()
 
 
-def test_kernels_are_compiled_anew_when_the_source_changes(project):
-    before = run.kernel_cache()
-    (before / "kernel.nbc").touch()
-    assert run.kernel_cache() == before
-    (project / "addon" / "solver" / "render.py").write_text("# changed")
-    after = run.kernel_cache()
-    assert after != before
-    assert [*after.parent.iterdir()] == [after]
-    assert not [*after.iterdir()]
-
-
 # The wheels
 
 
