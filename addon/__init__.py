@@ -10,10 +10,13 @@ import sys
 
 def register():
     """Make the engine, its settings and its panels known to Blender; the solver is loaded by the first render."""
+    import bpy  # here, so that `addon.solver` is usable without Blender
+
     _keep_kernels()
     for module in _modules():
         module.register()
-    atexit.register(unregister)  # as a Python module, Blender 4.5 hangs at exit while an engine class is registered
+    if bpy.app.module:  # as a Python module, Blender 4.5 hangs at exit while an engine class is registered
+        atexit.register(unregister)
 
 
 def unregister():
@@ -40,6 +43,6 @@ def _keep_kernels():
 
 
 def _modules():
-    from . import engine, operators, panels, properties  # here, so that `addon.solver` is usable without Blender
+    from . import engine, operators, panels, properties
 
     return properties, operators, panels, engine

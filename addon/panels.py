@@ -181,7 +181,7 @@ class INFRARED_PT_light(InfraredPanel, Panel):
             column.prop(light, "energy", text="Irradiance (W/m²)")
             column.prop(light, "angle")
         else:
-            column.prop(light, "energy", text="Power")
+            column.prop(light, "energy", text="Power (W)")
         if light.type in {"POINT", "SPOT"}:
             column.prop(light, "shadow_soft_size", text="Radius")
         elif light.type == "AREA":
@@ -228,26 +228,31 @@ def draw_custom_property(column, id_block, owner: str, key: str, without: str) -
         row.prop(id_block, f'["{key}"]', text=key.capitalize())
         operator = row.operator("infrared.property_remove", text="", icon="X")
     else:
-        split = row.split(factor=0.4)
-        split.alignment = "RIGHT"
-        split.label(text=key.capitalize())
-        value = split.row(align=True)
-        value.label(text=without)
-        operator = value.operator("infrared.property_add", text="", icon="ADD")
+        operator = draw_text(row, key, without).operator("infrared.property_add", text="", icon="ADD")
     operator.owner, operator.key = owner, key
+
+
+def draw_text(row, key: str, text: str):
+    """A name and a text in place of a value; returns the row that the text is in."""
+    split = row.split(factor=0.4)
+    name = split.row()
+    name.alignment = "RIGHT"
+    name.label(text=key.capitalize())
+    value = split.row(align=True)
+    value.label(text=text)
+    return value
 
 
 def draw_spectrum(column, emissivity) -> None:
     """An emissivity that depends on the wavelength, in words, and a button to remove it."""
-    row = column.row(align=True)
     if isinstance(emissivity, str):
         text = emissivity
     elif hasattr(emissivity, "to_list") and len(emissivity) % 2 == 0:
         text = f"{len(emissivity) // 2} points over wavelength"
     else:
         text = "Not a number, list or library name"
-    row.label(text=f"Emissivity: {text}")
-    operator = row.operator("infrared.property_remove", text="", icon="X")
+    value = draw_text(column.row(align=True), "emissivity", text)
+    operator = value.operator("infrared.property_remove", text="", icon="X")
     operator.owner, operator.key = "MATERIAL", "emissivity"
 
 
