@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 
 from .rng import path_key, uniform
+from .sampling import fraction, triangle_point, turn
 from .scene import Camera, SceneError
-from .sampling import triangle_point
 
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
@@ -72,7 +72,8 @@ def _lens_point(eye, u, v):
     """Point on the unit aperture: a disk, or a regular polygon."""
     if eye.blades < 3:
         r = math.sqrt(u)
-        return r * math.cos(2.0 * math.pi * v) / eye.lens_ratio, r * math.sin(2.0 * math.pi * v)
+        c, s = turn(v)
+        return r * c / eye.lens_ratio, r * s
     corner = math.floor(u * eye.blades)
     s, t = triangle_point(u * eye.blades - corner, v)
     a = eye.blade_rotation + 2.0 * math.pi * corner / eye.blades
@@ -94,14 +95,14 @@ def eye_rays(eye, key, index, first, origin, direction, reach):
         pixel = first + i
         x, y = eye.window[0] + pixel % columns, eye.window[1] + pixel // columns
         path = path_key(key, y * eye.width + x)
-        s0 = (uniform(path, 0) + index * _ALPHA[0]) % 1.0
-        s1 = (uniform(path, 1) + index * _ALPHA[1]) % 1.0
+        s0 = fraction(uniform(path, 0) + index * _ALPHA[0])
+        s1 = fraction(uniform(path, 1) + index * _ALPHA[1])
         fx = eye.frame[0] + (eye.frame[1] - eye.frame[0]) * ((x + s0) / eye.width)
         fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * ((y + s1) / eye.height)
         lx = ly = 0.0
         if eye.lens_radius > 0.0:
-            s2 = (uniform(path, 2) + index * _ALPHA[2]) % 1.0
-            s3 = (uniform(path, 3) + index * _ALPHA[3]) % 1.0
+            s2 = fraction(uniform(path, 2) + index * _ALPHA[2])
+            s3 = fraction(uniform(path, 3) + index * _ALPHA[3])
             lx, ly = _lens_point(eye, s2, s3)
             lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
         if eye.kind == 0:

@@ -9,7 +9,7 @@ from numba import njit
 
 from .radiometry import Radiometry, excess
 from .rng import path_key, uniform
-from .sampling import basis, cone_direction, cosine_direction, to_world, triangle_point
+from .sampling import FAST, basis, cone_direction, cosine_direction, fraction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
 from .surfaces import Surfaces, areas, normal, offset, point, temperature_at
@@ -175,7 +175,7 @@ def empty_wave(count: int, bands: int) -> Wave:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def emit(emitters, surfaces, radiometry, key, first, total, wave):
     """Fill the wave with photons first, first + 1, ... of the `total` of a pass. key: of the pass's photons."""
     shift = np.empty(6)
@@ -186,6 +186,7 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
     sky_end = surface_end + emitters.sky.size
     last = emitters.cumulative.size - 2
     entry = 0
+    known, known_kelvin = -1, -1.0  # material and temperature whose excess `value` holds: neighbours mostly share it
     for i in range(wave.photon.size):
         photon = first + i
         pick = (photon + shift[0]) / total
@@ -195,10 +196,10 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
             entry += 1
         probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
         share = 1.0 / (total * probability)
-        s0 = (shift[1] + photon * _ALPHA[0]) % 1.0
-        s1 = (shift[2] + photon * _ALPHA[1]) % 1.0
-        s2 = (shift[3] + photon * _ALPHA[2]) % 1.0
-        s3 = (shift[4] + photon * _ALPHA[3]) % 1.0
+        s0 = fraction(shift[1] + photon * _ALPHA[0])
+        s1 = fraction(shift[2] + photon * _ALPHA[1])
+        s2 = fraction(shift[3] + photon * _ALPHA[2])
+        s3 = fraction(shift[4] + photon * _ALPHA[3])
         wave.photon[i] = photon
         wave.straight[i] = entry >= sky_end
         wave.arrival[i] = -1
@@ -210,7 +211,11 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
             scale = math.pi * emitters.area[t] * share
             if entry < surface_end:
                 kelvin = temperature_at(surfaces.temperature, t, u, v)
-                excess(radiometry, surfaces.material[t], kelvin, lz, value)
+                material = surfaces.material[t]
+                if material != known or kelvin != known_kelvin:
+                    excess(radiometry, material, kelvin, lz, value)
+                    known = -1 if radiometry.alpha[material] > 0.0 else material
+                    known_kelvin = kelvin
                 for b in range(value.size):
                     wave.power[i, b] = value[b] * scale
             else:
@@ -251,7 +256,8 @@ def _leave_light(emitters, light, s0, s1, s2, s3, path, wave, i):
         a, b = 2.0 * s0 - 1.0, 2.0 * s1 - 1.0
         if kind == ELLIPSE:
             r = math.sqrt(s0)
-            a, b = r * math.cos(2.0 * math.pi * s1), r * math.sin(2.0 * math.pi * s1)
+            a, b = turn(s1)
+            a, b = r * a, r * b
         x, y, z = x + a * row[4] + b * row[7], y + a * row[5] + b * row[8], z + a * row[6] + b * row[9]
         nx = row[8] * row[6] - row[9] * row[5]  # cross(axis_v, axis_u)
         ny = row[9] * row[4] - row[7] * row[6]
@@ -269,7 +275,8 @@ def _leave_light(emitters, light, s0, s1, s2, s3, path, wave, i):
         radius = emitters.radius if kind == SUN else row[11]
         if radius > 0.0:
             r = radius * math.sqrt(s2)
-            p, q = r * math.cos(2.0 * math.pi * s3), r * math.sin(2.0 * math.pi * s3)
+            p, q = turn(s3)
+            p, q = r * p, r * q
             tx, ty, tz, bx, by, bz = basis(dx, dy, dz)
             x, y, z = x + p * tx + q * bx, y + p * ty + q * by, z + p * tz + q * bz
         if kind == SUN:

@@ -12,7 +12,7 @@ from .camera import eye_rays
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import basis, lobe_brdf, sample_lobe, to_world
+from .sampling import FAST, basis, lobe_brdf, sample_lobe, to_world
 from .surfaces import PATCH_LIMIT, normal, offset, point, temperature_at
 from .transport import MAX_SURVIVAL
 
@@ -34,7 +34,9 @@ class Estimate(NamedTuple):
     straight: bool
 
 
-def render_pixels(tracer, surfaces, radiometry, surroundings, eye, photon_map, estimate, keys, index, first, image, cancelled):
+def render_pixels(
+    tracer, surfaces, radiometry, surroundings, eye, photon_map, estimate, keys, index, first, image, cancelled
+):
     """Estimate the excess radiance of pixels first..first+n-1 of the window in one pass into image (n, b) float32.
 
     keys: of the camera stream (of the seed, of this pass). index: of the pass.
@@ -56,7 +58,7 @@ def render_pixels(tracer, surfaces, radiometry, surroundings, eye, photon_map, e
         bounce += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def shade(
     surfaces,
     radiometry,

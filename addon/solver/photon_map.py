@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The photon map: photons sorted along a Morton curve under an implicit tree of boxes, and the radiance estimate.
 
-Eight photons make a leaf, eight children a node, and both lie side by side in memory, so a node is tested with a few
+Sixteen photons make a leaf, sixteen children a node, and both lie side by side in memory, so either is tested with a few
 vector instructions. Unlike a grid this does not care how unevenly photons lie (caustics, hot spots); unlike a kd-tree
 it is built by one sort (tests/benchmarks/photon_index.py compares it with scipy's cKDTree).
 """
@@ -14,10 +14,13 @@ from numba import njit
 
 from .surfaces import PATCH_LIMIT, SAME_SURFACE, normal, patch_in_ball
 
-_WIDTH = 8  # photons in a leaf, children of a node
-_MORTON_BITS = 13  # per axis; the other 25 bits of a key hold the photon's number, which makes keys unique
-MAX_PHOTONS = 1 << (64 - 3 * _MORTON_BITS)
+_WIDTH = 16  # photons in a leaf, children of a node: one vector register of float32
+_DIGIT = 11  # bits that one round of the radix sort looks at
+_MORTON_BITS = 21  # per axis
+MAX_PHOTONS = 2**31 - 1
+_GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
 _FAR = np.float32(1e30)  # coordinate of the padding in the last leaf
+_BINS = 64  # of squared distance, to find the k-th nearest
 
 
 class Photons(NamedTuple):
@@ -37,8 +40,9 @@ class Photons(NamedTuple):
 class PhotonMap(NamedTuple):
     """Photons in Morton order with their tree.
 
-    leaves: (n / 8, 3, 8) float32 positions. nodes: (sum of levels, 6, 8) float32, boxes of the children (lower x, y, z,
-    upper x, y, z). starts: (levels + 1,) int64, first node of each level, level 0 right above the leaves.
+    leaves: (l, 6, w) float32, position and oriented normal of w photons a leaf. nodes: (sum of levels, 6, w) float32,
+    boxes of the children (lower x, y, z, upper x, y, z). starts: (levels + 1,) int64, first node of each level, level 0
+    right above the leaves.
     """
 
     leaves: np.ndarray
@@ -59,36 +63,68 @@ def _spread(v):
 
 
 @njit(cache=True, nogil=True)
-def _morton_keys(position, first, low, scale, keys):
-    """Keys of the photons of one batch, whose first has the number `first`."""
+def _morton_keys(position, low, scale, keys):
+    """Morton code of every photon of one batch."""
     top = float((1 << _MORTON_BITS) - 1)
     for i in range(position.shape[0]):
         code = np.uint64(0)
         for axis in range(3):
             cell = np.uint64(min(top, max(0.0, (position[i, axis] - low[axis]) * scale)))
             code |= _spread(cell) << np.uint64(axis)
-        keys[first + i] = (code << np.uint64(64 - 3 * _MORTON_BITS)) | np.uint64(first + i)
+        keys[i] = code
 
 
 @njit(cache=True, nogil=True)
-def _ranks(keys, ranks):
-    """Place of every photon in the sorted order."""
-    mask = np.uint64(MAX_PHOTONS - 1)
-    for i in range(keys.size):
-        ranks[keys[i] & mask] = i
+def _radix_ranks(keys):
+    """Place of every key in ascending order, equal keys in the order they came (least significant digit first)."""
+    n = keys.size
+    rounds = (3 * _MORTON_BITS + _DIGIT - 1) // _DIGIT
+    buckets = 1 << _DIGIT
+    mask = np.uint64(buckets - 1)
+    histogram = np.zeros((rounds, buckets), np.int32)
+    for i in range(n):
+        for r in range(rounds):
+            histogram[r, (keys[i] >> np.uint64(r * _DIGIT)) & mask] += 1
+    order, other = np.arange(n).astype(np.int32), np.empty(n, np.int32)
+    keys, other_keys = keys.copy(), np.empty_like(keys)
+    for r in range(rounds):
+        shift = np.uint64(r * _DIGIT)
+        if n == 0 or histogram[r, (keys[0] >> shift) & mask] == n:
+            continue  # all alike in this digit
+        total = 0
+        for bucket in range(buckets):
+            size = histogram[r, bucket]
+            histogram[r, bucket] = total
+            total += size
+        for i in range(n):
+            bucket = (keys[i] >> shift) & mask
+            place = histogram[r, bucket]
+            histogram[r, bucket] = place + 1
+            other_keys[place] = keys[i]
+            other[place] = order[i]
+        order, other = other, order
+        keys, other_keys = other_keys, keys
+    for i in range(n):
+        other[order[i]] = i
+    return other
 
 
 @njit(cache=True, nogil=True)
-def _place(batch, ranks, leaves, sorted_photons):
+def _place(batch, corners, ranks, leaves, sorted_photons):
     """Move the photons of one batch to their places."""
     bands = batch.power.shape[1]
     directed = batch.incoming.shape[0] > 0
     for i in range(batch.position.shape[0]):
         rank = ranks[i]
+        leaf, slot = rank // _WIDTH, rank % _WIDTH
+        code = batch.surface[i]
+        nx, ny, nz, _ = normal(corners, code >> 1)
+        sign = 1.0 if code & 1 == 0 else -1.0
         for axis in range(3):
             sorted_photons.position[rank, axis] = batch.position[i, axis]
-            leaves[rank // _WIDTH, axis, rank % _WIDTH] = batch.position[i, axis]
-        sorted_photons.surface[rank] = batch.surface[i]
+            leaves[leaf, axis, slot] = batch.position[i, axis]
+        leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = sign * nx, sign * ny, sign * nz
+        sorted_photons.surface[rank] = code
         for b in range(bands):
             sorted_photons.power[rank, b] = batch.power[i, b]
         if directed:
@@ -119,24 +155,27 @@ def _build_nodes(leaves, nodes, starts):
                     nodes[node, 3 + axis, c] = high if low < _FAR else low
 
 
-def build_photon_map(batches: list[Photons], bands: int, bounds: tuple[np.ndarray, np.ndarray]) -> PhotonMap:
-    """Photon map of the batches (with `bands` bands), which are taken out of the list one by one as their photons are placed.
+def build_photon_map(
+    batches: list[Photons], bands: int, corners: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], run=map
+) -> PhotonMap:
+    """Photon map of the batches (with `bands` bands), which are emptied.
 
-    bounds: lowest and highest corner (3,) of the scene. The result depends on the batches' order alone.
+    corners: of the surfaces. bounds: lowest and highest corner (3,) of the scene. run: map, or that of a thread pool.
+    The result depends on the batches' order alone.
     """
     sizes = [len(batch.surface) for batch in batches]
     n = sum(sizes)
-    if n >= MAX_PHOTONS:
-        raise MemoryError(f"{n} photons stored in one pass; at most {MAX_PHOTONS} are possible. Lower photons per pass.")
-    firsts = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+    if n > MAX_PHOTONS:
+        raise MemoryError(
+            f"{n} photons stored in one pass; at most {MAX_PHOTONS} are possible. Lower photons per pass."
+        )
+    ends = np.cumsum(sizes, dtype=np.int64)
+    parts = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
     keys = np.empty(n, np.uint64)
     low = np.asarray(bounds[0], np.float64)
     scale = ((1 << _MORTON_BITS) - 1) / max(float(np.max(bounds[1] - bounds[0])), 1e-30)
-    for batch, first in zip(batches, firsts[:-1], strict=True):
-        _morton_keys(batch.position, first, low, scale, keys)
-    keys.sort()
-    ranks = np.empty(n, np.int64)
-    _ranks(keys, ranks)
+    list(run(lambda batch, part: _morton_keys(batch.position, low, scale, keys[part]), batches, parts))
+    ranks = _radix_ranks(keys)
     directed = n if batches and batches[0].incoming.shape[0] else 0
     photons = Photons(
         np.empty((n, 3), np.float32),
@@ -145,10 +184,14 @@ def build_photon_map(batches: list[Photons], bands: int, bounds: tuple[np.ndarra
         np.empty((directed, 3), np.float32),
     )
     leaf_count = max(1, -(-n // _WIDTH))
-    leaves = np.full((leaf_count, 3, _WIDTH), _FAR, np.float32)
-    for first in firsts[:-1]:
-        batch = batches.pop(0)
-        _place(batch, ranks[first : first + len(batch.surface)], leaves, photons)
+    leaves = np.empty((leaf_count, 6, _WIDTH), np.float32)
+    leaves[-1] = _FAR  # the last leaf may have room to spare
+
+    def place(i):
+        _place(batches[i], corners, ranks[parts[i]], leaves, photons)
+        batches[i] = None  # its memory is free again
+
+    list(run(place, range(len(parts))))
     counts = [-(-leaf_count // _WIDTH)]
     while counts[-1] > 1:
         counts.append(-(-counts[-1] // _WIDTH))
@@ -159,66 +202,84 @@ def build_photon_map(batches: list[Photons], bands: int, bounds: tuple[np.ndarra
 
 
 class Neighbours(NamedTuple):
-    """Room for one search: numbers and squared distances of candidates, and the stack of nodes still to visit."""
+    """Room for one search: numbers and squared distances of candidates, the stack of nodes still to visit, squared
+    distances of a node's children or a leaf's photons, and a histogram."""
 
     index: np.ndarray
     distance2: np.ndarray
     stack: np.ndarray
     near: np.ndarray
+    histogram: np.ndarray
 
 
 @njit(cache=True, nogil=True)
 def neighbours_room(k):
     """Room for searches of k neighbours."""
     return Neighbours(
-        np.empty(max(4 * k, 64) + _WIDTH, np.int32),
-        np.empty(max(4 * k, 64) + _WIDTH, np.float32),
-        np.empty(16 * _WIDTH, np.int64),
+        np.empty(4 * k + 65 + _WIDTH, np.int32),
+        np.empty(4 * k + 65 + _WIDTH, np.float32),
+        np.empty(8 * _WIDTH, np.int64),
         np.empty(_WIDTH, np.float32),
+        np.empty(_BINS + 1, np.int32),
     )
 
 
-@njit(inline="always")
-def _select(index, distance2, count, k):
-    """Reorder the first count candidates so that the k nearest come first (Hoare's quickselect)."""
-    low, high = 0, count - 1
-    while low < high:
-        pivot = distance2[(low + high) >> 1]
-        i, j = low, high
-        while i <= j:
-            while distance2[i] < pivot:
-                i += 1
-            while distance2[j] > pivot:
-                j -= 1
-            if i <= j:
-                distance2[i], distance2[j] = distance2[j], distance2[i]
-                index[i], index[j] = index[j], index[i]
-                i += 1
-                j -= 1
-        if k - 1 <= j:
-            high = j
-        elif k - 1 >= i:
-            low = i
-        else:
-            break
+@njit(cache=True, nogil=True)  # without fast-math, so that both loops put a value into the same bin
+def _kth_smallest(values, count, k, top, histogram):
+    """The k-th smallest (from 1) of the first count values, of which at least k are not above top.
+
+    Squared distances within a disk are about evenly spread, so a histogram leaves a few to compare; where it does not
+    (coincident photons) it is applied again to the bin, and in the end the bin's values are counted off one by one.
+    """
+    low, high, wanted = np.float32(0.0), np.nextafter(np.float32(top), np.float32(np.inf)), k
+    for _ in range(8):
+        scale = np.float32(_BINS) / (high - low)
+        histogram[:] = 0
+        for i in range(count):
+            if low <= values[i] < high:
+                histogram[min(np.int32((values[i] - low) * scale), _BINS)] += 1
+        bin_ = 0
+        while histogram[bin_] < wanted:
+            wanted -= histogram[bin_]
+            bin_ += 1
+        smallest, largest = high, low  # of the values in the bin
+        for i in range(count):
+            if low <= values[i] < high and min(np.int32((values[i] - low) * scale), _BINS) == bin_:
+                smallest, largest = min(smallest, values[i]), max(largest, values[i])
+        if histogram[bin_] == 1 or smallest == largest:
+            return smallest
+        if wanted == 1:
+            return smallest
+        if wanted == histogram[bin_]:
+            return largest
+        low, high = smallest, np.nextafter(largest, np.float32(np.inf))
+    while True:
+        same, following = 0, high
+        for i in range(count):
+            if values[i] == low:
+                same += 1
+            elif low < values[i] < following:
+                following = values[i]
+        if same >= wanted:
+            return low
+        wanted -= same
+        low = following
 
 
 @njit(inline="always")
-def _search(photon_map, corners, k, x, y, z, nx, ny, nz, bound, room):
-    """Collect the photons nearer than sqrt(bound) that face the normal's way; at most k of them, the nearest.
+def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
+    """List the photons nearer than sqrt(bound) that face the normal's way, and some more, in room.
 
-    Returns their number and the squared distance within which all are known: that of the k-th, or bound if fewer.
+    Returns how many, and the squared distance within which all are known: that of the k-th, or bound if fewer.
     """
     leaves, nodes, starts = photon_map.leaves, photon_map.nodes, photon_map.starts
-    surface = photon_map.photons.surface
     index, distance2, stack, near = room.index, room.distance2, room.stack, room.near
-    limit = max(4 * k, 64)
+    limit = 4 * k + 64
     count = 0
-    top = starts.size - 2
-    stack[0] = starts[top]
+    stack[0] = starts[starts.size - 2]
     depth = 1
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
-    last, facing = -1, False  # neighbouring photons mostly lie on one surface
+    nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
     while depth > 0:
         depth -= 1
         node = stack[depth]
@@ -239,37 +300,33 @@ def _search(photon_map, corners, k, x, y, z, nx, ny, nz, bound, room):
                     stack[depth] = base + c
                     depth += 1
             continue
+        children = 0
         for c in range(_WIDTH):
-            if near[c] >= bound:
-                continue
-            leaf = base + c
+            if near[c] < bound:
+                stack[depth + children] = base + c
+                children += 1
+        for c in range(children):
+            leaf = stack[depth + c]
             p = leaves[leaf]
             for j in range(_WIDTH):
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
+                cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
                 d2 = dx * dx + dy * dy + dz * dz
-                if d2 < bound:
-                    photon = leaf * _WIDTH + j
-                    if surface[photon] != last:
-                        last = surface[photon]
-                        mx, my, mz, _ = normal(corners, last >> 1)
-                        cosine = nx * mx + ny * my + nz * mz
-                        facing = (cosine if last & 1 == 0 else -cosine) > SAME_SURFACE
-                    if facing:
-                        index[count] = photon
-                        distance2[count] = d2
-                        count += 1
+                near[j] = d2 if cosine > np.float32(SAME_SURFACE) else _FAR
+            for j in range(_WIDTH):  # no branch: which photons lie inside is as good as random
+                index[count] = leaf * _WIDTH + j
+                distance2[count] = near[j]
+                count += 1 if near[j] < bound else 0
             if count > limit:
-                _select(index, distance2, count, k)
-                count = k
-                bound = distance2[0]
-                for j in range(1, k):
-                    bound = max(bound, distance2[j])
+                bound = _kth_smallest(distance2, count, k, bound, room.histogram)
+                kept = 0
+                for j in range(count):
+                    if distance2[j] <= bound and kept < limit:  # many may lie at exactly one distance
+                        index[kept], distance2[kept] = index[j], distance2[j]
+                        kept += 1
+                count = kept
     if count >= k:
-        _select(index, distance2, count, k)
-        count = k
-        bound = distance2[0]
-        for j in range(1, k):
-            bound = max(bound, distance2[j])
+        bound = _kth_smallest(distance2, count, k, bound, room.histogram)
     return count, bound
 
 
@@ -292,11 +349,11 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, guess, ro
     bound = np.float32(min(guess, reach2))
     limit = np.float32(reach2)
     while True:
-        count, r2 = _search(photon_map, corners, k, x, y, z, nx, ny, nz, bound, room)
+        count, r2 = _search(photon_map, k, x, y, z, nx, ny, nz, bound, room)
         if count >= k or bound >= limit:
             break
         bound = min(np.float32(4.0) * bound, limit)
-    next_guess = 1.5 * r2
+    next_guess = _GUESS * r2
     disk2 = max(np.float32(shrink2 * r2), np.float32(1e-12) * limit)  # photons that all coincide still get an area
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, float(disk2), patch)
     kept = 0

@@ -142,8 +142,12 @@ def excess(radiometry, material, temperature, cosine, out):
         if lost > 0.0:
             extra = -rho * radiometry.reference[b]
             if row >= 0:
-                extra += h0 * (e[black, row, b] - e[material, row, b]) + h1 * (e[black, row + 1, b] - e[material, row + 1, b])
-                extra += d0 * (s[black, row, b] - s[material, row, b]) + d1 * (s[black, row + 1, b] - s[material, row + 1, b])
+                extra += h0 * (e[black, row, b] - e[material, row, b]) + h1 * (
+                    e[black, row + 1, b] - e[material, row + 1, b]
+                )
+                extra += d0 * (s[black, row, b] - s[material, row, b]) + d1 * (
+                    s[black, row + 1, b] - s[material, row + 1, b]
+                )
             value += lost * extra
         out[b] = value
 

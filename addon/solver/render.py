@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pass loop of multi-pass spectral photon mapping (Boudet et al. 2004, section 4).
 
-    look at the scene: what can matter, reference temperature, tables, emitters
-    for every pass:
-        emit photons, trace them, store their hits          (emission, transport)
-        sort them into a photon map                         (photon_map)
-        follow camera paths and gather photons at their ends (eye_paths)
-        add the image to the running mean                   (film)
+look at the scene: what can matter, reference temperature, tables, emitters
+for every pass:
+    emit photons, trace them, store their hits          (emission, transport)
+    sort them into a photon map                         (photon_map)
+    follow camera paths and gather photons at their ends (eye_paths)
+    add the image to the running mean                   (film)
 """
 
 from __future__ import annotations
@@ -126,7 +126,9 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         "diffuse" if not np.any(radiometry.specular[used]) else "rough specular" if rough else "specular",
         len(scene.lights),
         f"{reference:g} K" if settings.reference_subtraction else "off",
-        f"{photons} photons a pass" if photons else "no photons needed: nothing differs from the reference or nothing reflects",
+        f"{photons} photons a pass"
+        if photons
+        else "no photons needed: nothing differs from the reference or nothing reflects",
     )
     corners = surfaces.corners.reshape(-1, 3)
     return Model(
@@ -168,7 +170,7 @@ def render_pass(
     if cancelled():
         return False
     stored = sum(len(batch.surface) for batch in batches)
-    photon_map = build_photon_map(batches, m.radiometry.reference.size, m.bounds)
+    photon_map = build_photon_map(batches, m.radiometry.reference.size, m.surfaces.corners, m.bounds, pool.map)
     estimate = Estimate(
         settings.neighbours,
         m.reach2,

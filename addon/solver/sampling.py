@@ -10,6 +10,33 @@ from numba import njit
 MIRROR_ALPHA = 1e-4
 
 
+# Lets LLVM vectorise sums over bands. Unlike full fast-math it keeps NaN and infinity, and the compiled code, so the
+# order of every sum, is the same in every thread.
+FAST = {"reassoc", "contract", "arcp", "nsz"}
+
+_HALF_SQRT2 = 0.7071067811865476
+
+
+@njit(inline="always")
+def turn(u):
+    """Cosine and sine of u turns, 0 <= u < 1, to 1e-11: several times faster than libm and without branches."""
+    x = 4.0 * u
+    quarter = int(x)
+    x = (x - quarter - 0.5) * (0.5 * math.pi)  # within pi/4 of the middle of its quarter
+    x2 = x * x
+    s = x * (1.0 + x2 * (-1 / 6 + x2 * (1 / 120 + x2 * (-1 / 5040 + x2 * (1 / 362880 - x2 / 39916800)))))
+    c = 1.0 + x2 * (-0.5 + x2 * (1 / 24 + x2 * (-1 / 720 + x2 * (1 / 40320 + x2 * (-1 / 3628800 + x2 / 479001600)))))
+    mx = -_HALF_SQRT2 if quarter == 1 or quarter == 2 else _HALF_SQRT2
+    my = -_HALF_SQRT2 if quarter >= 2 else _HALF_SQRT2
+    return c * mx - s * my, s * mx + c * my
+
+
+@njit(inline="always")
+def fraction(x):
+    """Fractional part of x >= 0."""
+    return x - math.floor(x)
+
+
 @njit(inline="always")
 def basis(nx, ny, nz):
     """Two unit vectors that complete a right-handed frame with the normal (Duff et al. 2017)."""
@@ -30,8 +57,8 @@ def to_world(x, y, z, nx, ny, nz):
 def cosine_direction(u, v):
     """Local direction with density cos(theta) / pi (Malley's method)."""
     r = math.sqrt(u)
-    phi = 2.0 * math.pi * v
-    return r * math.cos(phi), r * math.sin(phi), math.sqrt(max(0.0, 1.0 - u))
+    c, s = turn(v)
+    return r * c, r * s, math.sqrt(max(0.0, 1.0 - u))
 
 
 @njit(inline="always")
@@ -39,8 +66,8 @@ def cone_direction(u, v, cos_min):
     """Local direction uniform in the cone around +z with cosine above cos_min."""
     z = 1.0 - u * (1.0 - cos_min)
     r = math.sqrt(max(0.0, 1.0 - z * z))
-    phi = 2.0 * math.pi * v
-    return r * math.cos(phi), r * math.sin(phi), z
+    c, s = turn(v)
+    return r * c, r * s, z
 
 
 @njit(inline="always")
@@ -75,9 +102,8 @@ def sample_lobe(x, y, z, alpha, u, v):
         ax, ay = 1.0, 0.0
     bx, by, bz = -hz * ay, hz * ax, hx * ay - hy * ax
     r = math.sqrt(u)
-    phi = 2.0 * math.pi * v
-    p = r * math.cos(phi)
-    q = r * math.sin(phi)
+    c, s = turn(v)
+    p, q = r * c, r * s
     s = 0.5 * (1.0 + hz)
     q = (1.0 - s) * math.sqrt(max(0.0, 1.0 - p * p)) + s * q
     n = math.sqrt(max(0.0, 1.0 - p * p - q * q))

@@ -220,7 +220,9 @@ def check_band_edges(edges: np.ndarray) -> None:
     if edges.ndim != 1 or len(edges) < 2:
         raise SceneError("Bands need at least two edges (um)")
     if not (np.all(np.isfinite(edges)) and np.all(edges > 0)):
-        raise SceneError(f"Band edges must be finite and above 0 um, got {edges[~(np.isfinite(edges) & (edges > 0))][0]:g}")
+        raise SceneError(
+            f"Band edges must be finite and above 0 um, got {edges[~(np.isfinite(edges) & (edges > 0))][0]:g}"
+        )
     if np.any(np.diff(edges) <= 0):
         at = int(np.flatnonzero(np.diff(edges) <= 0)[0])
         raise SceneError(f"Band edges must ascend: {edges[at]:g} um is followed by {edges[at + 1]:g} um")

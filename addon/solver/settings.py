@@ -37,7 +37,13 @@ class Settings:
     shrink: bool = True
 
     def __post_init__(self):
-        for name, least in (("passes", 0), ("photons_per_pass", 1), ("neighbours", 2), ("threads", 0), ("pass_offset", 0)):
+        for name, least in (
+            ("passes", 0),
+            ("photons_per_pass", 1),
+            ("neighbours", 2),
+            ("threads", 0),
+            ("pass_offset", 0),
+        ):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}, at least {least} is needed")
         if self.passes == 0 and self.time_limit <= 0 and self.target_noise <= 0:

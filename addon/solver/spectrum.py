@@ -34,7 +34,9 @@ def planck(wavelength: np.ndarray, temperature: np.ndarray) -> np.ndarray:
     return C1 / np.asarray(wavelength, np.float64) ** 5 * np.exp(-x) / -np.expm1(-x)
 
 
-def _segment(low: float, high: float, values: tuple[float, float], temperature: np.ndarray, derivative: bool) -> np.ndarray:
+def _segment(
+    low: float, high: float, values: tuple[float, float], temperature: np.ndarray, derivative: bool
+) -> np.ndarray:
     """Integral over low..high um of eps(lambda) B(lambda, T), eps linear from values[0] to values[1]. T (n,) > 0.
 
     derivative: of d/d(ln T) of it instead; d B / d ln T = B x / (1 - e^-x).

@@ -15,6 +15,8 @@ from .scene import Scene
 SAME_SURFACE = 0.8
 # Triangles whose area inside the gather disk is summed exactly; in finer meshes the disk counts as plane.
 PATCH_LIMIT = 64
+# Disk area over twice the area of a triangle and its neighbours, above which a disk touches more than PATCH_LIMIT.
+_TOO_FINE = 6.0
 
 
 class Surfaces(NamedTuple):
@@ -79,13 +81,10 @@ def _areas(corners):
 
 @njit(inline="always")
 def normal(corners, t):
-    """Unit normal of triangle t and twice its area."""
-    ax = float(corners[t, 1, 0]) - corners[t, 0, 0]
-    ay = float(corners[t, 1, 1]) - corners[t, 0, 1]
-    az = float(corners[t, 1, 2]) - corners[t, 0, 2]
-    bx = float(corners[t, 2, 0]) - corners[t, 0, 0]
-    by = float(corners[t, 2, 1]) - corners[t, 0, 1]
-    bz = float(corners[t, 2, 2]) - corners[t, 0, 2]
+    """Unit normal of triangle t and twice its area, float64 (numba's float() would keep float32)."""
+    x, y, z = np.float64(corners[t, 0, 0]), np.float64(corners[t, 0, 1]), np.float64(corners[t, 0, 2])
+    ax, ay, az = corners[t, 1, 0] - x, corners[t, 1, 1] - y, corners[t, 1, 2] - z
+    bx, by, bz = corners[t, 2, 0] - x, corners[t, 2, 1] - y, corners[t, 2, 2] - z
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
     inverse = 1.0 / length if length > 0.0 else 0.0
@@ -274,10 +273,20 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
     (PATCH_LIMIT,) int32 with codes 2 t + side and returns their number and their area inside the ball, m2. A mesh too
     fine for that returns 0 and the disk's area pi r2: then every photon of the ball that faces the same way counts.
     """
-    nx, ny, nz, _ = normal(corners, t)
+    nx, ny, nz, around = normal(corners, t)
     if side == 1:
         nx, ny, nz = -nx, -ny, -nz
     patch[0] = 2 * t + side
+    disk = math.pi * r2
+    crossed = False
+    for i in range(3):
+        crossed |= _edge_distance2(corners, t, i, x, y, z) < r2
+        if neighbours[t, i] >= 0:
+            around += normal(corners, neighbours[t, i] >> 1)[3]
+    if not crossed:
+        return 1, disk
+    if disk > _TOO_FINE * around:  # do not walk PATCH_LIMIT triangles only to find that they are too many
+        return 0, disk
     count, done, area = 1, 0, 0.0
     while done < count:
         current, current_side = patch[done] >> 1, patch[done] & 1
@@ -297,7 +306,7 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
                 known |= patch[j] == code
             if not known:
                 if count == PATCH_LIMIT:
-                    return 0, math.pi * r2
+                    return 0, disk
                 patch[count] = code
                 count += 1
     return count, abs(area)

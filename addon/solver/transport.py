@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Photons travel: Embree traces a wave of rays, a kernel stores and scatters them, until roulette has ended all."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from .emission import Emitters, Wave, emit, empty_wave
 from .photon_map import Photons
 from .radiometry import Radiometry
 from .rng import path_key, uniform
-from .sampling import basis, cosine_direction, sample_lobe, to_world
+from .sampling import FAST, basis, cosine_direction, sample_lobe, to_world
 from .surfaces import Surfaces, Tracer, normal, offset, point
 
 # No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
@@ -66,7 +65,7 @@ def _room(count: int, bands: int, directed: bool) -> Photons:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored):
     """Store the photons that hit, play roulette with them and send the survivors on, moved to the front of the wave.
 
@@ -144,11 +143,13 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         else:
             lx, ly, lz = cosine_direction(s, w)
             ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
-        inverse = 1.0 / math.sqrt(ox * ox + oy * oy + oz * oz)
         clear = offset(surfaces.corners, t, x, y, z)
-        wave.origin[alive, 0], wave.origin[alive, 1], wave.origin[alive, 2] = x + clear * nx, y + clear * ny, z + clear * nz
-        wave.direction[alive, 0], wave.direction[alive, 1] = ox * inverse, oy * inverse
-        wave.direction[alive, 2] = oz * inverse
+        wave.origin[alive, 0], wave.origin[alive, 1], wave.origin[alive, 2] = (
+            x + clear * nx,
+            y + clear * ny,
+            z + clear * nz,
+        )
+        wave.direction[alive, 0], wave.direction[alive, 1], wave.direction[alive, 2] = ox, oy, oz
         for b in range(bands):
             wave.power[alive, b] = wave.power[i, b] * rho[b] * scale
         wave.photon[alive] = wave.photon[i]

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the time of a pass goes, as ratios measured in one run.
+
+    python tests/benchmarks/throughput.py [threads]
+
+Prints (1) the rate of rays while photons are traced, stored and scattered over the rate of Embree alone on the same
+rays, and (2) the time for the photon index and the gathers over the time for tracing. 16 bands, 100,000 photons,
+128x96 pixels, 81,932 triangles: a room with a ball in the middle. Best of several repetitions, interleaved.
+"""
+
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+from scenes import box, look, make_scene, sphere  # noqa: E402
+
+from addon.solver import Material, Settings  # noqa: E402
+from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
+from addon.solver.photon_map import build_photon_map  # noqa: E402
+from addon.solver.render import PHOTON_CHUNK, PIXEL_CHUNK, prepare  # noqa: E402
+from addon.solver.rng import CAMERA, PHOTONS, pass_key  # noqa: E402
+from addon.solver.transport import trace_photons  # noqa: E402
+
+PHOTONS_PER_PASS = 100_000
+REPETITIONS = 9
+
+
+class Recorder:
+    """Stands in for the tracer and keeps the rays it is given."""
+
+    def __init__(self, tracer):
+        self.tracer, self.rays = tracer, []
+
+    def trace(self, origin, direction, reach=None):
+        self.rays.append((origin.copy(), direction.copy()))
+        return self.tracer.trace(origin, direction, reach)
+
+
+def room(bands=16):
+    """A room of 6 x 5 x 3 m with a ball: every surface differs from the reference, 60 % emissivity."""
+    walls, wall_triangles = box((6.0, 5.0, 3.0))
+    ball, ball_triangles = sphere(6, 0.8)
+    vertices = np.concatenate((walls, ball + (3.0, 2.5, 1.2)))
+    triangles = np.concatenate((wall_triangles, ball_triangles + len(walls))).astype(np.int32)
+    material = np.concatenate((np.zeros(12), np.ones(len(ball_triangles)))).astype(np.int32)
+    temperature = np.where(material == 1, 320.0, np.resize([285.0, 290.0, 295.0], len(material)))
+    curve = np.array([[7.0, 0.5], [9.0, 0.7], [14.0, 0.6]])
+    materials = (Material("walls", curve), Material("ball", 0.6))
+    camera = look((0.5, 0.5, 1.5), (4, 3, 1), 128, 96, 0.9)
+    return make_scene(vertices, triangles, temperature, materials, camera, np.linspace(7.5, 14, bands + 1), material)
+
+
+def seconds(function):
+    start = time.perf_counter()
+    result = function()
+    return time.perf_counter() - start, result
+
+
+def main():
+    threads = int(sys.argv[1]) if len(sys.argv) > 1 else 2
+    scene, settings = room(), Settings(photons_per_pass=PHOTONS_PER_PASS)
+    model = prepare(scene, settings)
+    key = pass_key(0, 0, PHOTONS)
+    camera_keys = (pass_key(0, 2**32 - 1, CAMERA), pass_key(0, 0, CAMERA))
+    image = np.empty((128 * 96, 16), np.float32)
+    firsts = range(0, PHOTONS_PER_PASS, PHOTON_CHUNK)
+
+    def trace_chunk(first, tracer=model.tracer):
+        count = min(PHOTON_CHUNK, PHOTONS_PER_PASS - first)
+        m = model
+        return trace_photons(
+            tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first, count, PHOTONS_PER_PASS, lambda: False
+        )
+
+    recorder = Recorder(model.tracer)
+    chunks = []
+    for first in firsts:
+        start = len(recorder.rays)
+        trace_chunk(first, recorder)
+        chunks.append(recorder.rays[start:])
+    rays = sum(len(origin) for origin, _ in recorder.rays)
+
+    def embree_chunk(chunk):
+        for origin, direction in chunk:
+            model.tracer.trace(origin, direction)
+
+    with ThreadPoolExecutor(threads) as pool:
+        times = {"trace": [], "embree": [], "index": [], "gather": []}
+        for _ in range(REPETITIONS):
+            spent, results = seconds(lambda: list(pool.map(trace_chunk, firsts)))
+            times["trace"].append(spent)
+            times["embree"].append(seconds(lambda: list(pool.map(embree_chunk, chunks)))[0])
+            batches = [batch for chunk in results for batch in chunk]
+            stored = sum(len(batch.surface) for batch in batches)
+            spent, photon_map = seconds(
+                lambda b=batches: build_photon_map(b, 16, model.surfaces.corners, model.bounds, pool.map)
+            )
+            times["index"].append(spent)
+            estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False)
+
+            def gather(first, photon_map=photon_map, estimate=estimate):
+                m, rows = model, image[first : first + PIXEL_CHUNK]
+                render_pixels(
+                    m.tracer, m.surfaces, m.radiometry, m.emitters.surroundings, m.eye, photon_map, estimate,
+                    camera_keys, 0, first, rows, lambda: False,
+                )  # fmt: skip
+
+            times["gather"].append(seconds(lambda g=gather: list(pool.map(g, range(0, len(image), PIXEL_CHUNK))))[0])
+    best = {name: min(values[1:]) for name, values in times.items()}
+    print(f"{threads} threads, {rays} rays, {stored} photons stored, {settings.neighbours} neighbours")
+    print("  ".join(f"{name} {1e3 * value:.1f} ms" for name, value in best.items()))
+    print(
+        f"rays while tracing and scattering / rays of Embree alone: {best['embree'] / best['trace']:.2f}  (target 0.60)"
+    )
+    ratio = (best["index"] + best["gather"]) / best["trace"]
+    print(f"index and gather / tracing: {ratio:.2f}  (target 1.00)")
+
+
+if __name__ == "__main__":
+    main()

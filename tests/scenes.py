@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small scenes that the tests share, built without Blender."""
+
+import numpy as np
+
+from addon.solver import Camera, Scene
+
+_BOX_FACES = {  # quads seen from inside are back faces or front faces alike: both sides emit and reflect
+    "-x": (0, 1, 3, 2),
+    "+x": (4, 6, 7, 5),
+    "-y": (0, 4, 5, 1),
+    "+y": (2, 3, 7, 6),
+    "-z": (0, 2, 6, 4),
+    "+z": (1, 5, 7, 3),
+}
+
+
+def look(position, target, width=24, height=18, tangent=0.5, **options):
+    """Perspective camera at a position that looks at a target; tangent: of half the horizontal field of view."""
+    position, target = np.asarray(position, float), np.asarray(target, float)
+    backward = (position - target) / np.linalg.norm(position - target)
+    up = np.array([0.0, 0.0, 1.0]) if abs(backward[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(up, backward)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.column_stack((right, np.cross(backward, right), backward))
+    matrix[:3, 3] = position
+    vertical = tangent * height / width
+    return Camera(width, height, matrix, frame=(-tangent, tangent, -vertical, vertical), **options)
+
+
+def box(size=(1.0, 1.0, 1.0)):
+    """Vertices (8, 3), triangles (12, 3) of a box from the origin; two triangles a face in the order of _BOX_FACES."""
+    x, y, z = size
+    vertices = np.array([(i * x, j * y, k * z) for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
+    triangles = [t for a, b, c, d in _BOX_FACES.values() for t in ((a, b, c), (a, c, d))]
+    return vertices, np.array(triangles, np.int32)
+
+
+def sphere(subdivisions, radius=1.0):
+    """Icosphere: vertices (n, 3) and triangles (m, 3), m = 20 * 4^subdivisions."""
+    g = (1 + 5**0.5) / 2
+    vertices = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
+    vertices += [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
+    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6)]
+    faces += [(7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10)]
+    faces += [(8, 6, 7), (9, 8, 1)]
+    points = np.array(vertices, float)
+    triangles = np.array(faces, np.int32)
+    for _ in range(subdivisions):
+        edges = np.sort(np.concatenate((triangles[:, :2], triangles[:, 1:], triangles[:, ::2])), axis=1)
+        unique, inverse = np.unique(edges, axis=0, return_inverse=True)
+        middle = (len(points) + inverse.reshape(3, -1)).astype(np.int32)
+        points = np.concatenate((points, points[unique].mean(axis=1)))
+        ab, bc, ca = middle
+        a, b, c = triangles.T
+        triangles = np.concatenate([np.column_stack(t) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return radius * points / np.linalg.norm(points, axis=1, keepdims=True), triangles
+
+
+def make_scene(vertices, triangles, temperature, materials, camera, band_edges, material=None, **options):
+    """Scene with one material index per triangle (default 0) and one temperature per triangle (or for all)."""
+    count = len(triangles)
+    material = np.zeros(count, np.int32) if material is None else np.asarray(material, np.int32)
+    temperature = np.broadcast_to(np.asarray(temperature, np.float32), (count,)).copy()
+    return Scene(
+        vertices, triangles, material, temperature, tuple(materials), camera, np.asarray(band_edges), **options
+    )
+
+
+def mean_and_error(films, truth):
+    """Relative deviation of the image's mean radiance from truth, and its standard error, from independent films.
+
+    Pixels of one film share photons, so the error of an image's mean comes from independent renders, not from pixels.
+    """
+    values = np.array([film.radiance().mean(dtype=np.float64) for film in films]) / truth - 1.0
+    return values.mean(), values.std(ddof=1) / np.sqrt(len(values))
