@@ -56,14 +56,14 @@ _COLOURS = _table()
 
 
 def robust_range(values: np.ndarray) -> tuple[float, float]:
-    """(low, high) that hold 99 % of the finite values of any shape, so that a few outliers do not flatten the picture.
+    """(low, high) that hold 99.8 % of the finite values of any shape, so that outliers do not flatten the picture.
 
     (0.0, 0.0) if no value is finite.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return 0.0, 0.0
-    low, high = np.percentile(finite, (0.5, 99.5))
+    low, high = np.percentile(finite, (0.1, 99.9))
     return float(low), float(high)
 
 

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The demo: its file keeps to the contract, its script renders it, and the caustic is where geometry puts it."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+Image = pytest.importorskip("PIL.Image")
+OpenEXR = pytest.importorskip("OpenEXR")
+
+from addon.output.exr import channel_name  # noqa: E402
+from addon.solver.spectrum import apparent_temperature, band_names  # noqa: E402
+
+DEMO = Path(__file__).resolve().parents[1] / "docs" / "demo"
+WIDTH, HEIGHT, PASSES, PHOTONS = 160, 120, 12, 100_000
+EDGES = np.linspace(7.5, 13.5, 16)  # um, of the demo's bands
+
+
+@pytest.fixture
+def demo():
+    """The demo's scene, opened."""
+    bpy.ops.wm.open_mainfile(filepath=str(DEMO / "demo.blend"), load_ui=False)
+    return bpy.context.scene
+
+
+@pytest.fixture
+def script(monkeypatch):
+    """Import a module of the demo's folder by its name."""
+    monkeypatch.syspath_prepend(str(DEMO))
+    return lambda name: __import__(name)
+
+
+# demo.blend
+
+
+def test_the_file_keeps_to_the_contract(demo):
+    ring, plane, heater = (bpy.data.objects[name] for name in ("Ring", "Plane", "Heater"))
+    assert demo.render.engine == "INFRARED_PHOTONS" and demo.camera.type == "CAMERA"
+    assert demo.world["temperature"] == 250 and plane["temperature"] == 293 and ring["temperature"] == 340
+    metal, slate = ring.data.materials[0], plane.data.materials[0]
+    assert metal["specular"] == 1 and metal["roughness"] == 0 and slate["specular"] == 0
+    emissivity = np.array(metal["emissivity"].to_list()).reshape(-1, 2)
+    assert np.all(np.diff(emissivity[:, 0]) > 0) and np.all((emissivity[:, 1] > 0) & (emissivity[:, 1] < 1))
+    assert heater.data.type == "POINT" and heater.data.energy > 0 and heater["temperature"] == 1000
+
+
+def describe(scene):
+    """Everything of a scene that the engine renders, in plain values."""
+    infrared = scene.infrared
+    settings = [name for name in infrared.bl_rna.properties.keys() if name not in ("rna_type", "name")]  # noqa: SIM118
+    result = {
+        "settings": {name: getattr(infrared, name) for name in settings},
+        "render": (scene.render.engine, scene.render.resolution_x, scene.render.resolution_y, scene.camera.name),
+        "world": custom_properties(scene.world),
+    }
+    for obj in scene.objects:
+        entry = {"matrix": np.array(obj.matrix_world).tolist(), "properties": custom_properties(obj)}
+        if obj.type == "MESH":
+            entry["vertices"] = [list(vertex.co) for vertex in obj.data.vertices]
+            entry["faces"] = [list(face.vertices) for face in obj.data.polygons]
+            entry["materials"] = [(m.name, custom_properties(m)) for m in obj.data.materials]
+        elif obj.type == "LIGHT":
+            entry["light"] = (obj.data.type, obj.data.energy, obj.data.shadow_soft_size)
+        elif obj.type == "CAMERA":
+            entry["camera"] = (obj.data.lens, obj.data.sensor_width, obj.data.clip_start, obj.data.clip_end)
+        result[obj.name] = entry
+    return result
+
+
+def custom_properties(block):
+    return {key: value.to_list() if hasattr(value, "to_list") else value for key, value in block.items()}
+
+
+def test_the_file_is_what_its_script_makes(demo, script):
+    stored = describe(demo)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    script("make_demo").build()
+    bpy.context.view_layer.update()
+    assert describe(bpy.context.scene) == stored
+
+
+# render.py
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """Folder with the demo rendered small by its script, and the last line the script printed."""
+    folder = tmp_path_factory.mktemp("demo") / "new" / "folder"
+    options = ["--passes", PASSES, "--photons", PHOTONS, "--resolution", f"{WIDTH}x{HEIGHT}", "--output", folder]
+    run = subprocess.run(
+        [sys.executable, DEMO / "render.py", *map(str, options)], capture_output=True, text=True, timeout=600
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    return folder, run.stdout.strip().splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def images(rendered):
+    """The band EXR's images by pass name, row 0 at the bottom."""
+    with OpenEXR.File(str(rendered[0] / "demo-bands.exr")) as file:
+        channels = file.channels()
+        names = [*band_names(EDGES), "Radiance", "Temperature", "Noise"]
+        assert set(channels) == {channel_name(name) for name in names}
+        return {name: channels[channel_name(name)].pixels[::-1].copy() for name in names}
+
+
+def test_the_line_of_figures_tells_what_was_done(rendered, images):
+    number = r"([\d.,]+)"
+    line = re.fullmatch(
+        rf"{number} passes, {number} photons, {number} s, {number} MB at most \(with Blender\), "
+        rf"noise {number} K \(median\), {number} K \(95 % of the pixels are below\)",
+        rendered[1],
+    )
+    passes, photons, seconds, memory, median, most = (float(group.replace(",", "")) for group in line.groups())
+    assert (passes, photons) == (PASSES, PASSES * PHOTONS)
+    assert seconds > 0 and 100 < memory < 4000
+    assert [median, most] == pytest.approx(np.percentile(images["Noise"], [50, 95]), abs=6e-4)  # three decimals
+
+
+def test_blenders_own_file_holds_the_same_images(rendered, images):
+    with OpenEXR.File(str(rendered[0] / "demo.exr"), separate_channels=True) as file:
+        channels = {name: c.pixels[::-1] for part in file.parts for name, c in part.channels.items()}
+        for name, image in images.items():
+            (match,) = [key for key in channels if key.startswith(f"ViewLayer.{name}.")]
+            np.testing.assert_array_equal(channels[match], image, err_msg=name)
+
+
+def test_the_images_belong_together(images):
+    widths = np.diff(EDGES)
+    radiance = sum(
+        images[name].astype(np.float64) * width for name, width in zip(band_names(EDGES), widths, strict=True)
+    )
+    np.testing.assert_allclose(images["Radiance"], radiance, rtol=1e-5)  # float32 sums of 15 bands
+    np.testing.assert_allclose(images["Temperature"], apparent_temperature(radiance, EDGES), rtol=1e-5)
+
+
+def test_the_picture_has_its_size_and_a_bar_from_black_to_white(rendered, script):
+    picture = np.asarray(Image.open(rendered[0] / "demo.png"))
+    margin = script("picture").MARGIN
+    assert picture.shape == (HEIGHT, WIDTH + margin, 3)
+    bar = picture[:, WIDTH + margin // 2].astype(int).sum(axis=1)
+    assert bar.max() == 3 * 255 and bar.min() == 0
+    assert np.ptp(picture[:, :WIDTH].astype(int), axis=(0, 1)).min() > 200  # all of the palette is in use
+
+
+def at(scene, image, points):
+    """Values of an image at the pixels that see points (n, 3) of the world."""
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
+
+    seen = np.array([world_to_camera_view(scene, scene.camera, Vector(point)) for point in points])
+    column, row = (seen[:, 0] * WIDTH).astype(int), (seen[:, 1] * HEIGHT).astype(int)
+    return image[row, column]
+
+
+def test_the_caustic_is_where_geometry_puts_it(demo, images):
+    """In plan the light stands on the ring's circle of radius R, so the caustic is a cardioid (the wall is vertical, so
+    mirrored rays look in plan like the mirror problem in two dimensions): with the light on the x axis
+    (R/3) (2 cos t + cos 2t, 2 sin t + sin 2t).
+    """
+    demo.render.resolution_x, demo.render.resolution_y = WIDTH, HEIGHT
+    bpy.context.view_layer.update()
+    x, y, _ = bpy.data.objects["Heater"].location
+    radius = np.hypot(x, y)
+    t = np.radians([*range(100, 145, 5), *range(220, 265, 5)])[:, None]  # the two branches that the ring does not hide
+    curve = (np.exp(1j * t) * 2 + np.exp(2j * t)) / 3  # as complex numbers, in units of R
+    outwards = np.exp(1.5j * t)  # the normal: the tangent is i (exp(it) + exp(2it)), in the direction of i exp(1.5it)
+    offset = np.linspace(-0.2, 0.2, 41)
+    plan = (curve + offset * outwards).ravel() * complex(x, y)
+    points = np.stack((plan.real, plan.imag, np.zeros(plan.size)), axis=1)
+    temperature, noise = (at(demo, images[name], points).reshape(t.size, -1) for name in ("Temperature", "Noise"))
+    # The disk that gathers 50 of the photons in the ring (a tenth of all) blurs the first pass; a pixel adds its size.
+    blur = np.sqrt(50 / (0.1 * PHOTONS)) + 0.6 / WIDTH / radius
+    brightest = offset[np.argmax(temperature, axis=1)]
+    assert np.abs(brightest).max() < blur, brightest
+    # Beside the curve the plane sees the light just as well: what it lacks there is the caustic.
+    on = offset.size // 2
+    for beside in (0, -1):
+        excess = temperature[:, on] - temperature[:, beside]
+        assert np.all(excess > 5 * np.hypot(noise[:, on], noise[:, beside])), excess
+
+
+def test_bad_options_are_told_without_a_traceback(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    for options, message in (
+        (["--passes", "0"], "0 is not above 0"),
+        (["--resolution", "320"], "'320' is not a width and a height"),
+        (["--output", str(tmp_path / "file" / "folder")], "Not a directory"),
+    ):
+        run = subprocess.run(
+            [sys.executable, DEMO / "render.py", *options], capture_output=True, text=True, timeout=120
+        )
+        assert run.returncode != 0 and message in run.stderr and "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize(
+    "low, high, expected",
+    [
+        (275.0, 320.0, [280, 290, 300, 310, 320]),
+        (0.0, 0.34, [0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3]),
+        (5.0, 5.0, []),
+    ],
+)
+def test_ticks_are_round_and_few(script, low, high, expected):
+    assert list(script("picture").ticks(low, high)) == pytest.approx(expected)
