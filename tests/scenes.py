@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from addon.solver import Camera, Scene
+from addon.solver import Camera, Scene, render
 
 _BOX_FACES = {  # quads seen from inside are back faces or front faces alike: both sides emit and reflect
     "-x": (0, 1, 3, 2),
@@ -68,10 +68,13 @@ def make_scene(vertices, triangles, temperature, materials, camera, band_edges, 
     )
 
 
-def mean_and_error(films, truth):
-    """Relative deviation of the image's mean radiance from truth, and its standard error, from independent films.
+def mean_and_error(scene, settings):
+    """Mean radiance of the image (W m-2 sr-1) over a whole render, and its standard error.
 
-    Pixels of one film share photons, so the error of an image's mean comes from independent renders, not from pixels.
+    The pixels of a pass share its photons, so the error comes from the spread of the image's mean between passes,
+    which are independent of each other.
     """
-    values = np.array([film.radiance().mean(dtype=np.float64) for film in films]) / truth - 1.0
-    return values.mean(), values.std(ddof=1) / np.sqrt(len(values))
+    sums = [0.0]
+    film = render(scene, settings, on_pass=lambda film: sums.append(film.passes * film.radiance().mean(dtype=float)))
+    passes = np.diff(sums)
+    return film.radiance().mean(dtype=float), passes.std(ddof=1) / np.sqrt(len(passes))

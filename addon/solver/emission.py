@@ -252,7 +252,7 @@ def _leave_light(emitters, light, s0, s1, s2, s3, path, wave, i):
     kind = int(row[0])
     brightness = 1.0
     x, y, z = row[1], row[2], row[3]
-    if kind == RECTANGLE or kind == ELLIPSE:
+    if kind in (RECTANGLE, ELLIPSE):
         a, b = 2.0 * s0 - 1.0, 2.0 * s1 - 1.0
         if kind == ELLIPSE:
             r = math.sqrt(s0)

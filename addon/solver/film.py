@@ -45,7 +45,7 @@ class Film:
         self.photons += photons
 
     def merge(self, other: Film) -> Film:
-        """Film of the passes of both (Chan, Golub and LeVeque 1979). Raises ValueError if they do not belong together."""
+        """Film of the passes of both (Chan, Golub and LeVeque 1979). ValueError if they do not belong together."""
         same_shape = (self.width, self.height) == (other.width, other.height)
         if not (same_shape and np.array_equal(self.band_edges, other.band_edges)):
             raise ValueError("Only films of the same size and bands can be merged")

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The photon map: photons sorted along a Morton curve under an implicit tree of boxes, and the radiance estimate.
 
-Sixteen photons make a leaf, sixteen children a node, and both lie side by side in memory, so either is tested with a few
-vector instructions. Unlike a grid this does not care how unevenly photons lie (caustics, hot spots); unlike a kd-tree
-it is built by one sort (tests/benchmarks/photon_index.py compares it with scipy's cKDTree).
+Sixteen photons make a leaf, sixteen children a node, and both lie side by side in memory, so either is tested with a
+few vector instructions. Unlike a grid this does not care how unevenly photons lie (caustics, hot spots); unlike a
+kd-tree it is built by one sort (tests/benchmarks/photon_index.py compares it with scipy's cKDTree).
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from .surfaces import PATCH_LIMIT, SAME_SURFACE, normal, patch_in_ball
+from .surfaces import SAME_SURFACE, normal, patch_in_ball
 
 _WIDTH = 16  # photons in a leaf, children of a node: one vector register of float32
 _DIGIT = 11  # bits that one round of the radix sort looks at
@@ -340,7 +339,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, guess, ro
     Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball).
 
     guess: squared radius to try first; it changes the time, not the result.
-    Returns the number of photons, listed first in room.index, the area (m2) and the squared distance for the next guess.
+    Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
     """
     corners = surfaces.corners
     nx, ny, nz, _ = normal(corners, t)

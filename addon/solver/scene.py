@@ -130,7 +130,7 @@ class Camera:
     width, height: pixels of the whole frame.
     matrix: (4, 4) camera to world; the camera looks along its local -Z, +Y is up. Rotation and translation only.
     frame: (left, right, bottom, top) edges of the whole frame in camera space. PERSPECTIVE: x/-z and y/-z (tangents);
-        ORTHOGRAPHIC: metres; PANORAMA: longitude and latitude, radians (0, 0 looks along -Z, longitude grows to the right).
+        ORTHOGRAPHIC: metres; PANORAMA: longitude and latitude, rad (0, 0 looks along -Z; longitude grows rightwards).
     window: (x0, y0, x1, y1) pixels of the frame to render, origin at the lower left; None is the whole frame.
     clip: (start, end) m, depth along the view axis (PANORAMA: distance). What lies outside is not seen.
     lens_radius: m, 0 is a pinhole. focus_distance: m, depth that is in focus.

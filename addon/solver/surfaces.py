@@ -37,7 +37,7 @@ class Tracer:
     """Embree's BVH over the triangles. Embree starts rays at 0, so origins must be off their surface (see `offset`)."""
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
-        """vertices (n, 3) float32, triangles (m, 3) int32. Builds the BVH at once, so that threads never race for it."""
+        """vertices (n, 3) float32, triangles (m, 3) int32. Builds the BVH at once, so threads never race for it."""
         self._scene = EmbreeScene()  # robust: no ray slips between two triangles that share an edge
         TriangleMesh(self._scene, vertices, triangles)
         self.trace(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
@@ -52,7 +52,7 @@ class Tracer:
 
 
 def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
-    """Surfaces, Tracer and the centre (3,) float64 that was subtracted so that float32 resolves the scene's own size."""
+    """Surfaces, Tracer and the centre (3,) float64 that was subtracted, so that float32 resolves small detail."""
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     centre = 0.5 * (low.astype(np.float64) + high)
     vertices = (scene.vertices - centre).astype(np.float32)

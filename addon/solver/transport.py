@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .emission import Emitters, Wave, emit, empty_wave
+from .emission import Emitters, emit, empty_wave
 from .photon_map import Photons
 from .radiometry import Radiometry
 from .rng import path_key, uniform
