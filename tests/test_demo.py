@@ -141,11 +141,11 @@ def test_the_images_belong_together(images):
 
 def test_the_picture_has_its_size_and_a_bar_from_black_to_white(rendered, script):
     picture = np.asarray(Image.open(rendered[0] / "demo.png"))
-    margin = script("picture").MARGIN
-    assert picture.shape == (HEIGHT, WIDTH + margin, 3)
+    margin, least = script("picture").MARGIN, script("picture").LEAST
+    assert picture.shape == (max(HEIGHT, least), WIDTH + margin, 3)
     bar = picture[:, WIDTH + margin // 2].astype(int).sum(axis=1)
     assert bar.max() == 3 * 255 and bar.min() == 0
-    assert np.ptp(picture[:, :WIDTH].astype(int), axis=(0, 1)).min() > 200  # all of the palette is in use
+    assert np.ptp(picture[:HEIGHT, :WIDTH].astype(int), axis=(0, 1)).min() > 200  # all of the palette is in use
 
 
 def at(scene, image, points):
@@ -196,6 +196,13 @@ def test_bad_options_are_told_without_a_traceback(tmp_path):
             [sys.executable, DEMO / "render.py", *options], capture_output=True, text=True, timeout=120
         )
         assert run.returncode != 0 and message in run.stderr and "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize("temperature", [np.full((1, 1), 293.15), np.full((300, 2), np.nan)])
+def test_any_image_makes_a_picture(script, temperature):
+    picture = script("picture")
+    size = picture.thermal_picture(temperature.astype(np.float32)).size
+    assert size == (temperature.shape[1] + picture.MARGIN, max(temperature.shape[0], picture.LEAST))
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,13 @@ ZERO_CELSIUS = 273.15  # K
 BACKGROUND, INK = (24, 24, 28), (225, 225, 225)
 TEXT, GAP, BAR, TICK = 13, 14, 18, 4  # pixels: height of text, margins, width of the bar, length of a tick
 MARGIN = 130  # pixels at the right for the bar and its labels
+LEAST = 160  # pixels of height, so that the bar can be read beside a very small image
 
 
 def thermal_picture(temperature: np.ndarray) -> Image.Image:
     """The picture of a (h, w) image in K whose row 0 is the bottom, with a colour bar at its right."""
     low, high = robust_range(temperature)
-    height, width = temperature.shape
+    width, height = temperature.shape[1], max(temperature.shape[0], LEAST)
     picture = Image.new("RGB", (width + MARGIN, height), BACKGROUND)
     picture.paste(Image.fromarray(display(thermal(temperature, low, high))[::-1]), (0, 0))
     left, top, bottom = width + MARGIN // 2 - BAR // 2, 2 * GAP + TEXT, height - 2 * GAP
