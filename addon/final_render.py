@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import bpy
@@ -99,7 +101,7 @@ def render_view_layer(engine, depsgraph) -> None:
 
 def _watch(engine, job: RenderJob, result) -> None:
     """Show progress and image until the job ends; Esc cancels it."""
-    next_image, shown = time.monotonic() + LIVE_INTERVAL, None
+    next_image, shown, shown_at = time.monotonic() + LIVE_INTERVAL, None, 0.0
     while job.is_alive():
         if engine.test_break():
             job.cancel()
@@ -115,9 +117,9 @@ def _watch(engine, job: RenderJob, result) -> None:
             job.request_images()
         engine.update_progress(job.progress())
         status = job.status()
-        if status != shown:  # without a window Blender prints a line for each
+        if status != shown or now - shown_at > 1.0:  # not each time: without a window Blender prints a line
             engine.update_stats("", status)
-            shown = status
+            shown, shown_at = status, now
         job.join(POLL)
 
 
@@ -148,7 +150,8 @@ class RenderJob(threading.Thread):
 
     def _snapshot(self, film) -> dict[str, np.ndarray]:
         begin = time.monotonic()
-        images = {name: image(film) for name, image in self._image_functions.items()}
+        with ThreadPoolExecutor(self.settings.threads or os.cpu_count()) as pool:  # Esc must not wait for large images
+            images = dict(pool.map(lambda item: (item[0], item[1](film)), self._image_functions.items()))
         self._noise = float(np.percentile(images["Noise"], 95)) if film.passes > 1 else None
         self.snapshot_seconds = time.monotonic() - begin
         return images

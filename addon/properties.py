@@ -65,6 +65,7 @@ def add_custom_property(id_block, key: str, value: float) -> None:
     """Set the custom property `key` to a number, with its unit and tooltip."""
     id_block[key] = float(value)
     id_block.id_properties_ui(key).update(default=float(value), **CUSTOM_PROPERTIES[key])
+    id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
 class InfraredSettings(bpy.types.PropertyGroup):

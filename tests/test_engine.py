@@ -4,12 +4,14 @@
 The scenes are black walls: they reflect nothing, so every pixel is Planck's law and no tolerance covers noise.
 """
 
+import os
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
 
+import numba
 import numpy as np
 import OpenEXR
 import pytest
@@ -447,6 +449,19 @@ def test_registering_is_light_and_the_interpreter_exits():
     assert "registered" in done.stdout and done.returncode == 0, done.stderr
 
 
+def test_kernels_are_kept_in_the_extensions_folder(monkeypatch, tmp_path):
+    import addon
+
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")  # monkeypatch restores it afterwards
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    addon._keep_kernels()
+    assert "NUMBA_CACHE_DIR" not in os.environ  # this is no installed extension
+    monkeypatch.setattr(bpy.utils, "extension_path_user", lambda package, path, create: str(tmp_path / path))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", numba.config.CACHE_DIR)
+    addon._keep_kernels()
+    assert os.environ["NUMBA_CACHE_DIR"] == numba.config.CACHE_DIR == str(tmp_path / "kernels")
+
+
 def test_defaults_are_the_solvers():
     properties = bpy.context.scene.infrared.bl_rna.properties
     for name in Settings.__dataclass_fields__:
@@ -497,6 +512,7 @@ def test_setting_and_removing_custom_properties():
             assert id_block[key] == value
             ui = id_block.id_properties_ui(key).as_dict()
             assert ui["soft_min"] == 0.0 and len(ui["description"]) > 10
+            assert id_block.is_property_overridable_library(f'["{key}"]')
             assert bpy.ops.infrared.property_remove(owner=owner, key=key) == {"FINISHED"}
             assert key not in id_block
 
