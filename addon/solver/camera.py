@@ -8,14 +8,41 @@ import numpy as np
 from numba import njit
 
 from .rng import path_key, uniform
-from .sampling import fraction, triangle_point, turn
+from .sampling import triangle_point, turn
 from .scene import Camera, SceneError
 
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
-# Additive recurrence of the generalised golden ratio in four dimensions (x^5 = x + 1): pixel x, y and lens u, v.
-_RATIO = 1.1673039782614187
-_ALPHA = tuple(_RATIO ** -(i + 1) for i in range(4))
+# Primitive polynomial (degree, coefficients) and first direction numbers of Sobol' dimensions 2 to 4 (Joe and Kuo 2008).
+_SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
+
+
+def sobol_point(index: int) -> np.ndarray:
+    """Point `index` of the Sobol' sequence in four dimensions, (4,) uint32 fractions of 2^32: pixel x, y, lens u, v."""
+    point = np.zeros(4, np.uint32)
+    for dimension in range(4):
+        numbers = [1] * 32
+        if dimension:
+            degree, coefficients, first = _SOBOL[dimension - 1]
+            numbers[:degree] = first
+            for i in range(degree, 32):
+                numbers[i] = numbers[i - degree] ^ (numbers[i - degree] << degree)
+                for k in range(1, degree):
+                    if coefficients >> (degree - 1 - k) & 1:
+                        numbers[i] ^= numbers[i - k] << k
+        value = 0
+        for i in range(32):
+            if index >> i & 1:
+                value ^= numbers[i] << (31 - i)
+        point[dimension] = value & 0xFFFFFFFF
+    return point
+
+
+@njit(inline="always")
+def _scramble(point, path, dimension):
+    """Coordinate of the sequence in [0, 1), with a digital shift of its own for every path: stratified as before."""
+    shift = np.uint32(uniform(path, dimension) * 4294967296.0)
+    return float(point[dimension] ^ shift) * 2.0**-32
 
 
 class Eye(NamedTuple):
@@ -83,10 +110,10 @@ def _lens_point(eye, u, v):
 
 
 @njit(cache=True, nogil=True)
-def eye_rays(eye, key, index, first, origin, direction, reach):
+def eye_rays(eye, key, sample, first, origin, direction, reach):
     """Fill one ray for each of n pixels from pixel `first` of the window (row by row from the bottom).
 
-    key: of the camera stream of the seed (not of the pass: the passes share one sequence). index: of the pass.
+    key: of the camera stream of the seed (not of the pass: the passes share one sequence). sample: sobol_point(pass).
     origin, direction: (n, 3) float32; the direction is not normalised. reach: (n,) float32 in its units.
     """
     columns = eye.window[2] - eye.window[0]
@@ -95,15 +122,12 @@ def eye_rays(eye, key, index, first, origin, direction, reach):
         pixel = first + i
         x, y = eye.window[0] + pixel % columns, eye.window[1] + pixel // columns
         path = path_key(key, y * eye.width + x)
-        s0 = fraction(uniform(path, 0) + index * _ALPHA[0])
-        s1 = fraction(uniform(path, 1) + index * _ALPHA[1])
+        s0, s1 = _scramble(sample, path, 0), _scramble(sample, path, 1)
         fx = eye.frame[0] + (eye.frame[1] - eye.frame[0]) * ((x + s0) / eye.width)
         fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * ((y + s1) / eye.height)
         lx = ly = 0.0
         if eye.lens_radius > 0.0:
-            s2 = fraction(uniform(path, 2) + index * _ALPHA[2])
-            s3 = fraction(uniform(path, 3) + index * _ALPHA[3])
-            lx, ly = _lens_point(eye, s2, s3)
+            lx, ly = _lens_point(eye, _scramble(sample, path, 2), _scramble(sample, path, 3))
             lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
         if eye.kind == 0:
             ox, oy = lx, ly

@@ -9,18 +9,12 @@ from numba import njit
 
 from .radiometry import Radiometry, excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, cone_direction, cosine_direction, fraction, to_world, triangle_point, turn
+from .sampling import FAST, basis, cone_direction, cosine_direction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
 from .surfaces import Surfaces, areas, normal, offset, point, temperature_at
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
-
-# Photons of one pass form a lattice over (emitter, position u v, direction u v): additive recurrence of the generalised
-# golden ratio in four dimensions, shifted at random as a whole in every pass (Cranley and Patterson 1976), so that
-# each pass is unbiased by itself and independent of the others.
-_RATIO = 1.1673039782614187
-_ALPHA = tuple(_RATIO ** -(i + 1) for i in range(4))
 
 POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
 
@@ -178,9 +172,10 @@ def empty_wave(count: int, bands: int) -> Wave:
 @njit(cache=True, nogil=True, fastmath=FAST)
 def emit(emitters, surfaces, radiometry, key, first, total, wave):
     """Fill the wave with photons first, first + 1, ... of the `total` of a pass. key: of the pass's photons."""
-    shift = np.empty(6)
-    for d in range(6):
-        shift[d] = uniform(key, d)
+    # One random shift places all photons evenly over the emitters (systematic sampling). Positions and directions are
+    # independent: the k-nearest estimate rests on photons that lie at random, and is off by -1/2 in k where a sequence
+    # of low discrepancy lays them out evenly (measured under a point light).
+    shift = uniform(key, 0)
     value = np.empty(radiometry.reference.size)
     surface_end = emitters.surface.size
     sky_end = surface_end + emitters.sky.size
@@ -189,17 +184,15 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `value` holds: neighbours mostly share it
     for i in range(wave.photon.size):
         photon = first + i
-        pick = (photon + shift[0]) / total
+        pick = (photon + shift) / total
         if i == 0:
             entry = min(last, np.searchsorted(emitters.cumulative, pick, side="right") - 1)
         while entry < last and emitters.cumulative[entry + 1] <= pick:
             entry += 1
         probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
         share = 1.0 / (total * probability)
-        s0 = fraction(shift[1] + photon * _ALPHA[0])
-        s1 = fraction(shift[2] + photon * _ALPHA[1])
-        s2 = fraction(shift[3] + photon * _ALPHA[2])
-        s3 = fraction(shift[4] + photon * _ALPHA[3])
+        path = path_key(key, photon)
+        s0, s1, s2, s3 = uniform(path, 0), uniform(path, 1), uniform(path, 2), uniform(path, 3)
         wave.photon[i] = photon
         wave.straight[i] = entry >= sky_end
         wave.arrival[i] = -1
@@ -226,8 +219,7 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
             _leave(surfaces.corners, code, u, v, lx, ly, lz, wave, i)
         else:
             light = entry - sky_end
-            path = path_key(key, photon)
-            brightness = _leave_light(emitters, light, s0, s1, s2, s3, path, wave, i)
+            brightness = _leave_light(emitters, light, s0, s1, s2, s3, wave, i)
             for b in range(value.size):
                 wave.power[i, b] = emitters.light_power[light, b] * brightness * share
 
@@ -246,7 +238,7 @@ def _leave(corners, code, u, v, lx, ly, lz, wave, i):
 
 
 @njit(inline="always")
-def _leave_light(emitters, light, s0, s1, s2, s3, path, wave, i):
+def _leave_light(emitters, light, s0, s1, s2, s3, wave, i):
     """Start ray i at a light; returns the factor on its power (1 on average over what the light emits)."""
     row = emitters.light[light]
     kind = int(row[0])

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .camera import eye_rays
+from .camera import eye_rays, sobol_point
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
@@ -46,7 +46,7 @@ def render_pixels(
     reach = np.empty(count, np.float32)
     throughput, pixel = np.ones(image.shape, np.float32), np.arange(count, dtype=np.int32)
     image[:] = 0.0
-    eye_rays(eye, keys[0], index, first, origin, direction, reach)
+    eye_rays(eye, keys[0], sobol_point(index), first, origin, direction, reach)
     bounce = 0
     while count and not cancelled():
         triangle, u, v = tracer.trace(origin[:count], direction[:count], reach[:count])

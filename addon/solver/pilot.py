@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .camera import Eye, eye_rays
+from .camera import Eye, eye_rays, sobol_point
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, to_world, triangle_point
 from .surfaces import Surfaces, Tracer, areas, normal, offset, point, sheets
@@ -48,7 +48,7 @@ def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
     for batch, start in enumerate(range(0, count, 128)):  # 128 runs of 128 neighbouring pixels, spread over the window
         rows = slice(start, start + 128)
         first = (batch * step) % max(1, pixels - 127)
-        eye_rays(eye, key, batch, first, origin[rows], direction[rows], reach[rows])
+        eye_rays(eye, key, sobol_point(batch), first, origin[rows], direction[rows], reach[rows])
     for bounce in range(_BOUNCES):
         triangle, u, v = tracer.trace(origin, direction, reach)
         _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, reached)

@@ -32,12 +32,6 @@ def turn(u):
 
 
 @njit(inline="always")
-def fraction(x):
-    """Fractional part of x >= 0."""
-    return x - math.floor(x)
-
-
-@njit(inline="always")
 def basis(nx, ny, nz):
     """Two unit vectors that complete a right-handed frame with the normal (Duff et al. 2017)."""
     sign = math.copysign(1.0, nz)

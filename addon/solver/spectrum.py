@@ -25,7 +25,7 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on 0..1
 _REACH = 50.0  # e^-50: what lies further up in x is below float64's resolution of the integral
 _PANEL = 6.25  # width in x at which 16 nodes err below 1e-16 (nearest pole 2 pi away)
 
-MAX_PASS_NAME = 64  # characters Blender keeps of a render pass name
+MAX_PASS_NAME = 63  # characters Blender keeps of a render pass name (4.5 and 5.2; a 64th is cut off)
 
 
 def planck(wavelength: np.ndarray, temperature: np.ndarray) -> np.ndarray:
