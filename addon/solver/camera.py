@@ -13,7 +13,7 @@ from .scene import Camera, SceneError
 
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
-# Primitive polynomial (degree, coefficients) and first direction numbers of Sobol' dimensions 2 to 4 (Joe and Kuo 2008).
+# Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).
 _SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
 
 

@@ -36,6 +36,48 @@ class Photons(NamedTuple):
     incoming: np.ndarray
 
 
+class PhotonStore:
+    """Room for the photons of one pass that grows as needed and is used again by the next pass."""
+
+    def __init__(self, bands: int, directed: bool):
+        """directed: whether photons carry the direction they came from."""
+        self.count = 0
+        self._room = _photon_arrays(0, bands, directed)
+        self._bands, self._directed = bands, directed
+
+    @property
+    def photons(self) -> Photons:
+        """The photons stored so far, without a copy."""
+        return Photons(*(array[: self.count] for array in self._room))
+
+    def append(self, batch: Photons) -> None:
+        """Copy a batch behind what is there."""
+        end = self.count + len(batch.surface)
+        if end > MAX_PHOTONS:
+            raise MemoryError(f"Over {MAX_PHOTONS} photons stored in one pass: lower the photons per pass")
+        if end > len(self._room.surface):
+            larger = _photon_arrays(end + end // 4, self._bands, self._directed)
+            for old, new in zip(self._room, larger, strict=True):
+                new[: min(self.count, len(new))] = old[: self.count]
+            self._room = larger
+        for array, values in zip(self._room, batch, strict=True):
+            array[self.count : self.count + len(values)] = values
+        self.count = end
+
+    def clear(self) -> None:
+        """Forget the photons, keep the room."""
+        self.count = 0
+
+
+def _photon_arrays(count: int, bands: int, directed: bool) -> Photons:
+    return Photons(
+        np.empty((count, 3), np.float32),
+        np.empty(count, np.int32),
+        np.empty((count, bands), np.float32),
+        np.empty((count if directed else 0, 3), np.float32),
+    )
+
+
 class PhotonMap(NamedTuple):
     """Photons in Morton order with their tree.
 
@@ -63,7 +105,7 @@ def _spread(v):
 
 @njit(cache=True, nogil=True)
 def _morton_keys(position, low, scale, keys):
-    """Morton code of every photon of one batch."""
+    """Morton code of every photon."""
     top = float((1 << _MORTON_BITS) - 1)
     for i in range(position.shape[0]):
         code = np.uint64(0)
@@ -75,7 +117,10 @@ def _morton_keys(position, low, scale, keys):
 
 @njit(cache=True, nogil=True)
 def _radix_ranks(keys):
-    """Place of every key in ascending order, equal keys in the order they came (least significant digit first)."""
+    """Place of every key in ascending order, equal keys in the order they came (least significant digit first).
+
+    Overwrites the keys.
+    """
     n = keys.size
     rounds = (3 * _MORTON_BITS + _DIGIT - 1) // _DIGIT
     buckets = 1 << _DIGIT
@@ -85,7 +130,7 @@ def _radix_ranks(keys):
         for r in range(rounds):
             histogram[r, (keys[i] >> np.uint64(r * _DIGIT)) & mask] += 1
     order, other = np.arange(n).astype(np.int32), np.empty(n, np.int32)
-    keys, other_keys = keys.copy(), np.empty_like(keys)
+    other_keys = np.empty_like(keys)
     for r in range(rounds):
         shift = np.uint64(r * _DIGIT)
         if n == 0 or histogram[r, (keys[0] >> shift) & mask] == n:
@@ -109,26 +154,37 @@ def _radix_ranks(keys):
 
 
 @njit(cache=True, nogil=True)
-def _place(batch, corners, ranks, leaves, sorted_photons):
-    """Move the photons of one batch to their places."""
-    bands = batch.power.shape[1]
-    directed = batch.incoming.shape[0] > 0
-    for i in range(batch.position.shape[0]):
-        rank = ranks[i]
-        leaf, slot = rank // _WIDTH, rank % _WIDTH
-        code = batch.surface[i]
+def _fill_leaves(photons, corners, ranks, leaves):
+    """Put positions and normals to their places in the leaves."""
+    for i in range(ranks.size):
+        leaf, slot = ranks[i] // _WIDTH, ranks[i] % _WIDTH
+        code = photons.surface[i]
         nx, ny, nz, _ = normal(corners, code >> 1)
         sign = 1.0 if code & 1 == 0 else -1.0
         for axis in range(3):
-            sorted_photons.position[rank, axis] = batch.position[i, axis]
-            leaves[leaf, axis, slot] = batch.position[i, axis]
+            leaves[leaf, axis, slot] = photons.position[i, axis]
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = sign * nx, sign * ny, sign * nz
-        sorted_photons.surface[rank] = code
-        for b in range(bands):
-            sorted_photons.power[rank, b] = batch.power[i, b]
-        if directed:
+
+
+@njit(cache=True, nogil=True)
+def _sort_in_place(photons, ranks):
+    """Swap every photon to its place; leaves ranks as 0, 1, 2 ... Needs no second copy of the powers."""
+    directed = photons.incoming.shape[0] > 0
+    for i in range(ranks.size):
+        while ranks[i] != i:
+            j = ranks[i]
+            ranks[i], ranks[j] = ranks[j], j
+            photons.surface[i], photons.surface[j] = photons.surface[j], photons.surface[i]
             for axis in range(3):
-                sorted_photons.incoming[rank, axis] = batch.incoming[i, axis]
+                swap = photons.position[i, axis]
+                photons.position[i, axis], photons.position[j, axis] = photons.position[j, axis], swap
+                if directed:
+                    swap = photons.incoming[i, axis]
+                    photons.incoming[i, axis], photons.incoming[j, axis] = photons.incoming[j, axis], swap
+            for b in range(photons.power.shape[1]):
+                swap = photons.power[i, b]
+                photons.power[i, b] = photons.power[j, b]
+                photons.power[j, b] = swap
 
 
 @njit(cache=True, nogil=True)
@@ -154,43 +210,22 @@ def _build_nodes(leaves, nodes, starts):
                     nodes[node, 3 + axis, c] = high if low < _FAR else low
 
 
-def build_photon_map(
-    batches: list[Photons], bands: int, corners: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], run=map
-) -> PhotonMap:
-    """Photon map of the batches (with `bands` bands), which are emptied.
+def build_photon_map(photons: Photons, corners: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> PhotonMap:
+    """Photon map of photons, which are sorted in place.
 
-    corners: of the surfaces. bounds: lowest and highest corner (3,) of the scene. run: map, or that of a thread pool.
-    The result depends on the batches' order alone.
+    corners: of the surfaces. bounds: lowest and highest corner (3,) of the scene.
     """
-    sizes = [len(batch.surface) for batch in batches]
-    n = sum(sizes)
-    if n > MAX_PHOTONS:
-        raise MemoryError(
-            f"{n} photons stored in one pass; at most {MAX_PHOTONS} are possible. Lower photons per pass."
-        )
-    ends = np.cumsum(sizes, dtype=np.int64)
-    parts = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
-    keys = np.empty(n, np.uint64)
+    n = len(photons.surface)
     low = np.asarray(bounds[0], np.float64)
     scale = ((1 << _MORTON_BITS) - 1) / max(float(np.max(bounds[1] - bounds[0])), 1e-30)
-    list(run(lambda batch, part: _morton_keys(batch.position, low, scale, keys[part]), batches, parts))
+    keys = np.empty(n, np.uint64)
+    _morton_keys(photons.position, low, scale, keys)
     ranks = _radix_ranks(keys)
-    directed = n if batches and batches[0].incoming.shape[0] else 0
-    photons = Photons(
-        np.empty((n, 3), np.float32),
-        np.empty(n, np.int32),
-        np.empty((n, bands), np.float32),
-        np.empty((directed, 3), np.float32),
-    )
     leaf_count = max(1, -(-n // _WIDTH))
     leaves = np.empty((leaf_count, 6, _WIDTH), np.float32)
     leaves[-1] = _FAR  # the last leaf may have room to spare
-
-    def place(i):
-        _place(batches[i], corners, ranks[parts[i]], leaves, photons)
-        batches[i] = None  # its memory is free again
-
-    list(run(place, range(len(parts))))
+    _fill_leaves(photons, corners, ranks, leaves)
+    _sort_in_place(photons, ranks)
     counts = [-(-leaf_count // _WIDTH)]
     while counts[-1] > 1:
         counts.append(-(-counts[-1] // _WIDTH))

@@ -25,7 +25,7 @@ from .camera import Eye, build_eye
 from .emission import Emitters, build_emitters
 from .eye_paths import Estimate, render_pixels
 from .film import Film
-from .photon_map import build_photon_map
+from .photon_map import PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import Radiometry, build_radiometry, emission_range
 from .reference import choose_reference
@@ -78,11 +78,12 @@ def render(
     x0, y0, x1, y1 = scene.camera.pixels
     film = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
     image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
+    store = PhotonStore(scene.band_count, model.straight)
     started = time.monotonic()
     next_check = 8
     with ThreadPoolExecutor(threads) as pool:
         while not cancelled():
-            if not render_pass(model, settings, settings.pass_offset + film.passes, image, pool, cancelled):
+            if not render_pass(model, settings, settings.pass_offset + film.passes, store, image, pool, cancelled):
                 break
             film.add_pass(image, model.photons_per_pass)
             if on_pass:
@@ -136,7 +137,7 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         tracer,
         radiometry,
         emitters,
-        Optics(widths / widths.sum(), settings.roulette == "POWER", straight),
+        Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight),
         eye,
         (corners.min(axis=0), corners.max(axis=0)),
         gather_reach(emitters.area, pilot, max(1, photons), settings.neighbours),
@@ -153,9 +154,15 @@ def shrink_factor(index: int) -> float:
 
 
 def render_pass(
-    model: Model, settings: Settings, index: int, image: np.ndarray, pool: ThreadPoolExecutor, cancelled
+    model: Model,
+    settings: Settings,
+    index: int,
+    store: PhotonStore,
+    image: np.ndarray,
+    pool: ThreadPoolExecutor,
+    cancelled: Callable[[], bool],
 ) -> bool:
-    """Render pass `index` into image (pixels, b) float32; False if it was cancelled on the way."""
+    """Render pass `index` into image (pixels, b) float32, with store as room; False if it was cancelled on the way."""
     m = model
     total = m.photons_per_pass
     photon_key = pass_key(settings.seed, index, PHOTONS)
@@ -166,16 +173,18 @@ def render_pass(
             m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, photon_key, first, count, total, cancelled
         )
 
-    batches = [batch for chunk in pool.map(trace, range(0, total, PHOTON_CHUNK)) for batch in chunk]
+    store.clear()
+    for chunk in pool.map(trace, range(0, total, PHOTON_CHUNK)):
+        for batch in chunk:
+            store.append(batch)
     if cancelled():
         return False
-    stored = sum(len(batch.surface) for batch in batches)
-    photon_map = build_photon_map(batches, m.radiometry.reference.size, m.surfaces.corners, m.bounds, pool.map)
+    photon_map = build_photon_map(store.photons, m.surfaces.corners, m.bounds)
     estimate = Estimate(
         settings.neighbours,
         m.reach2,
         shrink_factor(index) if settings.shrink else 1.0,
-        stored > 0,
+        store.count > 0,
         m.straight,
     )
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))

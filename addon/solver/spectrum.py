@@ -9,9 +9,11 @@ Gauss-Legendre panels of bounded width in x reach machine precision for every ba
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 
 from .scene import SceneError, check_band_edges
 
@@ -108,19 +110,28 @@ def apparent_temperature(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
     Any shape; float64. Radiance of 0 or below (a noisy pixel of a cold scene) has no temperature and gives 0 K.
     Cubic Hermite interpolation of ln T over ln L; error below 1e-9 relative.
     """
-    log_l, log_t, slope = _calibration(float(edges[0]), float(edges[-1]))
-    radiance = np.asarray(radiance, dtype=np.float64)
-    positive = radiance > np.exp(log_l[0])
-    wanted = np.log(np.where(positive, np.minimum(radiance, np.exp(log_l[-1])), 1.0))
-    i = np.clip(np.searchsorted(log_l, wanted) - 1, 0, log_l.size - 2)
-    step = log_l[i + 1] - log_l[i]
-    t = (wanted - log_l[i]) / step
-    value = (
-        (1 + 2 * t) * (1 - t) ** 2 * log_t[i]
-        + t**2 * (3 - 2 * t) * log_t[i + 1]
-        + step * (t * (1 - t) ** 2 * slope[i] + t**2 * (t - 1) * slope[i + 1])
-    )
-    return np.where(positive, np.exp(np.where(positive, value, 0.0)), 0.0)
+    radiance = np.ascontiguousarray(radiance, dtype=np.float64)
+    result = np.empty_like(radiance)
+    _invert(radiance.ravel(), *_calibration(float(edges[0]), float(edges[-1])), result.ravel())
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _invert(radiance, log_l, log_t, slope, temperature):
+    """Fill temperature (n,) by cubic Hermite interpolation of ln T over ln L, clamped to the table at its upper end."""
+    for n in range(radiance.size):
+        if not radiance[n] > 0.0 or math.log(radiance[n]) <= log_l[0]:
+            temperature[n] = 0.0
+            continue
+        wanted = min(math.log(radiance[n]), log_l[-1])
+        i = min(max(np.searchsorted(log_l, wanted) - 1, 0), log_l.size - 2)
+        step = log_l[i + 1] - log_l[i]
+        t = (wanted - log_l[i]) / step
+        temperature[n] = math.exp(
+            (1 + 2 * t) * (1 - t) ** 2 * log_t[i]
+            + t**2 * (3 - 2 * t) * log_t[i + 1]
+            + step * (t * (1 - t) ** 2 * slope[i] + t**2 * (t - 1) * slope[i + 1])
+        )
 
 
 def uniform_edges(low: float, high: float, count: int) -> np.ndarray:

@@ -19,7 +19,7 @@ _DIMENSIONS = 4  # random numbers of one bounce
 
 
 class Optics(NamedTuple):
-    """What the walk needs to know beside the tables. band_widths: (b,) float64 um, share of the whole range.
+    """What the walk needs to know beside the tables. band_share: (b,) float32, of a band's width in the range.
 
     power_roulette: survival by power (else by the band average). keep_incoming: store directions of straight photons.
     """
@@ -93,15 +93,15 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         alpha = float(radiometry.alpha[material])
         specular = float(radiometry.specular[material])
         x, y, z = point(surfaces.corners, t, pu, pv)
-        # power that a bounce would keep, against what arrives
-        reflected = arriving = 0.0
+        # power that a bounce would keep, against what arrives; float32, so that a register holds 16 bands
+        reflected = arriving = np.float32(0.0)
         if optics.power_roulette:
             for b in range(bands):
                 weight = abs(wave.power[i, b])
                 arriving += weight
                 reflected += weight * rho[b]
         else:
-            arriving = 1.0
+            arriving = np.float32(1.0)
             for b in range(bands):
                 reflected += optics.band_share[b] * rho[b]
         if not reflected > 0.0:
@@ -150,8 +150,9 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
             z + clear * nz,
         )
         wave.direction[alive, 0], wave.direction[alive, 1], wave.direction[alive, 2] = ox, oy, oz
+        factor = np.float32(scale)
         for b in range(bands):
-            wave.power[alive, b] = wave.power[i, b] * rho[b] * scale
+            wave.power[alive, b] = wave.power[i, b] * rho[b] * factor
         wave.photon[alive] = wave.photon[i]
         wave.straight[alive] = wave.straight[i] and is_mirror
         wave.arrival[alive] = -1

@@ -20,7 +20,7 @@ from scenes import box, look, make_scene, sphere  # noqa: E402
 
 from addon.solver import Material, Settings  # noqa: E402
 from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
-from addon.solver.photon_map import build_photon_map  # noqa: E402
+from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
 from addon.solver.render import PHOTON_CHUNK, PIXEL_CHUNK, prepare  # noqa: E402
 from addon.solver.rng import CAMERA, PHOTONS, pass_key  # noqa: E402
 from addon.solver.transport import trace_photons  # noqa: E402
@@ -89,16 +89,19 @@ def main():
             model.tracer.trace(origin, direction)
 
     with ThreadPoolExecutor(threads) as pool:
+        store = PhotonStore(16, False)
         times = {"trace": [], "embree": [], "index": [], "gather": []}
         for _ in range(REPETITIONS):
-            spent, results = seconds(lambda: list(pool.map(trace_chunk, firsts)))
-            times["trace"].append(spent)
+            store.clear()
+
+            def trace():
+                for chunk in pool.map(trace_chunk, firsts):
+                    for batch in chunk:
+                        store.append(batch)
+
+            times["trace"].append(seconds(trace)[0])
             times["embree"].append(seconds(lambda: list(pool.map(embree_chunk, chunks)))[0])
-            batches = [batch for chunk in results for batch in chunk]
-            stored = sum(len(batch.surface) for batch in batches)
-            spent, photon_map = seconds(
-                lambda b=batches: build_photon_map(b, 16, model.surfaces.corners, model.bounds, pool.map)
-            )
+            spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.surfaces.corners, model.bounds))
             times["index"].append(spent)
             estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False)
 
@@ -111,7 +114,7 @@ def main():
 
             times["gather"].append(seconds(lambda g=gather: list(pool.map(g, range(0, len(image), PIXEL_CHUNK))))[0])
     best = {name: min(values[1:]) for name, values in times.items()}
-    print(f"{threads} threads, {rays} rays, {stored} photons stored, {settings.neighbours} neighbours")
+    print(f"{threads} threads, {rays} rays, {store.count} photons stored, {settings.neighbours} neighbours")
     print("  ".join(f"{name} {1e3 * value:.1f} ms" for name, value in best.items()))
     print(
         f"rays while tracing and scattering / rays of Embree alone: {best['embree'] / best['trace']:.2f}  (target 0.60)"
