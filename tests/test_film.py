@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The film: mean and standard error over passes are those of numpy, and do not care how passes are spread."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from addon.solver import Film
+from addon.solver.spectrum import apparent_temperature, band_radiance
+
+EDGES = np.array([8.0, 9.0, 11.0, 14.0])
+WIDTH, HEIGHT = 5, 3
+REFERENCE = 290.0
+BLACK = band_radiance(EDGES, REFERENCE)
+
+
+def random_passes(count, spread=0.05, mean=0.1, seed=1):
+    """Excess radiance (count, pixels, bands) float32, correlated between bands as photons are."""
+    rng = np.random.default_rng(seed)
+    common = rng.normal(size=(count, HEIGHT * WIDTH, 1))
+    return (BLACK * (mean + spread * (common + 0.3 * rng.normal(size=(count, HEIGHT * WIDTH, 3))))).astype(np.float32)
+
+
+def film_of(passes, reference=REFERENCE):
+    film = Film(WIDTH, HEIGHT, EDGES, reference)
+    for excess in passes:
+        film.add_pass(excess, 1000)
+    return film
+
+
+def expected_radiance(passes, reference=REFERENCE):
+    """Mean and standard error (pixels,) of the radiance over all bands, by numpy."""
+    total = passes.sum(axis=2, dtype=np.float64)
+    error = total.std(axis=0, ddof=1) / np.sqrt(len(passes))
+    return total.mean(axis=0) + band_radiance(EDGES, reference).sum(), error
+
+
+def image(values):
+    return np.asarray(values).reshape(HEIGHT, WIDTH)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 100])
+def test_images_are_means_over_the_passes(count):
+    passes = random_passes(count)
+    film = film_of(passes)
+    assert (film.passes, film.photons, film.width, film.height) == (count, 1000 * count, WIDTH, HEIGHT)
+    mean = passes.mean(axis=0, dtype=np.float64) + BLACK
+    for band in range(3):
+        expected = mean[:, band] / (EDGES[band + 1] - EDGES[band])
+        np.testing.assert_allclose(film.band_radiance(band), image(expected), rtol=1e-7)  # images are float32
+    np.testing.assert_allclose(film.radiance(), image(mean.sum(axis=1)), rtol=1e-7)
+    np.testing.assert_allclose(film.temperature(), image(apparent_temperature(mean.sum(axis=1), EDGES)), rtol=1e-7)
+    assert {film.radiance().dtype, film.temperature().dtype, film.band_radiance(0).dtype} == {np.dtype(np.float32)}
+
+
+def test_band_radiances_add_up_to_the_radiance():
+    film = film_of(random_passes(4))
+    total = sum(film.band_radiance(band) * np.float32(EDGES[band + 1] - EDGES[band]) for band in range(3))
+    np.testing.assert_allclose(total, film.radiance(), rtol=1e-6)
+
+
+def test_rows_go_up_and_columns_right():
+    excess = np.arange(HEIGHT * WIDTH * 3, dtype=np.float32).reshape(-1, 3)
+    film = film_of([excess], reference=0.0)
+    assert film.radiance().shape == (HEIGHT, WIDTH)
+    assert film.radiance()[2, 1] == excess[2 * WIDTH + 1].sum()
+
+
+@pytest.mark.parametrize("count", [2, 3, 50])
+def test_noise_is_the_standard_error_of_the_temperature(count):
+    passes = random_passes(count)
+    mean, error = expected_radiance(passes)
+    half = 0.5 * (apparent_temperature(mean + error, EDGES) - apparent_temperature(mean - error, EDGES))
+    np.testing.assert_allclose(film_of(passes).noise(), image(half), rtol=1e-5)
+
+
+def test_noise_is_that_of_small_errors():
+    """For small errors the noise is error / (dL / dT), to second order in the error."""
+    passes = random_passes(10, spread=0.003)
+    mean, error = expected_radiance(passes)
+    temperature = apparent_temperature(mean, EDGES)
+    slope = band_radiance(EDGES, temperature, derivative=True).sum(axis=1) / temperature
+    np.testing.assert_allclose(film_of(passes).noise(), image(error / slope), rtol=1e-4)
+
+
+def test_noise_falls_with_the_root_of_the_passes():
+    passes = random_passes(1600)
+    ratio = film_of(passes[:100]).noise().mean() / film_of(passes).noise().mean()
+    # the standard deviation of 100 passes is known to 1 / sqrt(200), on 15 pixels to 1.8 %
+    assert ratio == pytest.approx(4, rel=3 * 0.018)
+
+
+def test_noise_covers_the_truth():
+    """The spread of independent films of few passes is what each says of itself."""
+    films = [film_of(random_passes(8, seed=seed)) for seed in range(200)]
+    spread = np.std([film.temperature() for film in films], axis=0, ddof=1)
+    claimed = np.sqrt(np.mean([film.noise() ** 2 for film in films], axis=0, dtype=np.float64))
+    # the standard deviation of 200 films is known to 5 %, on 15 pixels to 1.3 %
+    assert np.mean(spread / claimed) == pytest.approx(1, abs=3 * 0.013)
+
+
+def test_one_pass_knows_nothing_of_its_error():
+    film = film_of(random_passes(1))
+    assert np.array_equal(film.noise(), film.temperature())
+
+
+def test_no_pass_shows_the_reference():
+    film = film_of([])
+    np.testing.assert_allclose(film.temperature(), REFERENCE, rtol=1e-6)
+    assert film.passes == 0 and np.all(np.isfinite(film.noise()))
+
+
+def test_many_passes_with_little_spread_keep_their_digits():
+    """Welford's update: the spread is 1e-4 of the mean, a sum of squares in float32 would lose it."""
+    passes = random_passes(5000, spread=1e-4, mean=1.0)
+    mean, error = expected_radiance(passes)
+    half = 0.5 * (apparent_temperature(mean + error, EDGES) - apparent_temperature(mean - error, EDGES))
+    film = film_of(passes)
+    np.testing.assert_allclose(film.noise(), image(half), rtol=1e-4)
+    np.testing.assert_allclose(film.radiance(), image(mean), rtol=1e-7)
+
+
+# Merging
+
+
+@pytest.mark.parametrize("parts", [(7, 13), (1, 19), (0, 20), (20, 0), (5, 5, 5, 5)])
+def test_merged_films_are_the_film_of_all_passes(parts):
+    passes = random_passes(20)
+    whole = film_of(passes)
+    merged, start = film_of([]), 0
+    for size in parts:
+        merged = merged.merge(film_of(passes[start : start + size]))
+        start += size
+    assert (merged.passes, merged.photons) == (whole.passes, whole.photons)
+    for name in ("radiance", "temperature", "noise"):
+        np.testing.assert_allclose(getattr(merged, name)(), getattr(whole, name)(), rtol=1e-6)
+    for band in range(3):
+        np.testing.assert_allclose(merged.band_radiance(band), whole.band_radiance(band), rtol=1e-6)
+
+
+def test_merging_leaves_both_as_they_were():
+    first, second = film_of(random_passes(3)), film_of(random_passes(4, seed=2))
+    before = first.radiance(), second.noise()
+    first.merge(second)
+    assert np.array_equal(first.radiance(), before[0]) and np.array_equal(second.noise(), before[1])
+    assert (first.passes, second.passes) == (3, 4)
+
+
+def test_merging_commutes():
+    first, second = film_of(random_passes(3)), film_of(random_passes(4, seed=2))
+    np.testing.assert_allclose(first.merge(second).noise(), second.merge(first).noise(), rtol=1e-6)
+
+
+def test_empty_films_merge():
+    assert film_of([]).merge(film_of([])).passes == 0
+
+
+@pytest.mark.parametrize(
+    "other, message",
+    [
+        (Film(WIDTH, HEIGHT + 1, EDGES, REFERENCE), "size"),
+        (Film(HEIGHT, WIDTH, EDGES, REFERENCE), "size"),
+        (Film(WIDTH, HEIGHT, EDGES + 0.1, REFERENCE), "bands"),
+        (Film(WIDTH, HEIGHT, EDGES[:3], REFERENCE), "bands"),
+        (Film(WIDTH, HEIGHT, EDGES, 291.0), "290 K and 291 K"),
+    ],
+)
+def test_films_of_different_images_do_not_merge(other, message):
+    with pytest.raises(ValueError, match=message):
+        film_of([]).merge(other)
+
+
+# Robustness
+
+
+def test_memory_does_not_grow_with_the_passes():
+    passes = random_passes(1)[0]
+    film = film_of([passes])
+    size = len(pickle.dumps(film))
+    for _ in range(3000):
+        film.add_pass(passes, 1000)
+    assert len(pickle.dumps(film)) - size < 16  # bytes: the counters have more digits
+
+
+def test_negative_radiance_has_no_temperature():
+    """A noisy pixel of a cold scene: no NaN, 0 K, and a noise that says how far it may be from that."""
+    passes = random_passes(10, spread=0.5, mean=-3.0)
+    film = film_of(passes)
+    assert np.all(film.radiance() < 0)
+    assert np.all(film.temperature() == 0)
+    assert np.all(np.isfinite(film.noise())) and np.all(film.noise() >= 0)
+
+
+@settings(deadline=None)  # the first call compiles
+@given(st.lists(st.floats(-(2.0**100), 2.0**100, width=32), min_size=1, max_size=6), st.sampled_from([0.0, 3.0, 290.0]))
+def test_no_nan_from_any_finite_pass(values, reference):
+    film = film_of([np.full((HEIGHT * WIDTH, 3), value, np.float32) for value in values], reference)
+    for result in (film.radiance(), film.temperature(), film.noise(), film.band_radiance(1)):
+        assert np.all(np.isfinite(result))
+    assert np.all(film.temperature() >= 0) and np.all(film.noise() >= 0)
+
+
+def test_equal_passes_have_no_noise():
+    assert np.all(film_of([random_passes(1)[0]] * 7).noise() == pytest.approx(0, abs=1e-6))
