@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The photon index against scipy's kd-tree, as ratios measured in one run on one thread.
+
+    python tests/benchmarks/photon_index.py
+
+Ours is what a pass does: sort the photons with their 16 bands, build the tree, and for every point that the camera
+sees find its 50 neighbours on the same side, walk the patch of surface in the disk, measure its area and keep the
+photons on it. cKDTree only has to build over the positions and find the 50 nearest, whatever their side, within the
+same largest distance; it is timed as it comes and with its fastest build (neither balanced nor compact).
+
+Scenes: the room of throughput.py with the photons and camera hits of a pass; and a plane with a caustic, where nearly
+all photons lie on a thin curve and in a focus. Best of several repetitions, interleaved.
+"""
+
+import math
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.spatial import cKDTree
+from throughput import room, seconds
+
+from addon.solver import Material, Settings  # throughput has put the project on the path
+from addon.solver.camera import eye_rays, sobol_point
+from addon.solver.photon_map import Photons, PhotonStore, build_photon_map, gather, neighbours_room
+from addon.solver.render import PHOTON_CHUNK, prepare
+from addon.solver.rng import CAMERA, PHOTONS, pass_key
+from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces, normal, point
+from addon.solver.transport import trace_photons
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from scenes import look, make_scene  # noqa: E402
+
+COUNTS = 10_000, 100_000, 1_000_000  # photons emitted; the room stores about 1.4 times as many
+NEIGHBOURS = 50
+BANDS = 16
+WIDTH, HEIGHT = 128, 96
+REPETITIONS = 5
+TREES = {
+    "cKDTree": {},
+    "cKDTree, fastest build": {"balanced_tree": False, "compact_nodes": False},
+}
+
+
+class Case(NamedTuple):
+    """Photons and the points at which they are gathered: triangle (q,), side (q,), place (q, 3) float32."""
+
+    name: str
+    photons: Photons
+    surfaces: Surfaces
+    bounds: tuple[np.ndarray, np.ndarray]
+    reach2: float
+    triangle: np.ndarray
+    side: np.ndarray
+    place: np.ndarray
+
+
+@njit
+def hit_points(surfaces, triangle, u, v, direction):
+    """Place and side of every hit."""
+    place, side = np.empty((triangle.size, 3), np.float32), np.zeros(triangle.size, np.int32)
+    for i in range(triangle.size):
+        place[i] = point(surfaces.corners, triangle[i], u[i], v[i])
+        nx, ny, nz, _ = normal(surfaces.corners, triangle[i])
+        if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0:
+            side[i] = 1
+    return place, side
+
+
+@njit(nogil=True)
+def gather_all(photon_map, surfaces, triangle, side, place, k, reach2):
+    """Sum over the points of photons per area, so that no work is left out."""
+    room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
+    guess, density = reach2, 0.0
+    for i in range(triangle.size):
+        kept, area, guess = gather(
+            photon_map, surfaces, triangle[i], side[i], place[i, 0], place[i, 1], place[i, 2],
+            k, reach2, 1.0, guess, room, patch,
+        )  # fmt: skip
+        density += kept / area
+    return density
+
+
+def room_case(count):
+    """Photons and camera hits of one pass in the room."""
+    m = prepare(room(BANDS), Settings(photons_per_pass=count, neighbours=NEIGHBOURS))
+    store, key = PhotonStore(BANDS, False), pass_key(0, 0, PHOTONS)
+    for first in range(0, count, PHOTON_CHUNK):
+        for batch in trace_photons(
+            m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first,
+            min(PHOTON_CHUNK, count - first), count, lambda: False,
+        ):  # fmt: skip
+            store.append(batch)
+    pixels = WIDTH * HEIGHT
+    origin, direction = np.empty((2, pixels, 3), np.float32)
+    reach = np.empty(pixels, np.float32)
+    eye_rays(m.eye, pass_key(0, 0, CAMERA), sobol_point(0), 0, origin, direction, reach)
+    triangle, u, v = m.tracer.trace(origin, direction, reach)
+    place, side = hit_points(m.surfaces, triangle, u, v, direction)
+    return Case("room", store.photons, m.surfaces, m.bounds, m.reach2, triangle, side, place)
+
+
+def caustic_case(count):
+    """A square metre: 60 % of the photons along a cardioid 2 mm wide, 30 % in a focus of 1 mm, 10 % anywhere.
+
+    Half of the points form a grid as a camera above sees it, half lie where photons are, row by row like pixels.
+    """
+    rng = np.random.default_rng(0)
+    turn = rng.uniform(0, 2 * math.pi, count)
+    radius = 0.2 * (1 - np.cos(turn)) + rng.exponential(0.002, count)
+    curve = np.column_stack((radius * np.cos(turn) + 0.2, radius * np.sin(turn)))
+    focus = rng.normal((0.2, 0.0), 0.001, (count, 2))
+    kind = rng.random(count)[:, None]
+    plane = np.where(kind < 0.6, curve, np.where(kind < 0.9, focus, rng.uniform(-0.5, 0.5, (count, 2))))
+    position = np.zeros((count, 3), np.float32)
+    position[:, :2] = np.clip(plane, -0.5, 0.5)
+    corners = np.array([(-0.5, -0.5, 0), (0.5, -0.5, 0), (0.5, 0.5, 0), (-0.5, 0.5, 0)])
+    triangles = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
+    scene = make_scene(corners, triangles, 300.0, [Material()], look((0, 0, 2), (0, 0, 0)), [8.0, 12.0])
+    surfaces, _, _ = build_surfaces(scene)
+    grid = np.stack(np.meshgrid(np.linspace(-0.49, 0.49, WIDTH), np.linspace(-0.49, 0.49, HEIGHT // 2)), axis=-1)
+    place = np.zeros((WIDTH * HEIGHT, 3), np.float32)
+    place[: WIDTH * HEIGHT // 2, :2] = grid.reshape(-1, 2)
+    near = position[rng.integers(count, size=WIDTH * HEIGHT // 2)]
+    place[WIDTH * HEIGHT // 2 :] = near[np.lexsort((near[:, 0], (near[:, 1] * HEIGHT).round()))]
+    photons = Photons(
+        position, 2 * (position[:, 1] > position[:, 0]).astype(np.int32), np.ones((count, BANDS), np.float32),
+        np.empty((0, 3), np.float32),
+    )  # fmt: skip
+    return Case(
+        "caustic",
+        photons,
+        surfaces,
+        (corners.min(axis=0), corners.max(axis=0)),
+        9 * NEIGHBOURS / (math.pi * count),
+        (place[:, 1] > place[:, 0]).astype(np.int32),
+        np.zeros(len(place), np.int32),
+        place,
+    )
+
+
+def measure(case):
+    """Best seconds to build and to query, for ours and for each kd-tree."""
+    times = {name: [] for name in ("ours", *TREES)}
+    position = case.photons.position.copy()  # before ours sorts them
+    reach = math.sqrt(case.reach2)
+    for _ in range(REPETITIONS):
+        photons = Photons(*(array.copy() for array in case.photons))
+        build, photon_map = seconds(lambda p=photons: build_photon_map(p, case.surfaces.corners, case.bounds))
+        query, _ = seconds(
+            lambda m=photon_map: gather_all(
+                m, case.surfaces, case.triangle, case.side, case.place, NEIGHBOURS, case.reach2
+            )
+        )
+        times["ours"].append((build, query))
+        for name, options in TREES.items():
+            build, tree = seconds(lambda o=options: cKDTree(position, **o))
+            query, _ = seconds(lambda t=tree: t.query(case.place, NEIGHBOURS, distance_upper_bound=reach, workers=1))
+            times[name].append((build, query))
+    return {name: np.min(spent, axis=0) for name, spent in times.items()}
+
+
+def shuffled(case):
+    """The same points in random order, as after a rough reflection: the last disk says nothing of the next."""
+    order = np.random.default_rng(1).permutation(len(case.place))
+    return case._replace(
+        name=case.name + " with points in random order",
+        triangle=case.triangle[order],
+        side=case.side[order],
+        place=case.place[order],
+    )
+
+
+def cases():
+    for make in (room_case, caustic_case):
+        for count in COUNTS:
+            yield make(count)
+        yield shuffled(make(COUNTS[1]))
+
+
+def main():
+    measure(caustic_case(1000))  # compile
+    print(f"{WIDTH * HEIGHT} points, {NEIGHBOURS} neighbours, {BANDS} bands, one thread; ms, and kd-tree / ours")
+    for case in cases():
+        best = measure(case)
+        ours = best["ours"]
+        print(f"{case.name}, {len(case.photons.surface)} photons")
+        print(f"  {'ours':24}build {1e3 * ours[0]:8.1f}  query {1e3 * ours[1]:8.1f}")
+        for name in TREES:
+            ratio = best[name] / ours
+            print(
+                f"  {name:24}build {1e3 * best[name][0]:8.1f}  query {1e3 * best[name][1]:8.1f}"
+                f"  ratio: build {ratio[0]:.2f}  query {ratio[1]:.2f}  both {best[name].sum() / ours.sum():.2f}"
+            )
+
+
+if __name__ == "__main__":
+    main()
