@@ -19,6 +19,7 @@ from .output.palette import thermal
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
 from .solver.spectrum import band_names
+from .version import version
 
 log = logging.getLogger(__name__)
 
@@ -237,7 +238,7 @@ def exr_arguments(job: RenderJob, images: dict[str, np.ndarray]) -> dict:
             "photons": film.photons,
             "seed": settings.seed,
             "referenceTemperature": film.reference_temperature,
-            "software": "Infrared Photons",
+            "software": f"Infrared Photons {version()}",
         },
     }
 

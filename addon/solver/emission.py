@@ -16,6 +16,9 @@ from .surfaces import Surfaces, areas, normal, offset, point, temperature_at
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 
+# Photons from the surroundings, over all others, where the scene seems closed.
+_SKY_DEFENSIVE = 1.0 / 64.0
+
 POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
 
 
@@ -114,8 +117,14 @@ def build_emitters(
     is_sun = np.array([isinstance(light, SunLight) for light in scene.lights], bool)
     light_total = light_power.sum(axis=1) * np.where(is_sun, math.pi * radius**2, 1.0)
     # Of the photons from the surroundings only the share `openness` arrives; for the least variance at a given number
-    # of photons a class is then chosen in proportion to power / sqrt(share) (Lagrange).
-    chosen = np.concatenate((surface_power[surface], sky_power * math.sqrt(openness), light_total))
+    # of photons a class is then chosen in proportion to power / sqrt(share) (Lagrange). A scene that seems closed still
+    # sends some: the pilot may have missed a hole.
+    others = surface_power.sum() + light_total.sum()
+    if openness > 0:
+        sky_chosen = sky_power * math.sqrt(openness)
+    else:
+        sky_chosen = sky_power * (_SKY_DEFENSIVE * others / sky_power.sum() if others > 0 and sky.size else 1.0)
+    chosen = np.concatenate((surface_power[surface], sky_chosen, light_total))
     cumulative = np.concatenate(([0.0], np.cumsum(chosen)))
     power = float(surface_power.sum() + sky_power.sum() * openness + light_total.sum())
     if cumulative[-1] > 0:

@@ -25,7 +25,7 @@ DEFENSIVE = 1.0 / 64.0
 class Pilot(NamedTuple):
     """weight: (t, 2) float64, 1 for sides that the image can depend on, DEFENSIVE for others.
 
-    openness: share of cosine-distributed directions from the former that leave the scene, above 0.
+    openness: share of cosine-distributed directions from the former that leave the scene, 0 if none was found.
     """
 
     weight: np.ndarray
@@ -70,7 +70,7 @@ def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
         picks = np.searchsorted(chosen, chosen[-1] * (np.arange(_CAMERA_PATHS) + 0.5) / _CAMERA_PATHS)
         triangle, _ = _probe(surfaces, tracer, pass_key(seed, 9, PILOT), picks.astype(np.int32))
         openness = float(np.mean(triangle < 0))
-    return Pilot(np.where(matters, 1.0, DEFENSIVE), max(openness, 0.5 / _CAMERA_PATHS))
+    return Pilot(np.where(matters, 1.0, DEFENSIVE), openness)
 
 
 def _probe_codes(sheet: np.ndarray, reached: np.ndarray) -> np.ndarray:
