@@ -168,7 +168,7 @@ def test_one_temperature_needs_no_photons():
 
 
 GREY = Material("grey", 0.5)
-LIGHT_PASSES = Settings(passes=48, photons_per_pass=40_000, neighbours=30)
+LIGHT_PASSES = Settings(passes=96, photons_per_pass=40_000, neighbours=30, shrink=False)
 
 
 def irradiance_under(light, spot=0.0):
