@@ -61,11 +61,7 @@ def photon_map(points, surfaces, codes=0, power=None, batches=1, store=None):
     store = store or PhotonStore(power.shape[1], False)
     for part in np.array_split(np.arange(n), batches):
         store.append(Photons(position[part], codes[part], power[part], NO_DIRECTIONS))
-    return Map(build_photon_map(store.photons, surfaces.corners, bounds_of(surfaces)), surfaces)
-
-
-def bounds_of(surfaces):
-    return surfaces.corners.min(axis=(0, 1)), surfaces.corners.max(axis=(0, 1))
+    return Map(build_photon_map(store.photons, surfaces.corners), surfaces)
 
 
 @njit
@@ -297,7 +293,7 @@ def in_a_corner(rng, n):
     return 1.0 - rng.random((n, 2)) * 0.02
 
 
-@pytest.mark.parametrize("cells", [1, 10])
+@pytest.mark.parametrize("cells", [1, 10, 60])  # 60: too fine to walk over, region_area measures
 @pytest.mark.parametrize("region", [anywhere, by_an_edge, in_a_corner])
 @pytest.mark.parametrize(
     "k, reach_share, shrink2", [(20, 9.0, 1.0), (20, 1.0, 1.0), (20, 0.5, 1.0), (20, 1.0, 0.3), (5, 2.0, 0.5)]
@@ -305,13 +301,6 @@ def in_a_corner(rng, n):
 def test_density_estimate_is_unbiased(region, cells, k, reach_share, shrink2):
     """k / area would be 5 % too high at k = 20, a disk not cut at the edges 50 % too low there, 75 % in a corner."""
     mean, error = density_ratio(region, cells, k, reach_share, shrink2)
-    assert error < 0.025
-    assert abs(mean - 1) < 3 * error
-
-
-def test_density_on_a_mesh_finer_than_the_disk():
-    """Away from its edges: there the disk counts as plane."""
-    mean, error = density_ratio(lambda rng, n: rng.uniform(0.3, 0.7, (n, 2)), 60, 20, 2.0, 1.0, maps=300)
     assert error < 0.025
     assert abs(mean - 1) < 3 * error
 
@@ -329,7 +318,6 @@ def test_coincident_photons(count, query):
     assert kept[0] == (count if count < 50 else 0)
 
 
-@pytest.mark.xfail(run=False, reason="crashes: distances of 0 have no histogram; a guess of 0 never grows")
 @pytest.mark.parametrize("spread", [0.0, 1e-20])
 @pytest.mark.parametrize("count", [1, 50, 300, 5000])
 def test_coincident_photons_at_the_query(count, spread):
@@ -344,7 +332,7 @@ def test_coincident_photons_at_the_query(count, spread):
 
 @pytest.mark.parametrize(
     "ties",
-    [pytest.param(255, marks=pytest.mark.xfail(reason="ties fill the room of a search")), 260, 264, 266, 270, 1000],
+    [255, 260, 264, 266, 270, 1000],
 )
 def test_nearer_photons_outlast_many_at_one_distance(ties):
     """More photons at exactly one distance than a search has room for must not push out the nearer ones."""
@@ -371,7 +359,7 @@ def test_result_depends_on_the_order_of_photons_alone():
     assert len(used.photons.surface) == 0
     for batches, store in ((7, None), (400, None), (7, used)):
         built = photon_map(points, square(), codes, power, batches, store)
-        for array, expected in zip(built.photons[:3], reference.photons[:3], strict=True):
+        for array, expected in zip(built.photons.tree, reference.photons.tree, strict=True):
             assert np.array_equal(array, expected)
         for array, expected in zip(built.photons.photons, reference.photons.photons, strict=True):
             assert np.array_equal(array, expected)
@@ -388,7 +376,7 @@ def test_photons_stay_together():
         number = part.astype(np.float32)[:, None]
         store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy()))
     surfaces = square()
-    photons = build_photon_map(store.photons, surfaces.corners, bounds_of(surfaces)).photons
+    photons = build_photon_map(store.photons, surfaces.corners).photons
     order = photons.power[:, 0].astype(int)
     assert np.array_equal(np.sort(order), np.arange(n))
     assert np.array_equal(photons.position, points[order])

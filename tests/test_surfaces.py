@@ -19,7 +19,6 @@ from addon.solver.surfaces import (
     offset,
     patch_in_ball,
     point,
-    sheets,
     temperature_at,
 )
 
@@ -243,11 +242,11 @@ def test_sheets_of_closed_and_open_surfaces():
     vertices, triangles = box()
     two = np.concatenate((triangles, triangles + 8))
     surfaces, _, _ = build(np.concatenate((vertices, vertices + 3)), two)
-    label = sheets(surfaces.neighbours)
+    label = surfaces.sheet
     assert len(np.unique(label)) == 4  # inside and outside of two boxes
     assert all(len(np.unique(part)) == 1 for part in (label[:12, 0], label[:12, 1], label[12:, 0], label[12:, 1]))
     surfaces, _, _ = build(np.array(QUAD, float), WINDINGS["flipped"])
-    label = sheets(surfaces.neighbours)
+    label = surfaces.sheet
     assert len(np.unique(label)) == 2  # a border does not join front and back
     assert label[0, 0] == label[1, 1] and label[0, 1] == label[1, 0]
 
@@ -260,7 +259,7 @@ def test_moebius_strip_has_one_side():
     vertices = (spoke + across * width).reshape(-1, 3)
     quads = [(2 * i, 2 * i + 1, 2 * i + 3, 2 * i + 2) for i in range(11)] + [(22, 23, 0, 1)]
     surfaces, _, _ = build(vertices, [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    assert len(np.unique(sheets(surfaces.neighbours))) == 1
+    assert len(np.unique(surfaces.sheet)) == 1
 
 
 # Rays
@@ -304,7 +303,7 @@ def scattered_triangles(rng, count, aspect):
     "aspect",
     [
         pytest.param(1.0, id=""),
-        pytest.param(1e-3, id="needles", marks=pytest.mark.xfail(reason="Embree's normal of a needle is coarse")),
+        pytest.param(1e-3, id="needles"),
     ],
 )
 def test_rays_do_not_meet_the_surface_they_leave(scale, shift, steepness, aspect):

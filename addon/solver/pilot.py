@@ -13,7 +13,7 @@ from numba import njit
 from .camera import Eye, eye_rays, sobol_point
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, to_world, triangle_point
-from .surfaces import Surfaces, Tracer, areas, normal, offset, point, sheets
+from .surfaces import Surfaces, Tracer, areas, normal, offset, point
 
 _CAMERA_PATHS = 16384
 _BOUNCES = 8
@@ -38,7 +38,7 @@ def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
     A sheet also matters if something that matters is seen from it, so that small sources are not overlooked.
     """
     key = pass_key(seed, 0, PILOT)
-    sheet = sheets(surfaces.neighbours)
+    sheet = surfaces.sheet
     reached = np.zeros(2 * len(sheet), np.bool_)  # by label
     count = _CAMERA_PATHS
     pixels = int((eye.window[2] - eye.window[0]) * (eye.window[3] - eye.window[1]))

@@ -54,7 +54,6 @@ class Model:
     emitters: Emitters
     optics: Optics
     eye: Eye
-    bounds: tuple[np.ndarray, np.ndarray]
     reach2: float
     straight: bool
     reference_temperature: float
@@ -131,7 +130,6 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         if photons
         else "no photons needed: nothing differs from the reference or nothing reflects",
     )
-    corners = surfaces.corners.reshape(-1, 3)
     return Model(
         surfaces,
         tracer,
@@ -139,7 +137,6 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         emitters,
         Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight),
         eye,
-        (corners.min(axis=0), corners.max(axis=0)),
         gather_reach(emitters.area, pilot, max(1, photons), settings.neighbours),
         straight,
         reference,
@@ -179,7 +176,7 @@ def render_pass(
             store.append(batch)
     if cancelled():
         return False
-    photon_map = build_photon_map(store.photons, m.surfaces.corners, m.bounds)
+    photon_map = build_photon_map(store.photons, m.surfaces.corners)
     estimate = Estimate(
         settings.neighbours,
         m.reach2,

@@ -141,8 +141,9 @@ def lobe_albedo(alpha, samples):
         x = math.sqrt(max(0.0, 1.0 - z * z))
         total = 0.0
         for j in range(samples):
+            g = 1.0 - (j + 0.5) / samples  # u = 1 - g^2: dense where facets stand steep and most is lost
             for k in range(samples):
-                total += sample_lobe(x, 0.0, z, alpha, (j + 0.5) / samples, (k + 0.5) / samples)[3]
+                total += 2.0 * g * sample_lobe(x, 0.0, z, alpha, 1.0 - g * g, (k + 0.5) / samples)[3]
         albedo[i] = total / (samples * samples)
     return albedo
 

@@ -9,6 +9,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 
+from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
 from .scene import Scene
 
 # Cosine between two oriented normals below which a photon does not belong to the surface that gathers it.
@@ -25,12 +26,17 @@ class Surfaces(NamedTuple):
     corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K.
     neighbours: (m, 3) int32, code 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
         flip is 1 where the two triangles wind differently.
+    sheet: (m, 2) int32, label of the connected surface that each side belongs to.
+    mesh: tree over the triangles; its leaves hold centroid, normal and area. mesh_sheet: (m, 2), sheet in its order.
     """
 
     corners: np.ndarray
     material: np.ndarray
     temperature: np.ndarray
     neighbours: np.ndarray
+    sheet: np.ndarray
+    mesh: PointTree
+    mesh_sheet: np.ndarray
 
 
 class Tracer:
@@ -57,13 +63,35 @@ def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
     centre = 0.5 * (low.astype(np.float64) + high)
     vertices = (scene.vertices - centre).astype(np.float32)
     triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
+    corners, neighbours = vertices[triangles], _neighbours(vertices, triangles)
+    sheet = _sheets(neighbours)
+    ranks = morton_ranks(corners.mean(axis=1))
+    leaves = empty_leaves(len(corners), 7)
+    mesh_sheet = np.empty_like(sheet)
+    _fill_leaves(corners, sheet, ranks, leaves, mesh_sheet)
     surfaces = Surfaces(
-        corners=vertices[triangles],
+        corners=corners,
         material=np.ascontiguousarray(scene.material, dtype=np.int32),
         temperature=np.ascontiguousarray(scene.temperature.reshape(len(triangles), -1), dtype=np.float32),
-        neighbours=_neighbours(vertices, triangles),
+        neighbours=neighbours,
+        sheet=sheet,
+        mesh=build_tree(leaves),
+        mesh_sheet=mesh_sheet,
     )
     return surfaces, Tracer(vertices, triangles), centre
+
+
+@njit(cache=True, nogil=True)
+def _fill_leaves(corners, sheet, ranks, leaves, mesh_sheet):
+    """Put the triangles into the leaves of their tree."""
+    for t in range(ranks.size):
+        leaf, slot = ranks[t] // WIDTH, ranks[t] % WIDTH
+        nx, ny, nz, double_area = normal(corners, t)
+        for axis in range(3):
+            leaves[leaf, axis, slot] = (corners[t, 0, axis] + corners[t, 1, axis] + corners[t, 2, axis]) / 3.0
+        leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = nx, ny, nz
+        leaves[leaf, 6, slot] = 0.5 * double_area
+        mesh_sheet[ranks[t]] = sheet[t]
 
 
 def areas(corners: np.ndarray) -> np.ndarray:
@@ -115,12 +143,21 @@ def offset(corners, t, x, y, z):
     """Distance along the normal that takes a ray's origin clear of triangle t in float32.
 
     The plane of a triangle is known to a few units in the last place of its coordinates, and Embree computes with
-    differences between origin and corners, so the error grows with the larger of position and triangle.
+    differences between origin and corners, so the error grows with the larger of position and triangle; its normal
+    errs by L^3 / (2 A) times as much, L the longest edge, which counts for needles (tests/test_surfaces.py).
     """
     reach = max(abs(x), abs(y), abs(z))
+    longest = 0.0
     for i in range(3):
+        square = 0.0
         for axis in range(3):
             reach = max(reach, abs(corners[t, i, axis]))
+            edge = np.float64(corners[t, (i + 1) % 3, axis]) - corners[t, i, axis]
+            square += edge * edge
+        longest = max(longest, square)
+    double_area = normal(corners, t)[3]
+    if double_area > 0.0:
+        reach = max(reach, 0.25 * longest * math.sqrt(longest) / double_area)
     return reach * 2.0**-20
 
 
@@ -177,7 +214,7 @@ def _neighbours(vertices, triangles):
 
 
 @njit(cache=True, nogil=True)
-def sheets(neighbours):
+def _sheets(neighbours):
     """Label (m, 2) int32 of the connected sheet that each side of each triangle belongs to (union-find)."""
     parent = np.arange(2 * neighbours.shape[0]).astype(np.int32)
 
@@ -271,7 +308,7 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
 
     Walks from t over shared edges to the triangles that reach into the ball and face the same way. Fills patch
     (PATCH_LIMIT,) int32 with codes 2 t + side and returns their number and their area inside the ball, m2. A mesh too
-    fine for that returns 0 and the disk's area pi r2: then every photon of the ball that faces the same way counts.
+    fine for that returns 0 members: there `region_area` measures.
     """
     nx, ny, nz, around = normal(corners, t)
     if side == 1:
@@ -310,3 +347,48 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
                 patch[count] = code
                 count += 1
     return count, abs(area)
+
+
+@njit(inline="always")
+def in_region(area, height, disk2):
+    """Whether a point of a triangle belongs to the region around a query that stands for its surface in fine meshes.
+
+    area: of the triangle, m2; larger ones do not count, since their centroid does not say what part is inside. height:
+    above the tangent plane, m. disk2: squared radius, m2. Photons and area are measured over the same region, so that
+    their ratio is unbiased whatever the region.
+    """
+    return 8.0 * area <= math.pi * disk2 and 16.0 * height * height < disk2
+
+
+@njit(cache=True, nogil=True)
+def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, stack, near):
+    """Area (m2) of the triangles of one sheet with their centroid in the ball that face the normal's way.
+
+    Triangles are many and small here, so counting whole ones errs by a few percent at random, not in the mean.
+    stack, near: room, as for `open_node`.
+    """
+    tree = surfaces.mesh
+    x, y, z, r2 = np.float32(x), np.float32(y), np.float32(z), np.float32(r2)
+    nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
+    total = 0.0
+    stack[0] = tree.starts[tree.starts.size - 2]
+    depth = 1
+    while depth > 0:
+        depth, children = open_node(tree, stack, depth, x, y, z, r2, near)
+        for c in range(children):
+            leaf = stack[depth + c]
+            p = tree.leaves[leaf]
+            for j in range(WIDTH):
+                dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
+                near[j] = dx * dx + dy * dy + dz * dz
+            for j in range(WIDTH):
+                if near[j] >= r2:
+                    continue
+                cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
+                side = 0 if cosine > 0.0 else 1
+                if abs(cosine) <= SAME_SURFACE or surfaces.mesh_sheet[leaf * WIDTH + j, side] != sheet:
+                    continue
+                height = (p[0, j] - x) * nx + (p[1, j] - y) * ny + (p[2, j] - z) * nz
+                if in_region(p[6, j], height, r2):
+                    total += p[6, j]
+    return max(total, 1e-3 * math.pi * r2)

@@ -50,7 +50,6 @@ class Case(NamedTuple):
     name: str
     photons: Photons
     surfaces: Surfaces
-    bounds: tuple[np.ndarray, np.ndarray]
     reach2: float
     triangle: np.ndarray
     side: np.ndarray
@@ -99,7 +98,7 @@ def room_case(count):
     eye_rays(m.eye, pass_key(0, 0, CAMERA), sobol_point(0), 0, origin, direction, reach)
     triangle, u, v = m.tracer.trace(origin, direction, reach)
     place, side = hit_points(m.surfaces, triangle, u, v, direction)
-    return Case("room", store.photons, m.surfaces, m.bounds, m.reach2, triangle, side, place)
+    return Case("room", store.photons, m.surfaces, m.reach2, triangle, side, place)
 
 
 def caustic_case(count):
@@ -148,7 +147,7 @@ def measure(case):
     reach = math.sqrt(case.reach2)
     for _ in range(REPETITIONS):
         photons = Photons(*(array.copy() for array in case.photons))
-        build, photon_map = seconds(lambda p=photons: build_photon_map(p, case.surfaces.corners, case.bounds))
+        build, photon_map = seconds(lambda p=photons: build_photon_map(p, case.surfaces.corners))
         query, _ = seconds(
             lambda m=photon_map: gather_all(
                 m, case.surfaces, case.triangle, case.side, case.place, NEIGHBOURS, case.reach2

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Points sorted along a Morton curve under an implicit tree of boxes.
+
+Sixteen points make a leaf, sixteen children a node, and both lie side by side in memory, so either is tested with a
+few vector instructions. Unlike a grid this does not care how unevenly points lie (caustics, hot spots); unlike a
+kd-tree it is built by one sort (tests/benchmarks/photon_index.py compares it with scipy's cKDTree).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+WIDTH = 16  # points in a leaf, children of a node: one vector register of float32
+FAR = np.float32(1e30)  # coordinate of the padding in the last leaf
+STACK = 10 * WIDTH  # room for the nodes that wait while one is open, at 16^8 points
+_DIGIT = 11  # bits that one round of the radix sort looks at
+_MORTON_BITS = 21  # per axis
+
+
+class PointTree(NamedTuple):
+    """leaves: (l, c, w) float32, c values (x, y, z first) of w points a leaf. nodes: (sum of levels, 6, w) float32,
+    boxes of the children (lower x, y, z, upper x, y, z). starts: (levels + 1,) int64, first node of each level, level 0
+    right above the leaves.
+    """
+
+    leaves: np.ndarray
+    nodes: np.ndarray
+    starts: np.ndarray
+
+
+def morton_ranks(position: np.ndarray) -> np.ndarray:
+    """(n,) int32 place of each of (n, 3) float32 points along the curve; equal points stay in order."""
+    keys = np.empty(len(position), np.uint64)
+    if len(position):
+        low, high = position.min(axis=0).astype(np.float64), position.max(axis=0)
+        _morton_keys(position, low, ((1 << _MORTON_BITS) - 1) / max(float(np.max(high - low)), 1e-30), keys)
+    return _radix_ranks(keys)
+
+
+def empty_leaves(count: int, values: int) -> np.ndarray:
+    """Room for the leaves of count points with so many values each; the last leaf may have room to spare."""
+    leaves = np.empty((max(1, -(-count // WIDTH)), values, WIDTH), np.float32)
+    leaves[-1] = FAR
+    return leaves
+
+
+def build_tree(leaves: np.ndarray) -> PointTree:
+    """Tree over filled leaves."""
+    counts = [-(-len(leaves) // WIDTH)]
+    while counts[-1] > 1:
+        counts.append(-(-counts[-1] // WIDTH))
+    starts = np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
+    nodes = np.empty((starts[-1], 6, WIDTH), np.float32)
+    _build_nodes(leaves, nodes, starts)
+    return PointTree(leaves, nodes, starts)
+
+
+@njit(inline="always")
+def _spread(v):
+    """Put two zero bits between the lower 21 bits of v."""
+    v &= np.uint64(0x1FFFFF)
+    v = (v | (v << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
+    v = (v | (v << np.uint64(16))) & np.uint64(0x1F0000FF0000FF)
+    v = (v | (v << np.uint64(8))) & np.uint64(0x100F00F00F00F00F)
+    v = (v | (v << np.uint64(4))) & np.uint64(0x10C30C30C30C30C3)
+    return (v | (v << np.uint64(2))) & np.uint64(0x1249249249249249)
+
+
+@njit(cache=True, nogil=True)
+def _morton_keys(position, low, scale, keys):
+    """Morton code of every point."""
+    top = float((1 << _MORTON_BITS) - 1)
+    for i in range(position.shape[0]):
+        code = np.uint64(0)
+        for axis in range(3):
+            cell = np.uint64(min(top, max(0.0, (position[i, axis] - low[axis]) * scale)))
+            code |= _spread(cell) << np.uint64(axis)
+        keys[i] = code
+
+
+@njit(cache=True, nogil=True)
+def _radix_ranks(keys):
+    """Place of every key in ascending order, equal keys in the order they came (least significant digit first).
+
+    Overwrites the keys.
+    """
+    n = keys.size
+    rounds = (3 * _MORTON_BITS + _DIGIT - 1) // _DIGIT
+    buckets = 1 << _DIGIT
+    mask = np.uint64(buckets - 1)
+    histogram = np.zeros((rounds, buckets), np.int32)
+    for i in range(n):
+        for r in range(rounds):
+            histogram[r, (keys[i] >> np.uint64(r * _DIGIT)) & mask] += 1
+    order, other = np.arange(n).astype(np.int32), np.empty(n, np.int32)
+    other_keys = np.empty_like(keys)
+    for r in range(rounds):
+        shift = np.uint64(r * _DIGIT)
+        if n == 0 or histogram[r, (keys[0] >> shift) & mask] == n:
+            continue  # all alike in this digit
+        total = 0
+        for bucket in range(buckets):
+            size = histogram[r, bucket]
+            histogram[r, bucket] = total
+            total += size
+        for i in range(n):
+            bucket = (keys[i] >> shift) & mask
+            place = histogram[r, bucket]
+            histogram[r, bucket] = place + 1
+            other_keys[place] = keys[i]
+            other[place] = order[i]
+        order, other = other, order
+        keys, other_keys = other_keys, keys
+    for i in range(n):
+        other[order[i]] = i
+    return other
+
+
+@njit(cache=True, nogil=True)
+def _build_nodes(leaves, nodes, starts):
+    """Boxes of every level from the level below."""
+    for level in range(starts.size - 1):
+        below = leaves.shape[0] if level == 0 else starts[level] - starts[level - 1]
+        for node in range(starts[level], starts[level + 1]):
+            for c in range(WIDTH):
+                child = (node - starts[level]) * WIDTH + c
+                for axis in range(3):
+                    low, high = FAR, -FAR
+                    if child < below:
+                        for j in range(WIDTH):
+                            if level == 0:
+                                x = leaves[child, axis, j]
+                                low = min(low, x)
+                                high = max(high, x if x < FAR else -FAR)
+                            else:
+                                low = min(low, nodes[starts[level - 1] + child, axis, j])
+                                high = max(high, nodes[starts[level - 1] + child, 3 + axis, j])
+                    nodes[node, axis, c] = low
+                    nodes[node, 3 + axis, c] = high if low < FAR else low
+
+
+@njit(inline="always")
+def open_node(tree, stack, depth, x, y, z, bound, near):
+    """Take the last node off the stack.
+
+    Children nearer than sqrt(bound) go on the stack, the nearest last, so that it is opened first and a search can soon
+    lower its bound. near: room for (WIDTH,) float32. Returns the new depth and how many leaves lie on the stack above
+    it, nearest last too.
+    """
+    node = stack[depth - 1]
+    depth -= 1
+    level = 0
+    while node >= tree.starts[level + 1]:
+        level += 1
+    box = tree.nodes[node]
+    for c in range(WIDTH):
+        dx = max(max(box[0, c] - x, x - box[3, c]), np.float32(0.0))
+        dy = max(max(box[1, c] - y, y - box[4, c]), np.float32(0.0))
+        dz = max(max(box[2, c] - z, z - box[5, c]), np.float32(0.0))
+        near[c] = dx * dx + dy * dy + dz * dz
+    base = (node - tree.starts[level]) * WIDTH
+    if level > 0:
+        base += tree.starts[level - 1]
+    children, best, nearest = 0, 0, bound
+    for c in range(WIDTH):
+        if near[c] < bound:
+            stack[depth + children] = base + c
+            if near[c] < nearest:
+                best, nearest = children, near[c]
+            children += 1
+    if children > 1:
+        stack[depth + best], stack[depth + children - 1] = stack[depth + children - 1], stack[depth + best]
+    if level > 0:
+        return depth + children, 0
+    return depth, children
