@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import atexit
 import os
-import sys
 
 
 def register():
@@ -27,9 +26,9 @@ def unregister():
 
 
 def _keep_kernels():
-    """Let numba keep compiled kernels in the extension's own folder, which survives updates and is writable.
+    """Let the solver keep compiled kernels in the extension's own folder, which survives updates and is writable.
 
-    Without an extension (the add-on as a Python package) the place is numba's choice.
+    Without an extension (the add-on as a Python package) they stay beside the sources.
     """
     import bpy
 
@@ -37,9 +36,7 @@ def _keep_kernels():
         folder = bpy.utils.extension_path_user(__package__, path="kernels", create=True)
     except (ValueError, OSError):
         return
-    os.environ.setdefault("NUMBA_CACHE_DIR", folder)  # read when numba is imported, by the first render
-    if "numba" in sys.modules:
-        sys.modules["numba"].config.CACHE_DIR = folder
+    os.environ["INFRARED_PHOTONS_KERNELS"] = folder  # solver.kernel_cache reads it; importing that would load numba
 
 
 def _modules():

@@ -69,7 +69,7 @@ def render_view_layer(engine, depsgraph) -> None:
     engine.update_stats("", "Reading the scene")
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval.name
     layers = [each.name for each in scene.view_layers if each.use]
-    if layer == layers[0]:
+    if layer in layers[:1] or layer not in layers:  # the first of this render, or a single one
         finished_layers.clear()
     settings = read_settings(scene.infrared)
     passes = tuple(render_passes(read_band_edges(scene.infrared)))
@@ -133,27 +133,31 @@ class RenderJob(threading.Thread):
         self.snapshot_seconds = 0.0
         self._image_functions = {name: image for name, _channels, _ids, _kind, image in passes}
         self._cancel, self._request = threading.Event(), threading.Event()
-        self._images = self._error = self._noise = None
+        self._images = self._latest = self._error = self._noise = None
         self._passes = self._photons = 0
         self._begin = time.monotonic()
 
     def run(self):
         try:
-            self.film = render(self.scene, self.settings, self._on_pass, self._cancel.is_set)
+            render(self.scene, self.settings, self._on_pass, self._cancel.is_set)
         except BaseException as error:  # raised again on Blender's thread
             self._error = error
 
     def _on_pass(self, film) -> None:
-        self._passes, self._photons = film.passes, film.photons
+        self.film, self._passes, self._photons = film, film.passes, film.photons
         if self._request.is_set():
             self._request.clear()
             self._images = self._snapshot(film)
 
     def _snapshot(self, film) -> dict[str, np.ndarray]:
         begin = time.monotonic()
-        with ThreadPoolExecutor(self.settings.threads or os.cpu_count()) as pool:  # Esc must not wait for large images
-            images = dict(pool.map(lambda item: (item[0], item[1](film)), self._image_functions.items()))
-        self._noise = float(np.percentile(images["Noise"], 95)) if film.passes > 1 else None
+        # Esc must not wait for large images, so they are made on all cores, and only once for a pass
+        with film.lock, ThreadPoolExecutor(self.settings.threads or os.cpu_count()) as pool:
+            if self._latest is None or self._latest[0] != film.passes:
+                images = dict(pool.map(lambda item: (item[0], item[1](film)), self._image_functions.items()))
+                self._latest = film.passes, images
+        passes, images = self._latest
+        self._noise = float(np.percentile(images["Noise"], 95)) if passes > 1 else None
         self.snapshot_seconds = time.monotonic() - begin
         return images
 
@@ -175,15 +179,16 @@ class RenderJob(threading.Thread):
         """True if the render was ended before its time."""
         return self._cancel.is_set()
 
-    def final_images(self, patience: float = 0.3) -> dict[str, np.ndarray] | None:
+    def final_images(self, patience: float = 0.2) -> dict[str, np.ndarray] | None:
         """The images at the end, by pass name; None if no pass was finished. Raises what the solver raised.
 
-        patience: s to wait for a cancelled solver, which may be compiling and is then left to itself.
+        patience: s to wait for a cancelled solver, which may be compiling or sorting and is then left to itself: what
+        it has finished is in the film.
         """
         self.join(patience if self.cancelled else None)
         if self._error is not None:
             raise self._error
-        return self._snapshot(self.film) if self.film is not None and self.film.passes else None
+        return self._snapshot(self.film) if self.film is not None else None
 
     def progress(self) -> float:
         """Share of the render that is done, by the stop condition that is nearest, 0..1."""
@@ -195,7 +200,7 @@ class RenderJob(threading.Thread):
     def status(self) -> str:
         """What users read while they wait."""
         if self._passes == 0:
-            return "Preparing kernels (compiled once on first use)"
+            return "Preparing the scene and the first pass (kernels are compiled once, on first use)"
         total = f"/{self.settings.passes}" if self.settings.passes else ""
         noise = "" if self._noise is None else f" | Noise {self._noise:.3g} K"
         memory = process_memory()

@@ -289,7 +289,7 @@ class SurfaceReader:
             self.warnings.add(obj.name, "particle hair is not rendered, only its surface")
         key = obj.data.as_pointer()
         if key not in self.meshes:
-            self.meshes[key] = read_mesh(obj.data, obj.name, self.warnings)
+            self.meshes[key] = self._read(obj)
         mesh = self.meshes[key]
         if len(mesh.triangles) == 0:
             return
@@ -308,6 +308,14 @@ class SurfaceReader:
         self.slots.append(self._materials(obj, mesh.slot))
         self.temperatures.append(temperature)
         self.vertex_count += len(vertices)
+
+    def _read(self, obj) -> MeshData:
+        if not obj.data.is_editmode:
+            return read_mesh(obj.data, obj.name, self.warnings)
+        try:  # in Edit Mode the evaluated data is empty, as long as nobody asks for a mesh
+            return read_mesh(obj.to_mesh(), obj.name, self.warnings)
+        finally:
+            obj.to_mesh_clear()
 
     def arrays(self) -> dict:
         """The arguments of Scene that describe its surfaces."""

@@ -11,7 +11,6 @@ import threading
 import time
 from pathlib import Path
 
-import numba
 import numpy as np
 import OpenEXR
 import pytest
@@ -231,7 +230,7 @@ def test_progress_status_and_live_image(tmp_path, monkeypatch):
     live = render_to_exr(tmp_path)["ViewLayer"]
     assert watcher.updates >= 1
     assert watcher.progress == sorted(watcher.progress) and 0 < watcher.progress[-1] <= 1
-    assert "Preparing kernels (compiled once on first use)" in watcher.statuses
+    assert "Preparing the scene and the first pass (kernels are compiled once, on first use)" in watcher.statuses
     running = next(status for status in watcher.statuses if "Noise" in status)
     assert running.startswith("Pass ") and "/40 | " in running and " photons | Noise " in running and " MB" in running
     monkeypatch.undo()
@@ -452,14 +451,13 @@ def test_registering_is_light_and_the_interpreter_exits():
 def test_kernels_are_kept_in_the_extensions_folder(monkeypatch, tmp_path):
     import addon
 
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "")  # monkeypatch restores it afterwards
-    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv("INFRARED_PHOTONS_KERNELS", "")  # monkeypatch restores it afterwards
+    monkeypatch.delenv("INFRARED_PHOTONS_KERNELS")
     addon._keep_kernels()
-    assert "NUMBA_CACHE_DIR" not in os.environ  # this is no installed extension
+    assert "INFRARED_PHOTONS_KERNELS" not in os.environ  # this is no installed extension
     monkeypatch.setattr(bpy.utils, "extension_path_user", lambda package, path, create: str(tmp_path / path))
-    monkeypatch.setattr(numba.config, "CACHE_DIR", numba.config.CACHE_DIR)
     addon._keep_kernels()
-    assert os.environ["NUMBA_CACHE_DIR"] == numba.config.CACHE_DIR == str(tmp_path / "kernels")
+    assert os.environ["INFRARED_PHOTONS_KERNELS"] == str(tmp_path / "kernels")
 
 
 def test_defaults_are_the_solvers():

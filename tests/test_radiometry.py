@@ -184,13 +184,25 @@ def test_excess_of_a_rough_lobe():
         ([[300.0], [300.0]], (300.0, 300.0)),
         ([[250.0], [330.0]], (250.0, 330.0)),
         ([[0.0], [250.0], [330.0]], (250.0, 330.0)),
-        ([[0.3], [250.0], [330.0]], (250.0, 330.0)),  # 1000 times colder than the hottest counts as 0 K
-        ([[0.4], [330.0]], (0.4, 330.0)),
+        ([[0.3], [250.0], [330.0]], (250.0, 330.0)),  # below 1 K counts as 0 K beside warmer surfaces
+        ([[1.5], [1e6]], (1.5, 1e6)),
+        ([[0.4], [0.5]], (0.4, 0.5)),
         ([[0.0], [0.0]], (0.0, 0.0)),
         ([[250.0, 260.0, 330.0]], (250.0, 330.0)),
-        ([[0.0, 260.0, 330.0]], (0.33, 330.0)),  # everything between occurs on the triangle
+        ([[0.0, 260.0, 330.0]], (1.0, 330.0)),  # everything between occurs on the triangle
         ([[0.0, 0.0, 0.0]], (0.0, 0.0)),
     ],
 )
 def test_emission_range(temperature, expected):
     assert emission_range(np.array(temperature, np.float32)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("coldest", [2.0, 293.15, 1e6])
+def test_rounding_below_the_coldest_surface_keeps_its_emission(coldest):
+    """Float32 interpolation over a triangle ends up to 1e-6 below the coldest corner; that is not 0 K."""
+    edges = np.array([8.0, 1000.0])
+    radiometry = build_radiometry((Material("black", 1.0),), edges, (coldest, coldest), coldest, 0.0)
+    value = np.empty(1)
+    below = coldest * (1 - 1e-6)
+    excess(radiometry, 0, below, 1.0, value)
+    np.testing.assert_allclose(value, band_radiance(edges, below), rtol=1e-7)

@@ -36,7 +36,7 @@ pytestmark = [
 def blender(*arguments, check_scripts=True) -> str:
     """Run the real Blender with its own, empty user folder; returns what it prints."""
     environment = os.environ | {"BLENDER_USER_RESOURCES": str(WORK / "user"), "HOME": str(WORK / "home")}
-    environment.pop("NUMBA_CACHE_DIR", None)  # an artist has none
+    environment.pop("INFRARED_PHOTONS_KERNELS", None)  # an artist has none
     options = ("-b", "--python-exit-code", "1") if check_scripts else ()
     done = subprocess.run(
         [LAUNCHER, "run", *options, *map(str, arguments)],

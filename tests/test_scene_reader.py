@@ -436,7 +436,7 @@ def test_emissivity_number_and_list(value, expected):
         ([], "0 numbers, expected pairs"),
         ([8.0, 0.9, 7.0, 0.9], "must increase"),
         ([8.0, 1.9], "1.9 is outside"),
-        ([-8.0, 0.9], "above 0 um"),
+        ([-8.0, 0.9], "finite and above 0"),
         ([True, False], "expected a number"),
         (["a", "b"], "expected a number"),
         ([[8.0, 0.9], [9.0, 0.9]], "expected a number"),

@@ -171,9 +171,14 @@ GREY = Material("grey", 0.5)
 LIGHT_PASSES = Settings(passes=96, photons_per_pass=40_000, neighbours=30, shrink=False)
 
 
+def middle_of(camera):
+    """The 8 x 8 pixels in the middle of a frame of 400 x 400 pixels, 0.04 of the distance across."""
+    return Camera(400, 400, camera.matrix, frame=(-1, 1, -1, 1), window=(196, 196, 204, 204))
+
+
 def irradiance_under(light, spot=0.0):
     """Irradiance per band at (spot, 0, 0) on a plane under a light, from the image: E = pi L / rho, with its error."""
-    camera = Camera(8, 8, look((spot, 0, 1), (spot, 0, 0)).matrix, frame=(-0.02, 0.02, -0.02, 0.02))
+    camera = middle_of(look((spot, 0, 1), (spot, 0, 0)))
     scene = plane(camera, GREY, lights=(light,))
     mean, error = mean_and_error(scene, LIGHT_PASSES)
     return np.pi * mean / 0.5, np.pi * error / 0.5
@@ -231,7 +236,7 @@ def test_light_in_a_rough_mirror():
     """Lights are not there for a camera path to hit: the highlight comes from photons, L = rho f E."""
     material = Material("rough", 0.5, specular=1.0, roughness=0.7)
     light = PointLight(np.array([0.0, 1.5, 2.0]), 1000.0)
-    camera = Camera(8, 8, look((0, -1, 2), (0, 0, 0)).matrix, frame=(-0.02, 0.02, -0.02, 0.02))
+    camera = middle_of(look((0, -1, 2), (0, 0, 0)))
     mean, error = mean_and_error(plane(camera, material, lights=(light,)), LIGHT_PASSES)
     to_light, to_eye = np.array([0, 1.5, 2.0]) / 2.5, np.array([0, -1, 2.0]) / 5**0.5
     irradiance = 1000.0 / (4 * np.pi * 6.25) * to_light[2] * light_spectrum(light, EDGES).sum()

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 from numba import njit
 
-from .spectrum import apparent_temperature, band_names, band_radiance
+from .radiometry import reference_radiance
+from .spectrum import apparent_temperature, band_names
 
 
 class Film:
@@ -16,6 +19,7 @@ class Film:
 
     width, height: pixels. band_edges: (b + 1,) um. reference_temperature: K, 0 without subtraction.
     passes: finished. photons: emitted in them.
+    lock: held while a pass is added; hold it to read several images of the same passes from another thread.
     """
 
     def __init__(self, width: int, height: int, band_edges: np.ndarray, reference_temperature: float = 0.0):
@@ -24,10 +28,18 @@ class Film:
         self.reference_temperature = reference_temperature
         self.passes = 0
         self.photons = 0
-        self._reference = band_radiance(self.band_edges, reference_temperature)
+        self.lock = threading.RLock()
+        self._reference = reference_radiance(self.band_edges, reference_temperature)
         # float64: a float32 mean stops moving after 2^24 passes and drifts long before
         self._mean = np.zeros((height * width, len(self.band_edges) - 1))
         self._squares = np.zeros(height * width)  # sum of squared deviations of the radiance (Welford 1962)
+
+    def __getstate__(self):
+        """A film can be pickled, to be merged on another machine; a lock cannot."""
+        return {name: value for name, value in self.__dict__.items() if name != "lock"}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state, lock=threading.RLock())
 
     @property
     def band_count(self) -> int:
@@ -40,9 +52,10 @@ class Film:
 
     def add_pass(self, excess: np.ndarray, photons: int) -> None:
         """Add one finished pass: excess radiance (height * width, b) float32, W m-2 sr-1 per band, and its photons."""
-        _accumulate(self._mean, self._squares, excess, self.passes + 1)
-        self.passes += 1
-        self.photons += photons
+        with self.lock:
+            _accumulate(self._mean, self._squares, excess, self.passes + 1)
+            self.passes += 1
+            self.photons += photons
 
     def merge(self, other: Film) -> Film:
         """Film of the passes of both (Chan, Golub and LeVeque 1979). ValueError if they do not belong together."""

@@ -7,35 +7,39 @@ in a folder named after the contents of every source file here: a new version of
 
 import hashlib
 import os
+import re
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numba
 
+FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep them instead of beside the sources
 _PREFIX = "infrared-photons-"
 
 
-def keep_kernels() -> Path:
-    """Point numba at the folder for this version of the solver, in NUMBA_CACHE_DIR or beside the sources.
+@contextmanager
+def kept_kernels() -> Iterator[Path]:
+    """Kernels defined in this context are kept in the folder for this version of the solver.
 
-    Must run before any kernel is defined. Folders of other versions are removed.
+    Folders of other versions are removed. Numba's own setting is as before afterwards.
     """
     here = Path(__file__).parent
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(here.glob("*.py")))).hexdigest()[:16]
-    base = Path(numba.config.CACHE_DIR or here / "__pycache__")
-    if base.name.startswith(_PREFIX):  # imported again in the same process
-        base = base.parent
-    folder = base / (_PREFIX + digest)
+    folder = Path(os.environ.get(FOLDER_VARIABLE) or here / "__pycache__") / (_PREFIX + digest)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK):
             raise PermissionError(folder)
-    except OSError:  # a read-only installation: kernels are compiled again after a restart of the machine
-        folder = Path(tempfile.gettempdir()) / (_PREFIX + digest)
-        folder.mkdir(parents=True, exist_ok=True)
-    for other in folder.parent.glob(_PREFIX + "*"):
-        if other != folder:
+    except OSError:  # a read-only installation: kernels are compiled in every process
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+    for other in folder.parent.iterdir():
+        if other != folder and re.fullmatch(_PREFIX + "[0-9a-f]{16}", other.name):
             shutil.rmtree(other, ignore_errors=True)
-    numba.config.CACHE_DIR = str(folder)
-    return folder
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+    try:
+        yield folder
+    finally:
+        numba.config.CACHE_DIR = before

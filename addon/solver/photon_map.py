@@ -272,7 +272,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, guess, ro
             if members == 0 and surfaces.sheet[code >> 1, code & 1] == sheet:
                 p = photon_map.photons.position[photon]
                 height = (p[0] - x) * nx + (p[1] - y) * ny + (p[2] - z) * nz
-                inside = in_region(0.5 * normal(corners, code >> 1)[3], height, disk2)
+                inside = in_region(np.float32(0.5 * normal(corners, code >> 1)[3]), np.float32(height), disk2)
         if inside:
             room.index[kept] = photon
             kept += 1

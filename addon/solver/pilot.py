@@ -26,10 +26,12 @@ class Pilot(NamedTuple):
     """weight: (t, 2) float64, 1 for sides that the image can depend on, DEFENSIVE for others.
 
     openness: share of cosine-distributed directions from the former that leave the scene, 0 if none was found.
+    view: m, width of the frame where the camera's rays meet the scene (median); infinite if they meet nothing.
     """
 
     weight: np.ndarray
     openness: float
+    view: float
 
 
 def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
@@ -51,6 +53,8 @@ def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
         eye_rays(eye, key, sobol_point(batch), first, origin[rows], direction[rows], reach[rows])
     for bounce in range(_BOUNCES):
         triangle, u, v = tracer.trace(origin, direction, reach)
+        if bounce == 0:
+            view = _view_width(surfaces, eye, triangle, u, v)
         _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, reached)
         reach = np.full(count, 1e37, np.float32)
     for round_ in range(3):
@@ -70,7 +74,20 @@ def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
         picks = np.searchsorted(chosen, chosen[-1] * (np.arange(_CAMERA_PATHS) + 0.5) / _CAMERA_PATHS)
         triangle, _ = _probe(surfaces, tracer, pass_key(seed, 9, PILOT), picks.astype(np.int32))
         openness = float(np.mean(triangle < 0))
-    return Pilot(np.where(matters, 1.0, DEFENSIVE), openness)
+    return Pilot(np.where(matters, 1.0, DEFENSIVE), openness, view)
+
+
+def _view_width(surfaces: Surfaces, eye: Eye, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> float:
+    """Median width of the frame (m) at the points that camera rays hit; a radian's width for panoramas."""
+    hit = triangle >= 0
+    if not hit.any():
+        return math.inf
+    corners = surfaces.corners[triangle[hit]]
+    u, v = u[hit, None], v[hit, None]
+    points = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
+    distance = float(np.median(np.linalg.norm(points - eye.matrix[:, 3], axis=1)))
+    width = float(eye.frame[1] - eye.frame[0])
+    return (width * distance, width, distance)[eye.kind]
 
 
 def _probe_codes(sheet: np.ndarray, reached: np.ndarray) -> np.ndarray:
@@ -153,7 +170,8 @@ def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) 
     """Squared radius (m2) of the largest gather disk.
 
     Where photons lie one ninth as dense as on average over the surfaces that matter, the disk holds k of them; in
-    sparser places it keeps its size and holds fewer (more noise rather than more blur).
+    sparser places it keeps its size and holds fewer: more noise, which the image says, rather than more blur, which it
+    does not. For the same reason it is no wider than an eighth of the picture.
     """
     matters = float(area @ (pilot.weight == 1.0).sum(axis=1))
-    return 9.0 * neighbours * max(matters, 1e-30) / (math.pi * photons)
+    return min(9.0 * neighbours * max(matters, 1e-30) / (math.pi * photons), (pilot.view / 16.0) ** 2)

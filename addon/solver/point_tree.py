@@ -32,9 +32,7 @@ class PointTree(NamedTuple):
 def morton_ranks(position: np.ndarray) -> np.ndarray:
     """(n,) int32 place of each of (n, 3) float32 points along the curve; equal points stay in order."""
     keys = np.empty(len(position), np.uint64)
-    if len(position):
-        low, high = position.min(axis=0).astype(np.float64), position.max(axis=0)
-        _morton_keys(position, low, ((1 << _MORTON_BITS) - 1) / max(float(np.max(high - low)), 1e-30), keys)
+    _morton_keys(position, keys)
     return _radix_ranks(keys)
 
 
@@ -68,9 +66,15 @@ def _spread(v):
 
 
 @njit(cache=True, nogil=True)
-def _morton_keys(position, low, scale, keys):
-    """Morton code of every point."""
+def _morton_keys(position, keys):
+    """Morton code of every point in the cube that holds them all."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for i in range(position.shape[0]):
+        for axis in range(3):
+            low[axis] = min(low[axis], position[i, axis])
+            high[axis] = max(high[axis], position[i, axis])
     top = float((1 << _MORTON_BITS) - 1)
+    scale = top / max(high[0] - low[0], high[1] - low[1], high[2] - low[2], 1e-30)
     for i in range(position.shape[0]):
         code = np.uint64(0)
         for axis in range(3):

@@ -6,6 +6,7 @@ temperature T0 the solver traces dL = L - B(T0), for which a surface emits e(T) 
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from .spectrum import band_radiance
 
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
+COLDEST = 1.0  # K, see emission_range
 _ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4
 
 
@@ -79,7 +81,7 @@ def build_radiometry(
             reflectance[i] = 1.0 - band_emissivity(edges, weighting, curve)
         if material.specular > 0 and material.roughness**2 > MIRROR_ALPHA:
             alpha[i] = material.roughness**2
-            albedo[i] = lobe_albedo(alpha[i], _ALBEDO_SAMPLES)
+            albedo[i] = _lobe_albedo(float(alpha[i]))
     return Radiometry(
         reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
         specular=np.array([m.specular for m in materials], np.float32),
@@ -88,9 +90,21 @@ def build_radiometry(
         emission=emission,
         slope=slope,
         log_start=log_start,
-        reference=band_radiance(edges, reference),
+        reference=reference_radiance(edges, reference),
         quiet=reference if reference == weighting else -1.0,
     )
+
+
+@lru_cache(maxsize=256)
+def _lobe_albedo(alpha: float) -> np.ndarray:
+    return lobe_albedo(alpha, _ALBEDO_SAMPLES)
+
+
+def reference_radiance(edges: np.ndarray, temperature: float) -> np.ndarray:
+    """(b,) float64 B(T0) of each band, W m-2 sr-1, rounded to float32: images hold -B(T0) in float32 where a ray sees
+    0 K, and adding the same number again must give exactly 0.
+    """
+    return band_radiance(edges, temperature).astype(np.float32).astype(np.float64)
 
 
 def band_emissivity(edges: np.ndarray, temperature: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
@@ -108,9 +122,11 @@ def locate(radiometry, temperature):
     if temperature <= 0.0:
         return -1, 0.0
     position = (math.log(temperature) - radiometry.log_start) / _LOG_STEP
-    if position < -1e-6:  # between 0 K and the coldest surface above 0 K: see emission_range
+    if (
+        position < -0.5
+    ):  # far below the table, which reaches to the coldest surface but for rounding: see emission_range
         return -1, 0.0
-    row = min(max(int(position), 0), radiometry.emission.shape[1] - 2)
+    row = min(max(math.floor(position), 0), radiometry.emission.shape[1] - 2)
     return row, position - row
 
 
@@ -153,13 +169,14 @@ def excess(radiometry, material, temperature, cosine, out):
 
 
 def emission_range(temperature: np.ndarray) -> tuple[float, float]:
-    """Lowest temperature above 0 K and highest of an array, K; what lies 1000 times below the highest counts as 0 K.
+    """Lowest temperature above 0 K and highest of an array, K: what the emission table must reach.
 
-    (T / T_max)^4 is then below 1e-12 of the scene's radiance, and in a thermal band far less.
+    Where a surface runs from 0 K to warmer, it reaches down to COLDEST, below which no band holds radiance to speak of:
+    at 1 K and 1 mm x = c2 / (lambda T) is 14, and it grows with 1 / T.
     """
     high = float(temperature.max())
     low = float(temperature.min())
-    if low < high / 1000.0:
-        warm = temperature[temperature >= high / 1000.0]
-        low = float(warm.min()) if temperature.shape[-1] == 1 else high / 1000.0
+    if low < COLDEST <= high:
+        runs = temperature.shape[-1] > 1
+        low = COLDEST if runs else float(temperature[temperature >= COLDEST].min())
     return low, high

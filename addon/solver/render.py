@@ -87,7 +87,7 @@ def render(
             film.add_pass(image, model.photons_per_pass)
             if on_pass:
                 on_pass(film)
-            if film.passes == settings.passes:
+            if 0 < settings.passes <= film.passes:
                 break
             if 0 < settings.time_limit <= time.monotonic() - started:
                 break

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 SUN_TEMPERATURE = 5772.0  # K, nominal effective temperature of the Sun (IAU 2015 resolution B3)
+HOTTEST = 1e6  # K: apparent temperatures are tabulated to twice that
 LAMP_TEMPERATURE = 2856.0  # K, CIE standard illuminant A: an incandescent lamp
 
 
@@ -39,9 +40,16 @@ class Material:
         if points.ndim == 2 and points.shape[1] == 2 and len(points):
             wavelengths, values = points[:, 0], points[:, 1]
             if not (np.all(np.isfinite(wavelengths)) and np.all(wavelengths > 0)):
-                raise SceneError(f"Material '{self.name}': emissivity wavelengths must be finite and above 0 um")
+                bad = wavelengths[~(np.isfinite(wavelengths) & (wavelengths > 0))][0]
+                raise SceneError(
+                    f"Material '{self.name}': emissivity at {bad:g} um; wavelengths are finite and above 0"
+                )
             if np.any(np.diff(wavelengths) <= 0):
-                raise SceneError(f"Material '{self.name}': emissivity wavelengths must increase from point to point")
+                at = int(np.flatnonzero(np.diff(wavelengths) <= 0)[0])
+                raise SceneError(
+                    f"Material '{self.name}': emissivity wavelengths must increase, "
+                    f"but {wavelengths[at]:g} um is followed by {wavelengths[at + 1]:g} um"
+                )
         elif points.ndim == 0:
             values = points[None]
         else:
@@ -199,9 +207,15 @@ class Scene:
         if not (np.isfinite(np.sum(self.temperature, dtype=np.float64)) and self.temperature.min() >= 0):
             bad = self.temperature[~(np.isfinite(self.temperature) & (self.temperature >= 0))][0]
             raise SceneError(f"A surface temperature is {bad:g} K; temperatures are finite and at least 0 K")
+        if self.temperature.max() > HOTTEST:
+            raise SceneError(
+                f"A surface temperature is {self.temperature.max():g} K; at most {HOTTEST:g} K are possible"
+            )
         check_temperature(self.world_temperature, "World")
+        # rounded as the surfaces' temperatures are, so that equal ones have no excess over each other
+        object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
         for light in self.lights:
-            check_temperature(light.temperature, f"Light '{light.name}'")
+            _check_light(light)
 
     @property
     def band_count(self) -> int:
@@ -212,6 +226,23 @@ def check_temperature(value: float, owner: str) -> None:
     """Raise SceneError unless value is a temperature in kelvin; owner is how messages name the thing it belongs to."""
     if not (np.isfinite(value) and value >= 0.0):
         raise SceneError(f"{owner}: temperature {value:g} K; temperatures are finite and at least 0 K")
+    if value > HOTTEST:
+        raise SceneError(f"{owner}: temperature {value:g} K; at most {HOTTEST:g} K are possible")
+
+
+def _check_light(light: Light) -> None:
+    """Raise SceneError, naming the light, for a power, direction or size that makes no sense."""
+    owner = f"Light '{light.name}'"
+    check_temperature(light.temperature, owner)
+    flux = light.irradiance if isinstance(light, SunLight) else light.power
+    if not (np.isfinite(flux) and flux >= 0):
+        raise SceneError(f"{owner}: power {flux:g}; lights radiate a finite power of 0 or more")
+    if isinstance(light, SpotLight | SunLight) and not 0 < np.linalg.norm(light.direction) < np.inf:
+        raise SceneError(f"{owner}: direction {light.direction} points nowhere")
+    if isinstance(light, AreaLight) and not 0 < np.linalg.norm(np.cross(light.axis_u, light.axis_v)) < np.inf:
+        raise SceneError(f"{owner}: an area light needs a size above 0")
+    if not isinstance(light, SunLight) and not np.all(np.isfinite(light.position)):
+        raise SceneError(f"{owner}: position {light.position} is not finite")
 
 
 def check_band_edges(edges: np.ndarray) -> None:

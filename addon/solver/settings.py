@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -46,6 +47,12 @@ class Settings:
         ):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}, at least {least} is needed")
+        for name in ("time_limit", "target_noise", "reference_temperature"):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value < math.inf:
+                raise ValueError(f"{name} is {value}, expected a finite number of 0 or more")
+        if not 0 <= self.seed < 2**63:
+            raise ValueError(f"seed is {self.seed}, expected 0 to 2^63 - 1")
         if self.passes == 0 and self.time_limit <= 0 and self.target_noise <= 0:
             raise ValueError("Nothing stops this render: set passes, time_limit or target_noise")
         if self.roulette not in ("POWER", "BAND_AVERAGE"):

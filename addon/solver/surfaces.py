@@ -10,6 +10,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
+from .sampling import FAST
 from .scene import Scene
 
 # Cosine between two oriented normals below which a photon does not belong to the surface that gathers it.
@@ -27,7 +28,7 @@ class Surfaces(NamedTuple):
     neighbours: (m, 3) int32, code 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
         flip is 1 where the two triangles wind differently.
     sheet: (m, 2) int32, label of the connected surface that each side belongs to.
-    mesh: tree over the triangles; its leaves hold centroid, normal and area. mesh_sheet: (m, 2), sheet in its order.
+    mesh: tree over the triangles; its leaves hold centroid, normal, area and the sheets of both sides.
     """
 
     corners: np.ndarray
@@ -36,7 +37,6 @@ class Surfaces(NamedTuple):
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
-    mesh_sheet: np.ndarray
 
 
 class Tracer:
@@ -66,9 +66,8 @@ def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
     corners, neighbours = vertices[triangles], _neighbours(vertices, triangles)
     sheet = _sheets(neighbours)
     ranks = morton_ranks(corners.mean(axis=1))
-    leaves = empty_leaves(len(corners), 7)
-    mesh_sheet = np.empty_like(sheet)
-    _fill_leaves(corners, sheet, ranks, leaves, mesh_sheet)
+    leaves = empty_leaves(len(corners), 9)
+    _fill_leaves(corners, sheet, ranks, leaves)
     surfaces = Surfaces(
         corners=corners,
         material=np.ascontiguousarray(scene.material, dtype=np.int32),
@@ -76,13 +75,12 @@ def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
         neighbours=neighbours,
         sheet=sheet,
         mesh=build_tree(leaves),
-        mesh_sheet=mesh_sheet,
     )
     return surfaces, Tracer(vertices, triangles), centre
 
 
 @njit(cache=True, nogil=True)
-def _fill_leaves(corners, sheet, ranks, leaves, mesh_sheet):
+def _fill_leaves(corners, sheet, ranks, leaves):
     """Put the triangles into the leaves of their tree."""
     for t in range(ranks.size):
         leaf, slot = ranks[t] // WIDTH, ranks[t] % WIDTH
@@ -91,7 +89,8 @@ def _fill_leaves(corners, sheet, ranks, leaves, mesh_sheet):
             leaves[leaf, axis, slot] = (corners[t, 0, axis] + corners[t, 1, axis] + corners[t, 2, axis]) / 3.0
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = nx, ny, nz
         leaves[leaf, 6, slot] = 0.5 * double_area
-        mesh_sheet[ranks[t]] = sheet[t]
+        # float32 tells labels apart up to 2^24; beyond, a sheet may share its label with a neighbour in number
+        leaves[leaf, 7, slot], leaves[leaf, 8, slot] = sheet[t, 0], sheet[t, 1]
 
 
 def areas(corners: np.ndarray) -> np.ndarray:
@@ -318,10 +317,11 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
     crossed = False
     for i in range(3):
         crossed |= _edge_distance2(corners, t, i, x, y, z) < r2
-        if neighbours[t, i] >= 0:
-            around += normal(corners, neighbours[t, i] >> 1)[3]
     if not crossed:
         return 1, disk
+    for i in range(3):
+        if neighbours[t, i] >= 0:
+            around += normal(corners, neighbours[t, i] >> 1)[3]
     if disk > _TOO_FINE * around:  # do not walk PATCH_LIMIT triangles only to find that they are too many
         return 0, disk
     count, done, area = 1, 0, 0.0
@@ -355,12 +355,13 @@ def in_region(area, height, disk2):
 
     area: of the triangle, m2; larger ones do not count, since their centroid does not say what part is inside. height:
     above the tangent plane, m. disk2: squared radius, m2. Photons and area are measured over the same region, so that
-    their ratio is unbiased whatever the region.
+    their ratio is unbiased whatever the region. All float32.
     """
-    return 8.0 * area <= math.pi * disk2 and 16.0 * height * height < disk2
+    small = np.float32(8.0 / math.pi) * area <= disk2
+    return small & (np.float32(16.0) * height * height < disk2)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, stack, near):
     """Area (m2) of the triangles of one sheet with their centroid in the ball that face the normal's way.
 
@@ -370,25 +371,22 @@ def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, stack, near):
     tree = surfaces.mesh
     x, y, z, r2 = np.float32(x), np.float32(y), np.float32(z), np.float32(r2)
     nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
+    sheet, facing = np.float32(sheet), np.float32(SAME_SURFACE)
     total = 0.0
     stack[0] = tree.starts[tree.starts.size - 2]
     depth = 1
     while depth > 0:
         depth, children = open_node(tree, stack, depth, x, y, z, r2, near)
         for c in range(children):
-            leaf = stack[depth + c]
-            p = tree.leaves[leaf]
-            for j in range(WIDTH):
+            p = tree.leaves[stack[depth + c]]
+            part = np.float32(0.0)
+            for j in range(WIDTH):  # no branch, so that a register holds the leaf
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
-                near[j] = dx * dx + dy * dy + dz * dz
-            for j in range(WIDTH):
-                if near[j] >= r2:
-                    continue
                 cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
-                side = 0 if cosine > 0.0 else 1
-                if abs(cosine) <= SAME_SURFACE or surfaces.mesh_sheet[leaf * WIDTH + j, side] != sheet:
-                    continue
-                height = (p[0, j] - x) * nx + (p[1, j] - y) * ny + (p[2, j] - z) * nz
-                if in_region(p[6, j], height, r2):
-                    total += p[6, j]
+                height = dx * nx + dy * ny + dz * nz
+                front = (cosine > facing) & (p[7, j] == sheet)
+                back = (cosine < -facing) & (p[8, j] == sheet)
+                inside = (dx * dx + dy * dy + dz * dz < r2) & in_region(p[6, j], height, r2)
+                part += p[6, j] if (front | back) & inside else np.float32(0.0)
+            total += part
     return max(total, 1e-3 * math.pi * r2)

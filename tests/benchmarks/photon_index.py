@@ -132,7 +132,6 @@ def caustic_case(count):
         "caustic",
         photons,
         surfaces,
-        (corners.min(axis=0), corners.max(axis=0)),
         9 * NEIGHBOURS / (math.pi * count),
         (place[:, 1] > place[:, 0]).astype(np.int32),
         np.zeros(len(place), np.int32),
