@@ -9,7 +9,7 @@ bpy = pytest.importorskip("bpy")
 from blender_helpers import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
-from addon.solver import library  # noqa: E402
+from addon.solver import Settings, library, render  # noqa: E402
 from addon.solver.scene import AreaLight, PointLight, SceneError, SpotLight, SunLight  # noqa: E402
 
 
@@ -656,3 +656,27 @@ def test_settings_defaults_are_the_solvers():
     infrared.passes = 0
     with pytest.raises(SceneError, match="Nothing stops this render"):
         read_settings(infrared)
+
+
+@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
+def test_constant_attribute_is_seen_as_it_is(domain):
+    """Rounding while it is interpolated must not take a pixel below the coldest temperature there is, to 0 K."""
+    mesh = cube_mesh()
+    attribute = mesh.attributes.new("temperature", "FLOAT", domain)
+    attribute.data.foreach_set("value", np.full(len(attribute.data), 293.15, np.float32))
+    mesh.materials.append(material(emissivity=1.0))
+    link("Wall", mesh)
+    bpy.context.scene.world = bpy.data.worlds.new("Hall")
+    bpy.context.scene.world["temperature"] = 293.15
+    film = render(read()[0], Settings(passes=4, photons_per_pass=1000))
+    np.testing.assert_allclose(film.temperature(), 293.15, rtol=1e-6)
+    assert film.photons == 0  # walls and surroundings at one temperature
+
+
+def test_objects_in_edit_mode_are_read():
+    obj = link("Cube", cube_mesh(), temperature=310.0)
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.mode_set(mode="EDIT")
+    scene, _ = read()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert len(scene.triangles) == 12
