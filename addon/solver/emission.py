@@ -12,7 +12,7 @@ from .rng import path_key, uniform
 from .sampling import FAST, basis, cone_direction, cosine_direction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
-from .surfaces import Surfaces, areas, normal, offset, point, temperature_at
+from .surfaces import Surfaces, areas, start_ray, temperature_at
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 
@@ -225,25 +225,12 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
                 wave.u[i], wave.v[i] = u, v
                 for b in range(value.size):
                     wave.power[i, b] = emitters.surroundings[b] * scale
-            _leave(surfaces.corners, code, u, v, lx, ly, lz, wave, i)
+            start_ray(surfaces.corners, code, u, v, lx, ly, lz, wave.origin, wave.direction, i)
         else:
             light = entry - sky_end
             brightness = _leave_light(emitters, light, s0, s1, s2, s3, wave, i)
             for b in range(value.size):
                 wave.power[i, b] = emitters.light_power[light, b] * brightness * share
-
-
-@njit(inline="always")
-def _leave(corners, code, u, v, lx, ly, lz, wave, i):
-    """Start ray i at a point of a side in a local direction."""
-    t = code >> 1
-    nx, ny, nz, _ = normal(corners, t)
-    if code & 1 == 1:
-        nx, ny, nz = -nx, -ny, -nz
-    x, y, z = point(corners, t, u, v)
-    clear = offset(corners, t, x, y, z)
-    wave.origin[i, 0], wave.origin[i, 1], wave.origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
-    wave.direction[i, 0], wave.direction[i, 1], wave.direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
 
 
 @njit(inline="always")

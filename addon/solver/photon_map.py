@@ -90,25 +90,31 @@ def _fill_leaves(photons, corners, ranks, leaves):
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = sign * nx, sign * ny, sign * nz
 
 
+@njit(inline="always")
+def _swap(rows, i, j, room):
+    """Swap two rows, through a third so that whole rows are copied at once."""
+    for b in range(room.size):
+        room[b] = rows[i, b]
+    for b in range(room.size):
+        rows[i, b] = rows[j, b]
+    for b in range(room.size):
+        rows[j, b] = room[b]
+
+
 @njit(cache=True, nogil=True)
 def _sort_in_place(photons, ranks):
     """Swap every photon to its place; leaves ranks as 0, 1, 2 ... Needs no second copy of the powers."""
     directed = photons.incoming.shape[0] > 0
+    three, bands = np.empty(3, np.float32), np.empty(photons.power.shape[1], np.float32)
     for i in range(ranks.size):
         while ranks[i] != i:
             j = ranks[i]
             ranks[i], ranks[j] = ranks[j], j
             photons.surface[i], photons.surface[j] = photons.surface[j], photons.surface[i]
-            for axis in range(3):
-                swap = photons.position[i, axis]
-                photons.position[i, axis], photons.position[j, axis] = photons.position[j, axis], swap
-                if directed:
-                    swap = photons.incoming[i, axis]
-                    photons.incoming[i, axis], photons.incoming[j, axis] = photons.incoming[j, axis], swap
-            for b in range(photons.power.shape[1]):
-                swap = photons.power[i, b]
-                photons.power[i, b] = photons.power[j, b]
-                photons.power[j, b] = swap
+            _swap(photons.position, i, j, three)
+            _swap(photons.power, i, j, bands)
+            if directed:
+                _swap(photons.incoming, i, j, three)
 
 
 def build_photon_map(photons: Photons, corners: np.ndarray) -> PhotonMap:

@@ -12,8 +12,8 @@ from numba import njit
 
 from .camera import Eye, eye_rays, sobol_point
 from .rng import PILOT, pass_key, path_key, uniform
-from .sampling import cosine_direction, to_world, triangle_point
-from .surfaces import Surfaces, Tracer, areas, normal, offset, point
+from .sampling import cosine_direction, triangle_point
+from .surfaces import Surfaces, Tracer, areas, normal, start_ray
 
 _CAMERA_PATHS = 16384
 _BOUNCES = 8
@@ -111,35 +111,20 @@ def _probe(surfaces: Surfaces, tracer: Tracer, key: int, codes: np.ndarray) -> t
     return tracer.trace(origin, direction)[0], direction
 
 
-@njit(inline="always")
-def _leave(corners, t, u, v, nx, ny, nz, su, sv, origin, direction, i):
-    """Start ray i at a point of triangle t, cosine-distributed around the normal."""
-    x, y, z = point(corners, t, u, v)
-    clear = offset(corners, t, x, y, z)
-    lx, ly, lz = cosine_direction(su, sv)
-    origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
-    direction[i, 0], direction[i, 1], direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
-
-
 @njit(cache=True, nogil=True)
 def _start_probes(surfaces, key, codes, origin, direction):
     for i in range(codes.size):
-        t = codes[i] >> 1
         path = path_key(key, i)
-        nx, ny, nz, _ = normal(surfaces.corners, t)
-        if codes[i] & 1 == 1:
-            nx, ny, nz = -nx, -ny, -nz
         u, v = triangle_point(uniform(path, 0), uniform(path, 1))
-        _leave(surfaces.corners, t, u, v, nx, ny, nz, uniform(path, 2), uniform(path, 3), origin, direction, i)
+        x, y, z = cosine_direction(uniform(path, 2), uniform(path, 3))
+        start_ray(surfaces.corners, codes[i], u, v, x, y, z, origin, direction, i)
 
 
 @njit(inline="always")
 def _facing_side(corners, t, direction, i):
-    """Side of triangle t that a ray meets, with its normal."""
+    """Side of triangle t that a ray meets."""
     nx, ny, nz, _ = normal(corners, t)
-    if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0:
-        return 1, -nx, -ny, -nz
-    return 0, nx, ny, nz
+    return 1 if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0 else 0
 
 
 @njit(cache=True, nogil=True)
@@ -149,11 +134,11 @@ def _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, rea
         t = triangle[i]
         if t < 0:
             continue
-        side, nx, ny, nz = _facing_side(surfaces.corners, t, direction, i)
+        side = _facing_side(surfaces.corners, t, direction, i)
         reached[sheet[t, side]] = True
         path = path_key(key, i)
-        su, sv = uniform(path, 2 * bounce + 8), uniform(path, 2 * bounce + 9)
-        _leave(surfaces.corners, t, u[i], v[i], nx, ny, nz, su, sv, origin, direction, i)
+        x, y, z = cosine_direction(uniform(path, 2 * bounce + 8), uniform(path, 2 * bounce + 9))
+        start_ray(surfaces.corners, 2 * t + side, u[i], v[i], x, y, z, origin, direction, i)
 
 
 @njit(cache=True, nogil=True)
@@ -161,7 +146,7 @@ def _reach_back(surfaces, sheet, codes, triangle, direction, reached):
     """A sheet from which a reached sheet is seen can send it photons, so it is reached too."""
     for i in range(codes.size):
         if triangle[i] >= 0:
-            side, _, _, _ = _facing_side(surfaces.corners, triangle[i], direction, i)
+            side = _facing_side(surfaces.corners, triangle[i], direction, i)
             if reached[sheet[triangle[i], side]]:
                 reached[sheet[codes[i] >> 1, codes[i] & 1]] = True
 

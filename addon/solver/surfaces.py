@@ -10,7 +10,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .sampling import FAST
+from .sampling import FAST, to_world
 from .scene import Scene
 
 # Cosine between two oriented normals below which a photon does not belong to the surface that gathers it.
@@ -158,6 +158,19 @@ def offset(corners, t, x, y, z):
     if double_area > 0.0:
         reach = max(reach, 0.25 * longest * math.sqrt(longest) / double_area)
     return reach * 2.0**-20
+
+
+@njit(inline="always")
+def start_ray(corners, code, u, v, lx, ly, lz, origin, direction, i):
+    """Put ray i into origin and direction (n, 3): from a point of side `code` (2 t + side) in a local direction."""
+    t = code >> 1
+    nx, ny, nz, _ = normal(corners, t)
+    if code & 1 == 1:
+        nx, ny, nz = -nx, -ny, -nz
+    x, y, z = point(corners, t, u, v)
+    clear = offset(corners, t, x, y, z)
+    origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
+    direction[i, 0], direction[i, 1], direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
 
 
 @njit(cache=True, nogil=True)
