@@ -34,7 +34,7 @@ class PhotonStore:
     def __init__(self, bands: int, directed: bool):
         """directed: whether photons carry the direction they came from."""
         self.count = 0
-        self._room = _photon_arrays(0, bands, directed)
+        self._room = photon_arrays(0, bands, directed)
         self._bands, self._directed = bands, directed
 
     @property
@@ -48,7 +48,7 @@ class PhotonStore:
         if end > MAX_PHOTONS:
             raise MemoryError(f"Over {MAX_PHOTONS} photons stored in one pass: lower the photons per pass")
         if end > len(self._room.surface):
-            larger = _photon_arrays(end + end // 4, self._bands, self._directed)
+            larger = photon_arrays(end + end // 4, self._bands, self._directed)
             for old, new in zip(self._room, larger, strict=True):
                 new[: min(self.count, len(new))] = old[: self.count]
             self._room = larger
@@ -61,7 +61,8 @@ class PhotonStore:
         self.count = 0
 
 
-def _photon_arrays(count: int, bands: int, directed: bool) -> Photons:
+def photon_arrays(count: int, bands: int, directed: bool) -> Photons:
+    """Room for count photons; directed: whether they carry the direction they came from."""
     return Photons(
         np.empty((count, 3), np.float32),
         np.empty(count, np.int32),

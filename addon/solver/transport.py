@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from .emission import Emitters, emit, empty_wave
-from .photon_map import Photons
+from .photon_map import Photons, photon_arrays
 from .radiometry import Radiometry
 from .rng import path_key, uniform
 from .sampling import FAST, basis, cosine_direction, sample_lobe, to_world
@@ -48,21 +48,12 @@ def trace_photons(
     bounce = 0
     while count and not cancelled():
         triangle, u, v = tracer.trace(wave.origin[:count], wave.direction[:count])
-        stored = _room(count, radiometry.reference.size, optics.keep_incoming)
+        stored = photon_arrays(count, radiometry.reference.size, optics.keep_incoming)
         kept, count = scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored)
         if kept:
             batches.append(Photons(*(array[:kept] for array in stored)))
         bounce += 1
     return batches
-
-
-def _room(count: int, bands: int, directed: bool) -> Photons:
-    return Photons(
-        np.empty((count, 3), np.float32),
-        np.empty(count, np.int32),
-        np.empty((count, bands), np.float32),
-        np.empty((count if directed else 0, 3), np.float32),
-    )
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
