@@ -91,39 +91,59 @@ def _fill_leaves(photons, corners, ranks, leaves):
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = sign * nx, sign * ny, sign * nz
 
 
-@njit(inline="always")
-def _swap(rows, i, j, room):
-    """Swap two rows, through a third so that whole rows are copied at once."""
-    for b in range(room.size):
-        room[b] = rows[i, b]
-    for b in range(room.size):
-        rows[i, b] = rows[j, b]
-    for b in range(room.size):
-        rows[j, b] = room[b]
+@njit(cache=True, nogil=True)
+def _cycles(ranks):
+    """The cycles of the permutation i -> ranks[i], one behind the other, (n,) int32; ~i marks where one starts.
+
+    Walking them first lets the processor move rows ahead of time: it then knows where the next ones lie.
+    """
+    walk, n = np.empty(ranks.size, np.int32), 0
+    seen = np.zeros(ranks.size, np.bool_)
+    for i in range(ranks.size):
+        j = i
+        while not seen[j]:
+            seen[j] = True
+            walk[n] = ~j if j == i else j
+            n += 1
+            j = ranks[j]
+    return walk
 
 
 @njit(cache=True, nogil=True)
-def _sort_in_place(photons, ranks):
-    """Swap every photon to its place; leaves ranks as 0, 1, 2 ... Needs no second copy of the powers."""
-    directed = photons.incoming.shape[0] > 0
-    three, bands = np.empty(3, np.float32), np.empty(photons.power.shape[1], np.float32)
-    for i in range(ranks.size):
-        while ranks[i] != i:
-            j = ranks[i]
-            ranks[i], ranks[j] = ranks[j], j
-            photons.surface[i], photons.surface[j] = photons.surface[j], photons.surface[i]
-            _swap(photons.position, i, j, three)
-            _swap(photons.power, i, j, bands)
-            if directed:
-                _swap(photons.incoming, i, j, three)
+def _permute(rows, walk):
+    """Move every row of (n, c) to its place along the cycles, without a second array."""
+    kept = np.empty(rows.shape[1], rows.dtype)
+    following = -1  # the row that the current one moves to; none at the end of a cycle
+    for n in range(walk.size - 1, -1, -1):
+        starts = walk[n] < 0
+        i = ~walk[n] if starts else walk[n]
+        if following < 0:
+            for b in range(kept.size):
+                kept[b] = rows[i, b]
+        else:
+            for b in range(kept.size):
+                rows[following, b] = rows[i, b]
+        following = i
+        if starts:
+            for b in range(kept.size):
+                rows[i, b] = kept[b]
+            following = -1
 
 
-def build_photon_map(photons: Photons, corners: np.ndarray) -> PhotonMap:
-    """Photon map of photons, which are sorted in place. corners: of the surfaces they lie on."""
+def build_photon_map(photons: Photons, corners: np.ndarray, run=map) -> PhotonMap:
+    """Photon map of photons, which are sorted in place. corners: of the surfaces they lie on. run: map, or a pool's."""
     ranks = morton_ranks(photons.position)
     leaves = empty_leaves(len(ranks), 6)
-    _fill_leaves(photons, corners, ranks, leaves)
-    _sort_in_place(photons, ranks)
+    walk = _cycles(ranks)
+
+    def sort(power: bool):  # two jobs of about equal length
+        if not power:
+            _fill_leaves(photons, corners, ranks, leaves)
+        for rows in (photons.power,) if power else (photons.position, photons.surface[:, None], photons.incoming):
+            if len(rows):
+                _permute(rows, walk)
+
+    list(run(sort, (True, False)))
     return PhotonMap(build_tree(leaves), photons)
 
 

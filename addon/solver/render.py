@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
-PIXEL_CHUNK = 4096
+PIXEL_CHUNK = 1024  # small, so that all threads are busy to the end
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
 
@@ -176,7 +176,7 @@ def render_pass(
             store.append(batch)
     if cancelled():
         return False
-    photon_map = build_photon_map(store.photons, m.surfaces.corners)
+    photon_map = build_photon_map(store.photons, m.surfaces.corners, pool.map)
     estimate = Estimate(
         settings.neighbours,
         m.reach2,
