@@ -275,7 +275,7 @@ def leave(corners, triangles, sides, random, steepness, origin, direction):
             nx, ny, nz = -nx, -ny, -nz
         u, v = triangle_point(random[i, 0], random[i, 1])
         x, y, z = point(corners, t, u, v)
-        clear = offset(corners, t, x, y, z)
+        clear = offset(corners, t)
         lx, ly, lz = cosine_direction(random[i, 2], random[i, 3])
         dx, dy, dz = to_world(lx, ly, lz * steepness, nx, ny, nz)
         origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz

@@ -225,7 +225,7 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
                 wave.u[i], wave.v[i] = u, v
                 for b in range(value.size):
                     wave.power[i, b] = emitters.surroundings[b] * scale
-            start_ray(surfaces.corners, code, u, v, lx, ly, lz, wave.origin, wave.direction, i)
+            start_ray(surfaces, code, u, v, lx, ly, lz, wave.origin, wave.direction, i)
         else:
             light = entry - sky_end
             brightness = _leave_light(emitters, light, s0, s1, s2, s3, wave, i)

@@ -13,7 +13,7 @@ from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import FAST, basis, lobe_brdf, sample_lobe, to_world
-from .surfaces import PATCH_LIMIT, normal, offset, point, temperature_at
+from .surfaces import PATCH_LIMIT, normal, point, temperature_at
 from .transport import MAX_SURVIVAL
 
 _DIMENSIONS = 4  # random numbers of one bounce
@@ -154,7 +154,7 @@ def shade(
         if uniform(path, _DIMENSIONS * bounce + 2) >= survival:
             continue
         scale /= survival
-        clear = offset(surfaces.corners, t, x, y, z)
+        clear = surfaces.clearance[t]
         origin[alive, 0], origin[alive, 1], origin[alive, 2] = x + clear * nx, y + clear * ny, z + clear * nz
         direction[alive, 0], direction[alive, 1], direction[alive, 2] = ox, oy, oz
         for b in range(bands):

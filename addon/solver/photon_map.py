@@ -309,10 +309,15 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, guess, ro
 @njit(inline="always")
 def irradiance(photon_map, room, count, area, out):
     """Fill out (b,) float64 with the irradiance of the gathered photons, W m-2 per band."""
-    power = photon_map.photons.power
+    power, index = photon_map.photons.power, room.index
     out[:] = 0.0
-    for i in range(count):
-        row = power[room.index[i]]
+    whole = count - count % 4
+    for i in range(0, whole, 4):  # four rows at a time: the sum is read and written a quarter as often
+        p, q, r, s = power[index[i]], power[index[i + 1]], power[index[i + 2]], power[index[i + 3]]
+        for b in range(out.size):
+            out[b] += (p[b] + q[b]) + (r[b] + s[b])
+    for i in range(whole, count):
+        row = power[index[i]]
         for b in range(out.size):
             out[b] += row[b]
     for b in range(out.size):

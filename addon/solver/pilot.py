@@ -117,7 +117,7 @@ def _start_probes(surfaces, key, codes, origin, direction):
         path = path_key(key, i)
         u, v = triangle_point(uniform(path, 0), uniform(path, 1))
         x, y, z = cosine_direction(uniform(path, 2), uniform(path, 3))
-        start_ray(surfaces.corners, codes[i], u, v, x, y, z, origin, direction, i)
+        start_ray(surfaces, codes[i], u, v, x, y, z, origin, direction, i)
 
 
 @njit(inline="always")
@@ -138,7 +138,7 @@ def _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, rea
         reached[sheet[t, side]] = True
         path = path_key(key, i)
         x, y, z = cosine_direction(uniform(path, 2 * bounce + 8), uniform(path, 2 * bounce + 9))
-        start_ray(surfaces.corners, 2 * t + side, u[i], v[i], x, y, z, origin, direction, i)
+        start_ray(surfaces, 2 * t + side, u[i], v[i], x, y, z, origin, direction, i)
 
 
 @njit(cache=True, nogil=True)

@@ -28,6 +28,7 @@ class Surfaces(NamedTuple):
     neighbours: (m, 3) int32, code 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
         flip is 1 where the two triangles wind differently.
     sheet: (m, 2) int32, label of the connected surface that each side belongs to.
+    clearance: (m,) float32, m, see `offset`.
     mesh: tree over the triangles; its leaves hold centroid, normal, area and the sheets of both sides.
     """
 
@@ -37,6 +38,7 @@ class Surfaces(NamedTuple):
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
+    clearance: np.ndarray
 
 
 class Tracer:
@@ -75,6 +77,7 @@ def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
         neighbours=neighbours,
         sheet=sheet,
         mesh=build_tree(leaves),
+        clearance=_clearances(corners),
     )
     return surfaces, Tracer(vertices, triangles), centre
 
@@ -138,15 +141,14 @@ def temperature_at(temperature, t, u, v):
 
 
 @njit(inline="always")
-def offset(corners, t, x, y, z):
-    """Distance along the normal that takes a ray's origin clear of triangle t in float32.
+def offset(corners, t):
+    """Distance along the normal (m) that takes a ray's origin clear of triangle t in float32.
 
     The plane of a triangle is known to a few units in the last place of its coordinates, and Embree computes with
-    differences between origin and corners, so the error grows with the larger of position and triangle; its normal
-    errs by L^3 / (2 A) times as much, L the longest edge, which counts for needles (tests/test_surfaces.py).
+    differences between origin and corners, so the error grows with the largest coordinate; its normal errs by
+    L^3 / (2 A) times as much, L the longest edge, which counts for needles (tests/test_surfaces.py).
     """
-    reach = max(abs(x), abs(y), abs(z))
-    longest = 0.0
+    reach = longest = 0.0
     for i in range(3):
         square = 0.0
         for axis in range(3):
@@ -160,15 +162,23 @@ def offset(corners, t, x, y, z):
     return reach * 2.0**-20
 
 
+@njit(cache=True, nogil=True)
+def _clearances(corners):
+    clearance = np.empty(corners.shape[0], np.float32)
+    for t in range(corners.shape[0]):
+        clearance[t] = offset(corners, t)
+    return clearance
+
+
 @njit(inline="always")
-def start_ray(corners, code, u, v, lx, ly, lz, origin, direction, i):
+def start_ray(surfaces, code, u, v, lx, ly, lz, origin, direction, i):
     """Put ray i into origin and direction (n, 3): from a point of side `code` (2 t + side) in a local direction."""
     t = code >> 1
-    nx, ny, nz, _ = normal(corners, t)
+    nx, ny, nz, _ = normal(surfaces.corners, t)
     if code & 1 == 1:
         nx, ny, nz = -nx, -ny, -nz
-    x, y, z = point(corners, t, u, v)
-    clear = offset(corners, t, x, y, z)
+    x, y, z = point(surfaces.corners, t, u, v)
+    clear = surfaces.clearance[t]
     origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
     direction[i, 0], direction[i, 1], direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
 

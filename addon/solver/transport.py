@@ -11,7 +11,7 @@ from .photon_map import Photons, photon_arrays
 from .radiometry import Radiometry
 from .rng import path_key, uniform
 from .sampling import FAST, basis, cosine_direction, sample_lobe, to_world
-from .surfaces import Surfaces, Tracer, normal, offset, point
+from .surfaces import Surfaces, Tracer, normal, point
 
 # No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
 MAX_SURVIVAL = 1.0 - 1.0 / 4096.0
@@ -134,7 +134,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         else:
             lx, ly, lz = cosine_direction(s, w)
             ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
-        clear = offset(surfaces.corners, t, x, y, z)
+        clear = surfaces.clearance[t]
         wave.origin[alive, 0], wave.origin[alive, 1], wave.origin[alive, 2] = (
             x + clear * nx,
             y + clear * ny,
