@@ -17,7 +17,7 @@ from addon.output.exr import channel_name  # noqa: E402
 from addon.solver.spectrum import apparent_temperature, band_names  # noqa: E402
 
 DEMO = Path(__file__).resolve().parents[1] / "docs" / "demo"
-WIDTH, HEIGHT, PASSES, PHOTONS = 160, 120, 32, 100_000
+WIDTH, HEIGHT, PASSES, PHOTONS = 160, 120, 48, 100_000
 EDGES = np.linspace(7.5, 13.5, 16)  # um, of the demo's bands
 
 
@@ -178,12 +178,11 @@ def test_the_caustic_is_where_geometry_puts_it(demo, images):
     blur = np.sqrt(50 / (0.1 * PHOTONS)) + 0.6 / WIDTH / radius
     brightest = offset[np.argmax(temperature, axis=1)]
     assert np.abs(brightest).max() < blur, brightest
-    # Beside the curve the plane sees the light just as well: what it lacks there is the caustic. 36 comparisons at 4
-    # standard errors: by chance one of them fails in one of 900 renders.
+    # Beside the curve the plane sees the light just as well: what it lacks there is the caustic.
     on = offset.size // 2
     for beside in (0, -1):
         excess = temperature[:, on] - temperature[:, beside]
-        assert np.all(excess > 4 * np.hypot(noise[:, on], noise[:, beside])), excess
+        assert np.all(excess > 5 * np.hypot(noise[:, on], noise[:, beside])), excess
 
 
 def test_bad_options_are_told_without_a_traceback(tmp_path):
