@@ -12,7 +12,7 @@ from .camera import eye_rays, sobol_point
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, lobe_brdf, sample_lobe, to_world
+from .sampling import FAST, basis, lobe_brdf, mirror, reflect_in_lobe
 from .surfaces import PATCH_LIMIT, normal, point, temperature_at
 from .transport import MAX_SURVIVAL
 
@@ -138,16 +138,13 @@ def shade(
         path = path_key(key, first + row)
         scale = specular
         if alpha == 0.0:
-            ox, oy, oz = dx + 2.0 * cosine * nx, dy + 2.0 * cosine * ny, dz + 2.0 * cosine * nz
+            ox, oy, oz = mirror(dx, dy, dz, nx, ny, nz, cosine)
         else:
-            tx, ty, tz, bx, by, bz = basis(nx, ny, nz)
-            lx, ly = -(dx * tx + dy * ty + dz * tz), -(dx * bx + dy * by + dz * bz)
             s, w = uniform(path, _DIMENSIONS * bounce), uniform(path, _DIMENSIONS * bounce + 1)
-            lx, ly, lz, weight = sample_lobe(lx, ly, cosine, alpha, s, w)
+            ox, oy, oz, weight = reflect_in_lobe(dx, dy, dz, nx, ny, nz, cosine, alpha, s, w)
             if weight <= 0.0:
                 continue
             scale *= weight
-            ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
         survival = MAX_SURVIVAL
         if largest * scale < _FULL:
             survival = min(survival, largest * scale / _FULL)

@@ -114,6 +114,22 @@ def sample_lobe(x, y, z, alpha, u, v):
 
 
 @njit(inline="always")
+def mirror(dx, dy, dz, nx, ny, nz, cosine):
+    """Direction of a ray with direction d after a mirror whose normal it meets under `cosine` > 0."""
+    return dx + 2.0 * cosine * nx, dy + 2.0 * cosine * ny, dz + 2.0 * cosine * nz
+
+
+@njit(inline="always")
+def reflect_in_lobe(dx, dy, dz, nx, ny, nz, cosine, alpha, u, v):
+    """Direction of a ray with direction d after a rough surface, and its weight (see `sample_lobe`)."""
+    tx, ty, tz, bx, by, bz = basis(nx, ny, nz)
+    lx, ly = -(dx * tx + dy * ty + dz * tz), -(dx * bx + dy * by + dz * bz)
+    lx, ly, lz, weight = sample_lobe(lx, ly, cosine, alpha, u, v)
+    ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
+    return ox, oy, oz, weight
+
+
+@njit(inline="always")
 def lobe_brdf(ix, iy, iz, ox, oy, oz, alpha):
     """GGX BRDF without Fresnel factor, sr^-1, for two local directions: D G2 / (4 cos cos)."""
     if iz <= 1e-9 or oz <= 1e-9:

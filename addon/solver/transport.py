@@ -10,7 +10,7 @@ from .emission import Emitters, emit, empty_wave
 from .photon_map import Photons, photon_arrays
 from .radiometry import Radiometry
 from .rng import path_key, uniform
-from .sampling import FAST, basis, cosine_direction, sample_lobe, to_world
+from .sampling import FAST, cosine_direction, mirror, reflect_in_lobe, to_world
 from .surfaces import Surfaces, Tracer, normal, point
 
 # No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
@@ -121,16 +121,12 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         if choice < survival * specular:
             if alpha == 0.0:
                 is_mirror = True
-                ox, oy, oz = dx + 2.0 * cosine * nx, dy + 2.0 * cosine * ny, dz + 2.0 * cosine * nz
+                ox, oy, oz = mirror(dx, dy, dz, nx, ny, nz, cosine)
             else:
-                tx, ty, tz, bx, by, bz = basis(nx, ny, nz)
-                lx = -(dx * tx + dy * ty + dz * tz)
-                ly = -(dx * bx + dy * by + dz * bz)
-                lx, ly, lz, weight = sample_lobe(lx, ly, max(1e-6, cosine), alpha, s, w)
+                ox, oy, oz, weight = reflect_in_lobe(dx, dy, dz, nx, ny, nz, max(1e-6, cosine), alpha, s, w)
                 if weight <= 0.0:
                     continue
                 scale *= weight
-                ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
         else:
             lx, ly, lz = cosine_direction(s, w)
             ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
