@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba import njit
 from scenes import look
 from scipy.stats import qmc
 
 from addon.solver import Camera, SceneError
-from addon.solver.camera import build_eye, eye_rays, sobol_point
+from addon.solver.camera import build_eye, eye_rays, sobol_points
 from addon.solver.rng import CAMERA, pass_key
 
 KEY = pass_key(0, 2**32 - 1, CAMERA)
@@ -36,7 +35,8 @@ def rays(camera, index=0, first=0, count=None, centre=ORIGIN):
     count = (x1 - x0) * (y1 - y0) if count is None else count
     origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     reach = np.empty(count, np.float32)
-    eye_rays(build_eye(camera, centre), KEY, sobol_point(index), first, origin, direction, reach)
+    pixels = np.arange(first, first + count)
+    eye_rays(build_eye(camera, centre), KEY, sobol_points(index, 1), pixels, origin, direction, reach)
     return origin, direction, reach
 
 
@@ -61,13 +61,10 @@ def corners(camera):
     return np.array([(x, y) for y in range(y0, y1) for x in range(x0, x1)], float)
 
 
-@njit
 def lens_rays(eye, key, points):
     """Origins (n, 3) of the first pixel's rays, one for each point of the sequence."""
-    origins = np.empty((len(points), 3), np.float32)
-    direction, reach = np.empty((1, 3), np.float32), np.empty(1, np.float32)
-    for i in range(len(points)):
-        eye_rays(eye, key, points[i], 0, origins[i : i + 1], direction, reach)
+    origins, directions = np.empty((2, len(points), 3), np.float32)
+    eye_rays(eye, key, points, np.zeros(1, np.int64), origins, directions, np.empty(len(points), np.float32))
     return origins
 
 
@@ -76,9 +73,9 @@ def test_sequence_is_sobols():
     count = 1024
     expected = qmc.Sobol(4, scramble=False, bits=32).random(count)
     index = np.arange(count)
-    points = np.array([sobol_point(i) for i in index ^ (index >> 1)]) * 2.0**-32
+    points = sobol_points(0, count)[index ^ (index >> 1)] * 2.0**-32
     np.testing.assert_array_equal(points, expected)
-    assert sobol_point(2**32 - 1).dtype == np.uint32
+    assert sobol_points(2**32 - 1, 2).dtype == np.uint32
 
 
 @KINDS
@@ -182,7 +179,7 @@ def test_aperture_is_covered_evenly(blades, ratio):
     view = camera(
         "PERSPECTIVE", lens_radius=radius, focus_distance=2.0, blades=blades, blade_rotation=0.3, lens_ratio=ratio
     )
-    points = np.array([sobol_point(index) for index in range(count)])
+    points = sobol_points(0, count)
     lens = lens_rays(build_eye(view, ORIGIN), KEY, points)[:, :2].astype(float) / radius * (ratio, 1.0)
     squares = np.sum(lens**2, axis=1)
     assert squares.max() <= 1 + 1e-6

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Eye rays: one per pixel and pass, low-discrepancy over the passes inside the pixel and on the lens."""
+"""Eye rays, low-discrepancy over the passes inside the pixel and on the lens."""
 
 import math
 from typing import NamedTuple
@@ -17,32 +17,38 @@ KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 _SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
 
 
-def sobol_point(index: int) -> np.ndarray:
-    """Point `index` of the Sobol' sequence in four dimensions, (4,) uint32 fractions of 2^32: pixel x, y, lens u, v."""
-    point = np.zeros(4, np.uint32)
-    for dimension in range(4):
-        numbers = [1] * 32
-        if dimension:
-            degree, coefficients, first = _SOBOL[dimension - 1]
-            numbers[:degree] = first
-            for i in range(degree, 32):
-                numbers[i] = numbers[i - degree] ^ (numbers[i - degree] << degree)
-                for k in range(1, degree):
-                    if coefficients >> (degree - 1 - k) & 1:
-                        numbers[i] ^= numbers[i - k] << k
-        value = 0
-        for i in range(32):
-            if index >> i & 1:
-                value ^= numbers[i] << (31 - i)
-        point[dimension] = value & 0xFFFFFFFF
-    return point
+def _direction_numbers() -> np.ndarray:
+    """(4, 32) uint32 direction numbers of the Sobol' sequence, the first dimension van der Corput's."""
+    numbers = np.ones((4, 32), np.uint64)
+    for row, (degree, coefficients, first) in zip(numbers[1:], _SOBOL, strict=True):
+        row[:degree] = first
+        for i in range(degree, 32):
+            row[i] = row[i - degree] ^ (row[i - degree] << np.uint64(degree))
+            for k in range(1, degree):
+                if coefficients >> (degree - 1 - k) & 1:
+                    row[i] ^= row[i - k] << np.uint64(k)
+    return (numbers << np.arange(31, -1, -1, dtype=np.uint64)).astype(np.uint32)
+
+
+_DIRECTIONS = _direction_numbers()
+
+
+def sobol_points(first: int, count: int) -> np.ndarray:
+    """Points first..first+count-1 of the Sobol' sequence, modulo its 2^32 points, (count, 4) uint32 fractions of 2^32:
+    pixel x, y, lens u, v.
+    """
+    index = (np.arange(count, dtype=np.uint64) + np.uint64(first % 2**32)).astype(np.uint32)
+    points = np.zeros((count, 4), np.uint32)
+    for bit in range(32):
+        points ^= np.where((index >> np.uint32(bit) & np.uint32(1))[:, None] > 0, _DIRECTIONS[:, bit], np.uint32(0))
+    return points
 
 
 @njit(inline="always")
-def _scramble(point, path, dimension):
+def _scramble(points, sample, path, dimension):
     """Coordinate of the sequence in [0, 1), with a digital shift of its own for every path: stratified as before."""
     shift = np.uint32(uniform(path, dimension) * 4294967296.0)
-    return float(point[dimension] ^ shift) * 2.0**-32
+    return float(points[sample, dimension] ^ shift) * 2.0**-32
 
 
 class Eye(NamedTuple):
@@ -110,24 +116,25 @@ def _lens_point(eye, u, v):
 
 
 @njit(cache=True, nogil=True)
-def eye_rays(eye, key, sample, first, origin, direction, reach):
-    """Fill one ray for each of n pixels from pixel `first` of the window (row by row from the bottom).
+def eye_rays(eye, key, points, pixels, origin, direction, reach):
+    """Fill s rays for each of n pixels, those of a pixel one behind the other.
 
-    key: of the camera stream of the seed (not of the pass: the passes share one sequence). sample: sobol_point(pass).
-    origin, direction: (n, 3) float32; the direction is not normalised. reach: (n,) float32 in its units.
+    key: of the camera stream of the seed (not of the pass: the passes share one sequence). points: (s, 4) uint32, of
+    sobol_points. pixels: (n,) int64, numbers in the window, row by row from the bottom.
+    origin, direction: (n s, 3) float32; the direction is not normalised. reach: (n s,) float32 in its units.
     """
     columns = eye.window[2] - eye.window[0]
     m = eye.matrix
     for i in range(origin.shape[0]):
-        pixel = first + i
+        pixel, sample = pixels[i // points.shape[0]], i % points.shape[0]
         x, y = eye.window[0] + pixel % columns, eye.window[1] + pixel // columns
         path = path_key(key, y * eye.width + x)
-        s0, s1 = _scramble(sample, path, 0), _scramble(sample, path, 1)
+        s0, s1 = _scramble(points, sample, path, 0), _scramble(points, sample, path, 1)
         fx = eye.frame[0] + (eye.frame[1] - eye.frame[0]) * ((x + s0) / eye.width)
         fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * ((y + s1) / eye.height)
         lx = ly = 0.0
         if eye.lens_radius > 0.0:
-            lx, ly = _lens_point(eye, _scramble(sample, path, 2), _scramble(sample, path, 3))
+            lx, ly = _lens_point(eye, _scramble(points, sample, path, 2), _scramble(points, sample, path, 3))
             lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
         if eye.kind == 0:
             ox, oy = lx, ly

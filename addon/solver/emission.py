@@ -26,7 +26,8 @@ class Emitters(NamedTuple):
     """Everything that emits, as entries of one discrete distribution: surface sides, surroundings, lights.
 
     cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of an entry.
-    surface: (n,) int32 codes 2 triangle + side of entries 0..n-1, which emit.
+    surface: (n,) int32 codes 2 triangle + side of entries 0..n-1, which emit. lamp: (n,) bool, whether shadow rays see
+        to their direct light.
     sky: (m,) int32 codes of entries n..n+m-1, on which photons from the surroundings arrive.
     area: (t,) float64, of the triangles, m2.
     surroundings: (b,) float64, excess radiance of the surroundings, W m-2 sr-1.
@@ -37,6 +38,7 @@ class Emitters(NamedTuple):
 
     cumulative: np.ndarray
     surface: np.ndarray
+    lamp: np.ndarray
     sky: np.ndarray
     area: np.ndarray
     surroundings: np.ndarray
@@ -77,8 +79,9 @@ def _light_row(light: Light, centre: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _side_power(surfaces, radiometry, area, power):
-    """|Excess| power of one side of every triangle, over all bands, W: mean over its corners and its centre."""
+def side_power(surfaces, radiometry, area):
+    """(t,) float64 |excess| power of one side of every triangle, over all bands, W: mean over its corners and centre."""
+    power = np.empty(area.size)
     value = np.empty(radiometry.reference.size)
     varying = surfaces.temperature.shape[1] == 3
     for t in range(area.size):
@@ -91,20 +94,27 @@ def _side_power(surfaces, radiometry, area, power):
             for b in range(value.size):
                 total += abs(value[b])
         power[t] = math.pi * area[t] * total / (4 if varying else 1)
+    return power
 
 
 def build_emitters(
-    scene: Scene, surfaces: Surfaces, radiometry: Radiometry, centre: np.ndarray, weight: np.ndarray, openness: float
+    scene: Scene,
+    surfaces: Surfaces,
+    radiometry: Radiometry,
+    centre: np.ndarray,
+    weight: np.ndarray,
+    openness: float,
+    power: np.ndarray,
+    lamp: np.ndarray,
 ) -> Emitters:
     """Distribution of the emitters.
 
+    power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides that shadow rays are sent to.
     weight: (t, 2) float64, factor on the probability of each side (1 for sides that the image can depend on).
     openness: share of the directions from those sides that leave the scene, 0..1.
     """
     area = areas(surfaces.corners)
-    side_power = np.empty(area.size)
-    _side_power(surfaces, radiometry, area, side_power)
-    surface_power = (side_power[:, None] * weight).ravel()
+    surface_power = (power[:, None] * weight).ravel()
     surface = np.flatnonzero(surface_power > 0).astype(np.int32)
     surroundings = band_radiance(scene.band_edges, scene.world_temperature) - radiometry.reference
     sky_flux = math.pi * np.abs(surroundings).sum()
@@ -126,19 +136,20 @@ def build_emitters(
         sky_chosen = sky_power * (_SKY_DEFENSIVE * others / sky_power.sum() if others > 0 and sky.size else 1.0)
     chosen = np.concatenate((surface_power[surface], sky_chosen, light_total))
     cumulative = np.concatenate(([0.0], np.cumsum(chosen)))
-    power = float(surface_power.sum() + sky_power.sum() * openness + light_total.sum())
+    total = float(surface_power.sum() + sky_power.sum() * openness + light_total.sum())
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
     return Emitters(
         cumulative,
         surface,
+        lamp.ravel()[surface],
         sky,
         area,
         surroundings,
         np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16),
         light_power,
         radius,
-        power,
+        total,
     )
 
 
@@ -150,7 +161,8 @@ class Wave(NamedTuple):
     """Rays in flight, n of them.
 
     origin, direction: (n, 3) float32. power: (n, b) float32. photon: (n,) int64 number in the pass.
-    straight: (n,) bool, only mirrors since a light. arrival: (n,) int32, code of the side that a photon from the
+    straight: (n,) bool, only mirrors since a light. direct: (n,) bool, on the way from a lamp or light, whose direct
+    light is not the photons' task. arrival: (n,) int32, code of the side that a photon from the
     surroundings arrives on if the way back to them (the ray) is free; -1 for photons on their way. u, v: where on it.
     """
 
@@ -159,6 +171,7 @@ class Wave(NamedTuple):
     power: np.ndarray
     photon: np.ndarray
     straight: np.ndarray
+    direct: np.ndarray
     arrival: np.ndarray
     u: np.ndarray
     v: np.ndarray
@@ -171,6 +184,7 @@ def empty_wave(count: int, bands: int) -> Wave:
         np.empty((count, 3), np.float32),
         np.empty((count, bands), np.float32),
         np.empty(count, np.int64),
+        np.empty(count, np.bool_),
         np.empty(count, np.bool_),
         np.empty(count, np.int32),
         np.empty(count, np.float32),
@@ -204,6 +218,7 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
         s0, s1, s2, s3 = uniform(path, 0), uniform(path, 1), uniform(path, 2), uniform(path, 3)
         wave.photon[i] = photon
         wave.straight[i] = entry >= sky_end
+        wave.direct[i] = entry >= sky_end or (entry < surface_end and emitters.lamp[entry])
         wave.arrival[i] = -1
         if entry < sky_end:
             code = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]
@@ -234,6 +249,17 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
 
 
 @njit(inline="always")
+def spot_brightness(row, cosine):
+    """Intensity of a spot light under an angle from its axis over that of an evenly lit cone of the same power."""
+    if cosine < row[10]:
+        return 0.0
+    if row[12] <= 0.0:
+        return 1.0
+    t = min(1.0, (cosine - row[10]) / row[12])
+    return t * t * (3.0 - 2.0 * t) / row[13]
+
+
+@njit(inline="always")
 def _leave_light(emitters, light, s0, s1, s2, s3, wave, i):
     """Start ray i at a light; returns the factor on its power (1 on average over what the light emits)."""
     row = emitters.light[light]
@@ -256,9 +282,8 @@ def _leave_light(emitters, light, s0, s1, s2, s3, wave, i):
     else:
         lx, ly, lz = cone_direction(s0, s1, row[10])
         dx, dy, dz = to_world(lx, ly, lz, row[4], row[5], row[6])
-        if kind == SPOT and row[12] > 0.0:
-            t = min(1.0, (lz - row[10]) / row[12])
-            brightness = t * t * (3.0 - 2.0 * t) / row[13]
+        if kind == SPOT:
+            brightness = spot_brightness(row, lz)
         # A sphere (or the sun) seen from a direction is a disk: start anywhere on it
         radius = emitters.radius if kind == SUN else row[11]
         if radius > 0.0:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 import numpy as np
@@ -32,7 +33,9 @@ class Film:
         self._reference = reference_radiance(self.band_edges, reference_temperature)
         # float64: a float32 mean stops moving after 2^24 passes and drifts long before
         self._mean = np.zeros((height * width, len(self.band_edges) - 1))
-        self._squares = np.zeros(height * width)  # sum of squared deviations of the radiance (Welford 1962)
+        # sums of squared deviations (Welford 1962) of what surfaces send straight into the camera, and of the rest
+        self._seen, self._seen_squares = np.zeros(height * width), np.zeros(height * width)
+        self._squares = np.zeros(height * width)
 
     def __getstate__(self):
         """A film can be pickled, to be merged on another machine; a lock cannot."""
@@ -50,10 +53,13 @@ class Film:
         """Names of the bands as in Blender's passes."""
         return band_names(self.band_edges)
 
-    def add_pass(self, excess: np.ndarray, photons: int) -> None:
-        """Add one finished pass: excess radiance (height * width, b) float32, W m-2 sr-1 per band, and its photons."""
+    def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int) -> None:
+        """Add one finished pass: excess radiance (height * width, b) float32, W m-2 sr-1 per band, the part of its sum
+        over bands that surfaces send straight into the camera (height * width,) float32, and its photons.
+        """
         with self.lock:
-            _accumulate(self._mean, self._squares, excess, self.passes + 1)
+            count = self.passes + 1
+            _accumulate(self._mean, self._squares, self._seen, self._seen_squares, excess, seen, count)
             self.passes += 1
             self.photons += photons
 
@@ -74,7 +80,11 @@ class Film:
             share = other.passes / total.passes
             difference = other._mean - self._mean
             total._mean = self._mean + share * difference
-            total._squares = self._squares + other._squares + difference.sum(axis=1) ** 2 * self.passes * share
+            seen = other._seen - self._seen
+            total._seen = self._seen + share * seen
+            total._seen_squares = self._seen_squares + other._seen_squares + seen**2 * self.passes * share
+            rest = difference.sum(axis=1) - seen
+            total._squares = self._squares + other._squares + rest**2 * self.passes * share
         return total
 
     def band_radiance(self, band: int) -> np.ndarray:
@@ -98,7 +108,10 @@ class Film:
         if self.passes < 2:
             return self.temperature()
         radiance = self._radiance()
-        error = np.sqrt(self._squares / (self.passes * (self.passes - 1)))
+        # Photons of different passes are independent. The passes' camera rays are one stratified sequence: the variance
+        # of the area that an edge cuts off falls as n^-3/2, since only the ~ n^1/2 strata on the edge err (Mitchell 1996).
+        seen = self._seen_squares / math.sqrt(self.passes)
+        error = np.sqrt((self._squares + seen) / (self.passes * (self.passes - 1)))
         # half of the interval that one standard error spans: finite where the radiance itself is 0
         above = apparent_temperature(radiance + error, self.band_edges)
         below = apparent_temperature(np.maximum(radiance - error, 0.0), self.band_edges)
@@ -112,13 +125,17 @@ class Film:
 
 
 @njit(cache=True, nogil=True)
-def _accumulate(mean, squares, excess, count):
+def _accumulate(mean, squares, seen_mean, seen_squares, excess, seen, count):
     share = 1.0 / count
     for i in range(excess.shape[0]):
         row = mean[i]
-        before = 0.0  # deviation of the radiance from the old mean and from the new one
+        rest = 0.0  # deviation of the radiance from the old mean
         for b in range(row.size):
             delta = excess[i, b] - row[b]
             row[b] += delta * share
-            before += delta
-        squares[i] += before * before * (1.0 - share)
+            rest += delta
+        delta = seen[i] - seen_mean[i]
+        seen_mean[i] += delta * share
+        seen_squares[i] += delta * delta * (1.0 - share)
+        rest -= delta
+        squares[i] += rest * rest * (1.0 - share)

@@ -10,58 +10,71 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .camera import Eye, eye_rays, sobol_point
+from .camera import Eye, eye_rays, sobol_points
 from .rng import PILOT, pass_key, path_key, uniform
-from .sampling import cosine_direction, triangle_point
-from .surfaces import Surfaces, Tracer, areas, normal, start_ray
+from .sampling import cosine_direction, mirror, triangle_point
+from .surfaces import Surfaces, Tracer, areas, facing_side, normal, point, start_ray
 
-_CAMERA_PATHS = 16384
+_CAMERA_PATHS = 4096
 _BOUNCES = 8
-_PROBES = 65536  # rays from sides that no camera path met
+_PROBES = 16384  # rays from sides that no camera path met
 # Chance of a side that seems out of the image's reach, against one within: nothing can be missed for good.
 DEFENSIVE = 1.0 / 64.0
 
 
 class Pilot(NamedTuple):
-    """weight: (t, 2) float64, 1 for sides that the image can depend on, DEFENSIVE for others.
+    """What camera paths found.
 
-    openness: share of cosine-distributed directions from the former that leave the scene, 0 if none was found.
+    weight: (t, 2) float64, 1 for sides that the image can depend on, DEFENSIVE for others.
+    importance: (t,) float64, how much of the light that the image gathers comes from each triangle, were all equally
+        bright; sky: how much comes from the surroundings. Both together sum to about 1.
+    openness: share of cosine-distributed directions from the sides that matter that leave the scene, 0 if none does.
     view: m, width of the frame where the camera's rays meet the scene (median); infinite if they meet nothing.
+    place, facing: (r, 3) float64, points where camera paths gather and the normals there.
     """
 
     weight: np.ndarray
+    importance: np.ndarray
+    sky: float
     openness: float
     view: float
+    place: np.ndarray
+    facing: np.ndarray
 
 
-def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
-    """Follow camera paths that always bounce diffusely; the connected sheets of surface they meet matter.
+def explore(
+    surfaces: Surfaces, tracer: Tracer, eye: Eye, reflectance: np.ndarray, specular: np.ndarray, is_mirror: np.ndarray
+) -> Pilot:
+    """Follow camera paths that never end; the connected sheets of surface they meet matter.
 
     A sheet also matters if something that matters is seen from it, so that small sources are not overlooked.
+    reflectance, specular: (m,) float64 of each material, is_mirror: (m,) bool, whether its specular lobe is sharp.
+    The seed has no part in it: renders of one scene with different seeds can be merged.
     """
-    key = pass_key(seed, 0, PILOT)
+    key = pass_key(0, 0, PILOT)
     sheet = surfaces.sheet
     reached = np.zeros(2 * len(sheet), np.bool_)  # by label
     count = _CAMERA_PATHS
     pixels = int((eye.window[2] - eye.window[0]) * (eye.window[3] - eye.window[1]))
     origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     reach = np.empty(count, np.float32)
-    step = max(1, pixels // 128)
-    for batch, start in enumerate(range(0, count, 128)):  # 128 runs of 128 neighbouring pixels, spread over the window
-        rows = slice(start, start + 128)
-        first = (batch * step) % max(1, pixels - 127)
-        eye_rays(eye, key, sobol_point(batch), first, origin[rows], direction[rows], reach[rows])
+    eye_rays(eye, key, sobol_points(0, 1), np.arange(count) * pixels // count, origin, direction, reach)
+    paths = _Paths(
+        origin, direction, np.ones(count), np.zeros(count, np.bool_), np.empty((count, 3)), np.zeros((count, 3))
+    )
+    importance = np.zeros(len(sheet) + 1)
+    looks = (reflectance, specular, is_mirror)
     for bounce in range(_BOUNCES):
         triangle, u, v = tracer.trace(origin, direction, reach)
         if bounce == 0:
             view = _view_width(surfaces, eye, triangle, u, v)
-        _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, reached)
+        _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance)
         reach = np.full(count, 1e37, np.float32)
     for round_ in range(3):
         codes = _probe_codes(sheet, reached)
         if codes.size == 0:
             break
-        triangle, direction = _probe(surfaces, tracer, pass_key(seed, 1 + round_, PILOT), codes)
+        triangle, direction = _probe(surfaces, tracer, pass_key(0, 1 + round_, PILOT), codes)
         before = reached.sum()
         _reach_back(surfaces, sheet, codes, triangle, direction, reached)
         if reached.sum() == before:
@@ -72,9 +85,32 @@ def explore(surfaces: Surfaces, tracer: Tracer, eye: Eye, seed: int) -> Pilot:
     openness = 0.0
     if chosen[-1] > 0:
         picks = np.searchsorted(chosen, chosen[-1] * (np.arange(_CAMERA_PATHS) + 0.5) / _CAMERA_PATHS)
-        triangle, _ = _probe(surfaces, tracer, pass_key(seed, 9, PILOT), picks.astype(np.int32))
+        triangle, _ = _probe(surfaces, tracer, pass_key(0, 9, PILOT), picks.astype(np.int32))
         openness = float(np.mean(triangle < 0))
-    return Pilot(np.where(matters, 1.0, DEFENSIVE), openness, view)
+    importance /= max(importance.sum(), 1e-300)
+    gathers = np.any(paths.facing != 0.0, axis=1)
+    return Pilot(
+        np.where(matters, 1.0, DEFENSIVE),
+        importance[:-1],
+        float(importance[-1]),
+        openness,
+        view,
+        paths.place[gathers],
+        paths.facing[gathers],
+    )
+
+
+class _Paths(NamedTuple):
+    """Camera paths: rays (n, 3) float32; weight (n,); whether they have been reflected other than by mirrors (n,) bool;
+    where that was first, place and facing (n, 3), zeros where it was not.
+    """
+
+    origin: np.ndarray
+    direction: np.ndarray
+    weight: np.ndarray
+    scattered: np.ndarray
+    place: np.ndarray
+    facing: np.ndarray
 
 
 def _view_width(surfaces: Surfaces, eye: Eye, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> float:
@@ -120,25 +156,42 @@ def _start_probes(surfaces, key, codes, origin, direction):
         start_ray(surfaces, codes[i], u, v, x, y, z, origin, direction, i)
 
 
-@njit(inline="always")
-def _facing_side(corners, t, direction, i):
-    """Side of triangle t that a ray meets."""
-    nx, ny, nz, _ = normal(corners, t)
-    return 1 if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0 else 0
-
-
 @njit(cache=True, nogil=True)
-def _bounce(surfaces, sheet, key, bounce, triangle, u, v, origin, direction, reached):
-    """Mark the sheets that rays meet and send the rays on; those that left the scene stay outside."""
+def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance):
+    """Mark the sheets that rays meet, add up what they would carry to the image, and send them on.
+
+    Those that left the scene stay outside. importance: (t + 1,), the last entry for the surroundings.
+    """
+    reflectance, specular, is_mirror = looks
     for i in range(triangle.size):
         t = triangle[i]
+        if bounce > 0:
+            importance[t if t >= 0 else importance.size - 1] += paths.weight[i]
         if t < 0:
+            paths.weight[i] = 0.0
             continue
-        side = _facing_side(surfaces.corners, t, direction, i)
-        reached[sheet[t, side]] = True
+        side = facing_side(surfaces.corners, t, paths.direction, i)
+        reached[surfaces.sheet[t, side]] = True
+        material = surfaces.material[t]
+        paths.weight[i] *= reflectance[material]
         path = path_key(key, i)
-        x, y, z = cosine_direction(uniform(path, 2 * bounce + 8), uniform(path, 2 * bounce + 9))
-        start_ray(surfaces, 2 * t + side, u[i], v[i], x, y, z, origin, direction, i)
+        nx, ny, nz, _ = normal(surfaces.corners, t)
+        if side == 1:
+            nx, ny, nz = -nx, -ny, -nz
+        if is_mirror[material] and uniform(path, 3 * bounce + 8) < specular[material]:
+            dx, dy, dz = paths.direction[i]
+            ox, oy, oz = mirror(dx, dy, dz, nx, ny, nz, -(dx * nx + dy * ny + dz * nz))
+            clear = surfaces.clearance[t]
+            x, y, z = point(surfaces.corners, t, u[i], v[i])
+            paths.origin[i, 0], paths.origin[i, 1], paths.origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
+            paths.direction[i, 0], paths.direction[i, 1], paths.direction[i, 2] = ox, oy, oz
+            continue
+        if not paths.scattered[i]:
+            paths.scattered[i] = True
+            paths.place[i] = point(surfaces.corners, t, u[i], v[i])
+            paths.facing[i, 0], paths.facing[i, 1], paths.facing[i, 2] = nx, ny, nz
+        x, y, z = cosine_direction(uniform(path, 3 * bounce + 9), uniform(path, 3 * bounce + 10))
+        start_ray(surfaces, 2 * t + side, u[i], v[i], x, y, z, paths.origin, paths.direction, i)
 
 
 @njit(cache=True, nogil=True)
@@ -146,7 +199,7 @@ def _reach_back(surfaces, sheet, codes, triangle, direction, reached):
     """A sheet from which a reached sheet is seen can send it photons, so it is reached too."""
     for i in range(codes.size):
         if triangle[i] >= 0:
-            side = _facing_side(surfaces.corners, triangle[i], direction, i)
+            side = facing_side(surfaces.corners, triangle[i], direction, i)
             if reached[sheet[triangle[i], side]]:
                 reached[sheet[codes[i] >> 1, codes[i] & 1]] = True
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .sampling import MIRROR_ALPHA, interpolate_albedo, lobe_albedo
+from .sampling import interpolate_albedo, lobe_albedo
 from .scene import Material
 from .spectrum import band_radiance
 
@@ -79,8 +79,8 @@ def build_radiometry(
             emission[i] = band_radiance(edges, table, curve)
             slope[i] = band_radiance(edges, table, curve, derivative=True) * _LOG_STEP
             reflectance[i] = 1.0 - band_emissivity(edges, weighting, curve)
-        if material.specular > 0 and material.roughness**2 > MIRROR_ALPHA:
-            alpha[i] = material.roughness**2
+        if material.specular > 0 and material.alpha > 0:
+            alpha[i] = material.alpha
             albedo[i] = _lobe_albedo(float(alpha[i]))
     return Radiometry(
         reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
@@ -166,6 +166,12 @@ def excess(radiometry, material, temperature, cosine, out):
                 )
             value += lost * extra
         out[b] = value
+
+
+def typical_emissivity(materials: tuple[Material, ...], edges: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+    """(m, b) emissivity of each material in each band, weighted at the mean of the surfaces' temperatures (K)."""
+    kelvin = float(temperature.mean(dtype=np.float64))
+    return np.array([band_emissivity(edges, kelvin, material.curve) for material in materials])
 
 
 def emission_range(temperature: np.ndarray) -> tuple[float, float]:

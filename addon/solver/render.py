@@ -22,24 +22,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from .camera import Eye, build_eye
-from .emission import Emitters, build_emitters
+from .emission import Emitters, build_emitters, side_power
 from .eye_paths import Estimate, render_pixels
 from .film import Film
+from .lamps import Lamps, build_lamps, choose_lamps
 from .photon_map import PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
-from .radiometry import Radiometry, build_radiometry, emission_range
+from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import choose_reference
 from .rng import CAMERA, PHOTONS, pass_key
 from .scene import Scene
 from .settings import Settings
-from .surfaces import Surfaces, Tracer, build_surfaces
+from .surfaces import Surfaces, Tracer, areas, build_surfaces
 from .transport import Optics, trace_photons
 
 log = logging.getLogger(__name__)
 
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
-PIXEL_CHUNK = 1024  # small, so that all threads are busy to the end
+PIXEL_CHUNK = 256  # of several rays each; small, so that all threads are busy to the end
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
 
@@ -52,6 +53,7 @@ class Model:
     tracer: Tracer
     radiometry: Radiometry
     emitters: Emitters
+    lamps: Lamps
     optics: Optics
     eye: Eye
     reach2: float
@@ -77,14 +79,17 @@ def render(
     x0, y0, x1, y1 = scene.camera.pixels
     film = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
     image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
+    seen = np.empty(len(image), np.float32)
     store = PhotonStore(scene.band_count, model.straight)
     started = time.monotonic()
     next_check = 8
     with ThreadPoolExecutor(threads) as pool:
         while not cancelled():
-            if not render_pass(model, settings, settings.pass_offset + film.passes, store, image, pool, cancelled):
+            if not render_pass(
+                model, settings, settings.pass_offset + film.passes, store, image, seen, pool, cancelled
+            ):
                 break
-            film.add_pass(image, model.photons_per_pass)
+            film.add_pass(image, seen, model.photons_per_pass)
             if on_pass:
                 on_pass(film)
             if 0 < settings.passes <= film.passes:
@@ -103,18 +108,26 @@ def prepare(scene: Scene, settings: Settings) -> Model:
     """Build what the passes need, and only what this scene needs; the log says what that is."""
     surfaces, tracer, centre = build_surfaces(scene)
     eye = build_eye(scene.camera, centre)
-    pilot = explore(surfaces, tracer, eye, settings.seed)
-    chosen = choose_reference(scene, surfaces, pilot)
+    emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
+    specular = np.array([material.specular for material in scene.materials])
+    is_mirror = np.array([material.alpha == 0.0 for material in scene.materials])
+    pilot = explore(surfaces, tracer, eye, 1.0 - emissivity.mean(axis=1), specular, is_mirror)
+    chosen = choose_reference(scene, surfaces, pilot, emissivity)
     reference = chosen if settings.reference_temperature is None else settings.reference_temperature
     if not settings.reference_subtraction:
         reference = 0.0
     radiometry = build_radiometry(
         scene.materials, scene.band_edges, emission_range(surfaces.temperature), chosen, reference
     )
-    emitters = build_emitters(scene, surfaces, radiometry, centre, pilot.weight, pilot.openness)
+    area = areas(surfaces.corners)
+    power = side_power(surfaces, radiometry, area)
+    lit = float(pilot.importance @ (power / np.maximum(area, 1e-300)))
+    lamp = choose_lamps(surfaces, power, pilot.place, pilot.facing, lit)
+    emitters = build_emitters(scene, surfaces, radiometry, centre, pilot.weight, pilot.openness, power, lamp)
+    lamps = build_lamps(emitters, power)
     used = np.unique(surfaces.material)
     rough = bool(np.any(radiometry.alpha[used] > 0))
-    straight = rough and len(scene.lights) > 0
+    straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
     reflecting = bool(np.any(radiometry.reflectance[used] > 0))
     photons = settings.photons_per_pass if emitters.power > 0 and reflecting else 0
     widths = np.diff(scene.band_edges)
@@ -135,6 +148,7 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         tracer,
         radiometry,
         emitters,
+        lamps,
         Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight),
         eye,
         gather_reach(emitters.area, pilot, max(1, photons), settings.neighbours),
@@ -156,6 +170,7 @@ def render_pass(
     index: int,
     store: PhotonStore,
     image: np.ndarray,
+    seen: np.ndarray,
     pool: ThreadPoolExecutor,
     cancelled: Callable[[], bool],
 ) -> bool:
@@ -188,8 +203,8 @@ def render_pass(
 
     def gather(first: int):
         render_pixels(
-            m.tracer, m.surfaces, m.radiometry, m.emitters.surroundings, m.eye, photon_map, estimate, keys, index,
-            first, image[first : first + PIXEL_CHUNK], cancelled,
+            m.tracer, m.surfaces, m.radiometry, m.emitters.surroundings, m.lamps, m.eye, photon_map, estimate, keys,
+            index, first, image[first : first + PIXEL_CHUNK], seen[first : first + PIXEL_CHUNK], cancelled,
         )  # fmt: skip
 
     for _ in pool.map(gather, range(0, len(image), PIXEL_CHUNK)):

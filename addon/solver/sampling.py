@@ -6,10 +6,6 @@ import math
 import numpy as np
 from numba import njit
 
-# Alpha of the GGX lobe below which a surface is a mirror: the lobe is then narrower than a float32 direction resolves.
-MIRROR_ALPHA = 1e-4
-
-
 # Lets LLVM vectorise sums over bands. Unlike full fast-math it keeps NaN and infinity, and the compiled code, so the
 # order of every sum, is the same in every thread.
 FAST = {"reassoc", "contract", "arcp", "nsz"}

@@ -19,6 +19,10 @@ class SceneError(ValueError):
     """The scene cannot be rendered; the message names the object and the value."""
 
 
+# Alpha of the GGX lobe below which a surface is a mirror: the lobe is then narrower than a float32 direction resolves.
+MIRROR_ALPHA = 1e-4
+
+
 @dataclass(frozen=True)
 class Material:
     """An opaque surface: emissivity eps, reflectance 1 - eps (Kirchhoff), the latter split in two lobes.
@@ -34,6 +38,12 @@ class Material:
     emissivity: float | np.ndarray = 0.95
     specular: float = 0.0
     roughness: float = 0.0
+
+    @property
+    def alpha(self) -> float:
+        """Width of the GGX lobe; 0 for a mirror, and where there is no specular lobe."""
+        alpha = self.roughness**2
+        return alpha if self.specular > 0 and alpha > MIRROR_ALPHA else 0.0
 
     def __post_init__(self):
         points = np.asarray(self.emissivity, dtype=np.float64)

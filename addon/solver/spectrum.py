@@ -36,31 +36,30 @@ def planck(wavelength: np.ndarray, temperature: np.ndarray) -> np.ndarray:
     return C1 / np.asarray(wavelength, np.float64) ** 5 * np.exp(-x) / -np.expm1(-x)
 
 
-def _segment(
-    low: float, high: float, values: tuple[float, float], temperature: np.ndarray, derivative: bool
-) -> np.ndarray:
-    """Integral over low..high um of eps(lambda) B(lambda, T), eps linear from values[0] to values[1]. T (n,) > 0.
+@njit(cache=True, nogil=True)
+def _add_segment(low, high, at_low, at_high, temperature, derivative, result):
+    """Add to result (n,) the integral over low..high um of eps(lambda) B(lambda, T), eps linear between its ends.
 
-    derivative: of d/d(ln T) of it instead; d B / d ln T = B x / (1 - e^-x).
+    temperature: (n,) K > 0. derivative: of d/d(ln T) of it instead; d B / d ln T = B x / (1 - e^-x).
     """
-    start = C2 / (high * temperature)[:, None]  # x at the long end
-    span = np.minimum((C2 * (high - low) / (high * low)) / temperature, _REACH)[:, None]
-    panels = max(1, int(np.ceil(span.max() / _PANEL)))
-    t = ((np.arange(panels)[:, None] + _NODES) / panels).ravel()
-    weights = np.tile(_WEIGHTS / panels, panels)
-    above = span * t  # x - start: keeps narrow bands exact
-    x = start + above
-    slope = (values[1] - values[0]) / (high - low)
-    emissivity = values[1] - slope * (high - C2 / (x * temperature[:, None]))
-    integrand = emissivity * x**3 * np.exp(-above) / -np.expm1(-x)
-    if derivative:
-        integrand *= x / -np.expm1(-x)
-    integral = (integrand @ weights) * span[:, 0] * (C1 / C2**4) * temperature**4
-    # e^-start joins the logarithm so that the product is exact down to the smallest float64
-    result = np.zeros_like(integral)
-    positive = integral > 0
-    np.exp(np.log(integral, out=result, where=positive) - start[:, 0], out=result, where=positive)
-    return result
+    slope = (at_high - at_low) / (high - low)
+    for i in range(temperature.size):
+        kelvin = temperature[i]
+        start = C2 / (high * kelvin)  # x at the long end
+        span = min(C2 * (high - low) / (high * low) / kelvin, _REACH)
+        panels = max(1, math.ceil(span / _PANEL))
+        integral = 0.0
+        for panel in range(panels):
+            for node in range(_NODES.size):
+                above = span * ((panel + _NODES[node]) / panels)  # x - start: keeps narrow bands exact
+                x = start + above
+                emissivity = at_high - slope * (high - C2 / (x * kelvin))
+                rest = -math.expm1(-x)
+                value = emissivity * x * x * x * math.exp(-above) / rest
+                integral += _WEIGHTS[node] * (value * x / rest if derivative else value)
+        integral *= span / panels * (C1 / C2**4) * kelvin**4
+        if integral > 0.0:  # e^-start joins the logarithm so that the product is exact down to the smallest float64
+            result[i] += math.exp(math.log(integral) - start)
 
 
 def band_radiance(
@@ -78,18 +77,20 @@ def band_radiance(
     """
     edges = np.asarray(edges, dtype=np.float64)
     flat = np.atleast_1d(np.asarray(temperature, dtype=np.float64)).ravel()
-    result = np.zeros((flat.size, edges.size - 1))
+    result = np.zeros((edges.size - 1, flat.size))
     warm = flat > 0
     if warm.any():
+        kelvin, integrals = flat[warm], np.zeros((edges.size - 1, np.count_nonzero(warm)))
         wavelengths, values = (np.array([1.0]), np.array([1.0])) if curve is None else curve
         for band, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
             inner = wavelengths[(wavelengths > low) & (wavelengths < high)]
             points = np.concatenate(([low], inner, [high]))
             emissivity = np.interp(points, wavelengths, values)
             for i in range(points.size - 1):
-                ends = (emissivity[i], emissivity[i + 1])
-                result[warm, band] += _segment(points[i], points[i + 1], ends, flat[warm], derivative)
-    return result.reshape(np.shape(temperature) + (edges.size - 1,))
+                ends = points[i], points[i + 1], emissivity[i], emissivity[i + 1]
+                _add_segment(*ends, kelvin, derivative, integrals[band])
+        result[:, warm] = integrals
+    return np.ascontiguousarray(result.T).reshape(np.shape(temperature) + (edges.size - 1,))
 
 
 @lru_cache(maxsize=8)

@@ -122,6 +122,13 @@ def normal(corners, t):
 
 
 @njit(inline="always")
+def facing_side(corners, t, direction, i):
+    """Side of triangle t that a ray meets."""
+    nx, ny, nz, _ = normal(corners, t)
+    return 1 if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0 else 0
+
+
+@njit(inline="always")
 def point(corners, t, u, v):
     """Point of triangle t with barycentric coordinates u, v of corners 1 and 2."""
     w = 1.0 - u - v

@@ -98,7 +98,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         if not reflected > 0.0:
             continue
         straight = wave.straight[i] and alpha > 0.0
-        if specular < 1.0 or straight:
+        if (specular < 1.0 or straight) and not wave.direct[i]:
             stored.position[kept, 0], stored.position[kept, 1], stored.position[kept, 2] = x, y, z
             stored.surface[kept] = 2 * t + side
             for b in range(bands):
@@ -141,6 +141,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         for b in range(bands):
             wave.power[alive, b] = wave.power[i, b] * rho[b] * factor
         wave.photon[alive] = wave.photon[i]
+        wave.direct[alive] = False
         wave.straight[alive] = wave.straight[i] and is_mirror
         wave.arrival[alive] = -1
         alive += 1
