@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene of diffuse and mirror materials as any renderer can take it: radiances and reflectances in numbers."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+_WALKS, _BOUNCES, _SHIFT = 200_000, 12, 1e-5
+
+
+@dataclass
+class Problem:
+    """Everything a peer needs, arrays only, so that it travels in an npz file.
+
+    vertices (n, 3) m. triangles (m, 3) int32, fronts (counter-clockwise) are what can be seen; the few that are seen
+    from both sides are there twice. part (m,) int32. Of each part p, in each of B bands: emission (p, B) W m-2 sr-1 and
+    reflectance (p, B); mirror (p,) bool, else diffuse. world (B,) radiance of the surroundings. matrix (4, 4) camera to
+    world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    part: np.ndarray
+    emission: np.ndarray
+    reflectance: np.ndarray
+    mirror: np.ndarray
+    world: np.ndarray
+    matrix: np.ndarray
+    tangent: float
+    width: int
+    height: int
+    offset: np.ndarray
+
+    def save(self, path):
+        np.savez(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def load(cls, path):
+        with np.load(path) as file:
+            return cls(**{name: array[()] for name, array in file.items()})
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Bands of each run, three at a time."""
+        count = len(self.world)
+        return [list(range(first, min(first + 3, count))) for first in range(0, count, 3)]
+
+    def colours(self, bands: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Emission (p, 3), reflectance (p, 3), world (3,) of three bands (the last repeated if there are fewer).
+
+        Emission and world are in units of `scale` (3,), so that they are near 1.
+        """
+        three = (bands + [bands[-1]] * 2)[:3]
+        scale = np.maximum(np.abs(self.emission[:, three]).max(axis=0), np.abs(self.world[three]))
+        scale[scale == 0] = 1.0
+        return self.emission[:, three] / scale, self.reflectance[:, three], self.world[three] / scale, scale
+
+    def meshes(self):
+        """(part, vertices (n, 3) float32, triangles (m, 3) int32) of every part."""
+        for part in range(len(self.mirror)):
+            corners, triangles = np.unique(self.triangles[self.part == part], return_inverse=True)
+            yield part, self.vertices[corners].astype(np.float32), triangles.reshape(-1, 3).astype(np.int32)
+
+    @property
+    def camera(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, a point ahead and the direction up, (3,) each."""
+        right, up, backward, position = self.matrix[:3].T
+        return position, position - backward, up
+
+
+def build_problem(scene, reference: float = 0.0) -> Problem:
+    """The scene's problem; with a reference (K), that of its excess over an isothermal scene, to which it is equal by
+    linearity: emission is e(T) - eps B(T0) and offset B(T0).
+    """
+    from addon.solver import Settings
+    from addon.solver.render import prepare
+    from addon.solver.spectrum import band_radiance
+
+    bad = [m.name for m in scene.materials if m.specular not in (0.0, 1.0) or (m.specular and m.roughness)]
+    if bad or scene.lights or scene.temperature.ndim > 1:
+        raise ValueError(f"Only diffuse and mirror materials, emitting geometry and one temperature a triangle: {bad}")
+    edges = scene.band_edges
+    reflectance = prepare(scene, Settings(threads=2)).radiometry.reflectance.astype(float)
+    pairs = np.column_stack((scene.material, scene.temperature))
+    parts, part = np.unique(pairs, axis=0, return_inverse=True)
+    material = parts[:, 0].astype(int)
+    emission = np.array([band_radiance(edges, t, scene.materials[int(m)].curve) for m, t in parts])
+    black = band_radiance(edges, reference)
+    vertices, triangles, part = _fronts(scene, part.ravel().astype(np.int32))
+    return Problem(
+        vertices,
+        triangles,
+        part,
+        emission - (1 - reflectance[material]) * black,
+        reflectance[material],
+        np.array([scene.materials[m].specular == 1.0 for m in material]),
+        band_radiance(edges, scene.world_temperature) - black,
+        scene.camera.matrix,
+        scene.camera.frame[1],
+        scene.camera.width,
+        scene.camera.height,
+        black,
+    )
+
+
+def _fronts(scene, part):
+    """Triangles turned so that the sides that paths from the camera reach are fronts (most renderers' lights shine from
+    fronts only); where both sides are reached, two triangles, a hair apart.
+    """
+    vertices, triangles = np.asarray(scene.vertices, float), np.asarray(scene.triangles, np.int32)
+    reached = _reached_sides(scene, vertices, triangles)
+    both = reached.all(axis=1)
+    back_only = reached[:, 1] & ~both
+    triangles = np.where(back_only[:, None], triangles[:, ::-1], triangles)
+    a, b, c = vertices[triangles[both]].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    normal *= _SHIFT * np.ptp(vertices, axis=0).min() / np.linalg.norm(normal, axis=1, keepdims=True)
+    behind = (vertices[triangles[both]] - normal[:, None])[:, ::-1].reshape(-1, 3)
+    twins = len(vertices) + np.arange(len(behind), dtype=np.int32).reshape(-1, 3)
+    return np.concatenate((vertices, behind)), np.concatenate((triangles, twins)), np.concatenate((part, part[both]))
+
+
+def _reached_sides(scene, vertices, triangles):
+    """(m, 2) bool: whether walks from the camera, bouncing at random, meet the front and the back of each triangle."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    random = np.random.default_rng(0)
+    embree = EmbreeScene()
+    TriangleMesh(embree, vertices.astype(np.float32), triangles)
+    normals = np.cross(*(vertices[triangles[:, i]] - vertices[triangles[:, 0]] for i in (1, 2)))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    left, right, bottom, top = scene.camera.frame
+    direction = np.column_stack(
+        (random.uniform(left, right, _WALKS), random.uniform(bottom, top, _WALKS), -np.ones(_WALKS))
+    )
+    direction = direction @ scene.camera.matrix[:3, :3].T
+    origin = np.broadcast_to(scene.camera.matrix[:3, 3], direction.shape)
+    counts = np.zeros((len(triangles), 2), int)
+    for _ in range(_BOUNCES):
+        hits = embree.run(origin.astype(np.float32), direction.astype(np.float32), output=True)
+        hit = hits["primID"] >= 0
+        triangle, origin, direction = hits["primID"][hit], origin[hit], direction[hit]
+        normal = normals[triangle]
+        back = np.sum(direction * normal, axis=1) > 0
+        np.add.at(counts, (triangle, back.astype(int)), 1)
+        normal = np.where(back[:, None], -normal, normal)
+        distance = np.asarray(hits["tfar"])[hit]
+        origin = origin + distance[:, None] * direction + 1e-5 * np.ptp(vertices, axis=0).min() * normal
+        scattered = random.normal(size=origin.shape)
+        diffuse = normal + scattered / np.linalg.norm(scattered, axis=1, keepdims=True)
+        mirrored = direction - 2 * np.sum(direction * normal, axis=1, keepdims=True) * normal
+        is_mirror = np.array([m.specular for m in scene.materials])[scene.material[triangle]] == 1
+        direction = np.where(is_mirror[:, None], mirrored, diffuse)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    return counts > 1e-4 * np.maximum(counts.sum(axis=1, keepdims=True), 1)  # rays that slip through edges do not count

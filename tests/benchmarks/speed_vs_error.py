@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Error against time: this engine beside path tracers, on the scenes of speed_scenes.py.
+
+    python tests/benchmarks/speed_vs_error.py [--scene NAME ...] [--peers NAME ...] [--out FOLDER] [--slope PASSES]
+    python tests/benchmarks/speed_vs_error.py --check
+
+Prints a table and writes speed_vs_error.png. Needs what the peers are: the packages mitsuba (and LLVM 19), pyluxcore and
+bpy, all with Python 3.13, and matplotlib for the plot. Each peer runs in a process of its own with as many threads.
+
+Error is the root mean square, over the pixels, of the error of the apparent temperature (K) of the radiance of all
+bands: "trimmed" without the worst 2 % of the pixels, and over all of them. A peer renders three bands a run, and its
+time is that of its runs without loading and compilation; ours is all of render(), after a first render that compiles.
+The best peer's error after about 10 s of its time sets the mark; our time is that of the first pass that reaches it,
+the median over seeds. Its target is a fraction of that peer's time.
+
+References are rendered once by a peer, in two independent halves, and kept in the user's cache folder. Where a peer can
+emit negative radiance it renders the excess over an isothermal scene, which converges sooner and has the same mean.
+"""
+
+import argparse
+import functools
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).absolute().parent
+sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
+from peers.__main__ import ENGINES  # noqa: E402
+from peers.problem import build_problem  # noqa: E402
+from speed_scenes import SCENES  # noqa: E402
+
+from addon.solver import Settings, render  # noqa: E402
+from addon.solver.spectrum import apparent_temperature  # noqa: E402
+
+TARGETS = {"room": (200, 20), "ring": (10, 10), "cavity": (10, 10), "engine": (10, 10)}  # trimmed, all pixels
+# Peer that renders the reference, K of the isothermal scene that is subtracted (0: none), s it takes.
+REFERENCES = {
+    "room": ("mitsuba", 291.0, 400),
+    "ring": ("luxcore-bidir", 230.0, 900),
+    "cavity": ("mitsuba", 300.0, 400),
+    "engine": ("mitsuba", 290.0, 900),
+    "street": ("mitsuba", 277.0, 400),
+}
+KEPT = 0.98  # share of the pixels in the trimmed error
+PEER_SECONDS = (1.0, 3.0)  # of a peer's curve, before the point that counts
+
+
+def user_cache() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "infrared_photons" / "benchmarks"
+
+
+def run_peer(engine, problem, threads, seconds, polite=False):
+    """Images (n, height, width, bands) W m-2 sr-1 per band and s (n,), one for each of n budgets in seconds."""
+    with tempfile.TemporaryDirectory() as folder:
+        problem.save(f"{folder}/problem.npz")
+        command = [sys.executable, "-m", "peers", engine, f"{folder}/problem.npz", f"{folder}/images.npz"]
+        done = subprocess.run(
+            [*command, str(threads), *map(str, seconds)],
+            cwd=HERE,
+            capture_output=True,
+            text=True,
+            preexec_fn=functools.partial(os.nice, 19) if polite else None,
+        )
+        if not Path(f"{folder}/images.npz").exists():
+            raise RuntimeError(f"{engine} failed:\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}")
+        with np.load(f"{folder}/images.npz") as result:
+            return result["images"], result["seconds"]
+
+
+class Reference:
+    """Two independent halves of a converged image: `halves` (2, height, width, bands), W m-2 sr-1 per band."""
+
+    def __init__(self, scene, halves):
+        self.halves, self.edges = halves, scene.band_edges
+        self.temperatures = apparent_temperature(halves.sum(axis=-1), self.edges)  # (2, height, width)
+        self.temperature = self.temperatures.mean(axis=0)
+        self.standard_error = np.sqrt(np.mean((0.5 * np.diff(self.temperatures, axis=0)) ** 2))
+
+    def errors(self, temperature):
+        """Error (K) of an image of temperatures, trimmed and over all pixels."""
+        squares = np.sort((temperature - self.temperature).ravel() ** 2)
+        return np.sqrt([squares[: int(KEPT * squares.size)].mean(), squares.mean()])
+
+    def own_errors(self, temperature):
+        """The same without the reference's own share: the product of the differences from two independent halves."""
+        order = np.argsort(np.abs(temperature - self.temperature).ravel())
+        products = np.prod(temperature - self.temperatures, axis=0).ravel()[order]
+        return np.sqrt(np.maximum([products[: int(KEPT * products.size)].mean(), products.mean()], 0.0))
+
+    def image_errors(self, images):
+        """(n, 2) errors of images of radiances (n, height, width, bands)."""
+        return np.array([self.errors(apparent_temperature(image.sum(axis=-1), self.edges)) for image in images])
+
+
+def load_reference(name, scene, folder, threads):
+    """Reference of a scene from the folder, rendered there first if it is missing or the scene has changed."""
+    peer, subtracted, seconds = REFERENCES.get(name, ("mitsuba", 0.0, 600))
+    problem = build_problem(scene, subtracted)
+    digest = hashlib.sha256(f"{peer} {seconds}".encode())
+    for value in vars(problem).values():
+        digest.update(np.round(np.ascontiguousarray(value, np.float64), 6).tobytes())
+    path = Path(folder) / f"{name}-{digest.hexdigest()[:12]}.npy"
+    if not path.exists():
+        print(f"{name}: rendering the reference with {peer}, about {seconds} s", flush=True)
+        chunks = max(2, 2 * round(seconds / 100))  # many short images, so that the halves are alike
+        images, _ = run_peer(peer, problem, threads, [seconds / chunks] * chunks, polite=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.save(path, np.stack((images[::2].mean(axis=0), images[1::2].mean(axis=0))))
+    return Reference(scene, np.load(path))
+
+
+def our_curve(scene, settings, measure, limit=np.inf, enough=(0.0, 0.0)):
+    """Passes (n,), s (n,) and errors (n, 2) of one render, until `limit` s or until both errors are small enough.
+
+    measure: errors of an image of temperatures. Measuring does not count as time.
+    """
+    passes, seconds, errors = [], [], []
+    paused = 0.0
+    started = time.perf_counter()
+
+    def on_pass(film):
+        nonlocal paused
+        now = time.perf_counter()
+        if film.passes <= 32 or film.passes >= 1.05 * passes[-1] or film.passes == settings.passes:
+            passes.append(film.passes)
+            seconds.append(now - started - paused)
+            errors.append(measure(film.temperature()))
+        paused += time.perf_counter() - now
+
+    def finished():
+        out_of_time = time.perf_counter() - started - paused > limit
+        return bool(passes) and (out_of_time or bool(np.all(errors[-1] <= enough)))
+
+    render(scene, settings, on_pass, finished)
+    return np.array(passes), np.array(seconds), np.array(errors)
+
+
+def time_to_reach(curve, error, which):
+    """s of the first pass whose error is as small, inf if there is none."""
+    _, seconds, errors = curve
+    reached = np.flatnonzero(errors[:, which] <= error)
+    return seconds[reached[0]] if len(reached) else np.inf
+
+
+def compare(name, options):
+    """Rows of the table of one scene, and its curves for the plot: {engine: (seconds, errors)}."""
+    scene = SCENES[name]()
+    reference = load_reference(name, scene, options.cache, options.threads)
+    problem = build_problem(scene)
+    print(f"\n{name}: {len(scene.triangles)} triangles, {scene.band_count} bands")
+    print(f"  reference: standard error {reference.standard_error:.4g} K over all pixels")
+    curves, marks = {}, []
+    budgets = [*PEER_SECONDS, *[options.seconds] * options.repeats]
+    for peer in options.peers:
+        images, seconds = run_peer(peer, problem, options.threads, budgets)
+        errors = reference.image_errors(images)
+        ends = slice(len(PEER_SECONDS), None)
+        mark = (np.median(seconds[ends]), *np.median(errors[ends], axis=0))
+        marks.append((peer, *mark))
+        early = len(PEER_SECONDS)
+        curves[peer] = (np.append(seconds[:early], mark[0]), np.vstack((errors[:early], mark[1:])))
+        print(f"  {peer:14s} {mark[0]:6.2f} s   trimmed {mark[1]:.4g} K   all {mark[2]:.4g} K", flush=True)
+    render(scene, Settings(passes=2, threads=options.threads))  # compiles
+    best = [min(marks, key=lambda mark: mark[2 + which]) for which in (0, 1)]
+    enough = [best[which][2 + which] for which in (0, 1)]
+    ours = []
+    for seed in range(options.seeds):
+        settings = Settings(passes=0, time_limit=1e6, threads=options.threads, seed=seed, **options.settings)
+        goal = (0.0, 0.0) if seed == 0 else enough  # the first one draws the plot
+        ours.append(our_curve(scene, settings, reference.errors, options.seconds, goal))
+    curves["ours"] = ours[0][1:]
+    rows = []
+    for which, label in enumerate(("trimmed", "all")):
+        peer, seconds, *_ = best[which]
+        spent = np.median([time_to_reach(curve, enough[which], which) for curve in ours])
+        target = TARGETS.get(name, (None, None))[which]
+        rows.append((name, label, peer, seconds, enough[which], spent, seconds / spent, target))
+        print(f"  {label}: ours reaches {enough[which]:.4g} K in {spent:.3f} s, 1/{seconds / spent:.1f}", flush=True)
+    return rows, curves
+
+
+def slope(name, options):
+    """Print the error after 1, 2, 4, ... passes and its slope against passes."""
+    scene = SCENES[name]()
+    reference = load_reference(name, scene, options.cache, options.threads)
+    settings = Settings(passes=options.slope, threads=options.threads, **options.settings)
+    passes, seconds, errors = our_curve(scene, settings, reference.own_errors)
+    wanted = sorted({2**i for i in range(int(np.log2(options.slope)) + 1)} | {options.slope})
+    chosen = [int(np.argmin(np.abs(passes - p))) for p in wanted]
+    print(f"\n{name}: error without the reference's own (its standard error is {reference.standard_error:.3g} K)")
+    print("  passes  " + " ".join(f"{p:8d}" for p in passes[chosen]) + "   slope, last decade")
+    for which, label in enumerate(("trimmed", "all")):
+        error = errors[chosen, which]
+        known = error > 0.3 * reference.standard_error
+        late = known & (passes[chosen] >= options.slope / 10)
+        fits = [_slope(passes[chosen][part], error[part]) for part in (known, late)]
+        print(f"  {label:7s} " + " ".join(f"{e:8.4f}" for e in error) + f"   {fits[0]:.2f} {fits[1]:.2f}", flush=True)
+
+
+def _slope(x, y):
+    return np.polyfit(np.log(x), np.log(y), 1)[0] if len(x) > 1 else np.nan
+
+
+def check(name, options):
+    """Print how far every engine's long-run image is from the reference, in the mean and pixel by pixel."""
+    scene = SCENES[name]()
+    reference = load_reference(name, scene, options.cache, options.threads)
+    problem = build_problem(scene)
+    runs = 8
+    print(f"\n{name}: deviation from the reference; blocks are of 8x8 pixels")
+    print(
+        "  engine          image mean, %   of a band at most, %  (sigma)   block at most, K  (sigma)  pixels, K  (noise)"
+    )
+    for engine in [*options.peers, "ours"]:
+        if engine == "ours":
+            films = [
+                render(scene, Settings(passes=256, seed=seed, threads=options.threads, **options.settings))
+                for seed in range(runs)
+            ]
+            widths = np.diff(scene.band_edges)
+            images = np.array(
+                [np.stack([f.band_radiance(b) * widths[b] for b in range(len(widths))], -1) for f in films], float
+            )
+        else:
+            images, _ = run_peer(engine, problem, options.threads, [options.seconds] * runs, polite=True)
+        print(f"  {engine:14s} " + _deviations(images, reference), flush=True)
+
+
+def _deviations(images, reference):
+    halves = reference.halves
+    bands = 100 * (images.mean(axis=(1, 2)) / halves.mean(axis=(0, 1, 2)) - 1)  # (runs, bands), %
+    half_gap = 100 * np.diff(halves.mean(axis=(1, 2)), axis=0)[0] / halves.mean(axis=(0, 1, 2)) / 2
+    band_error = np.hypot(bands.std(axis=0, ddof=1) / np.sqrt(len(bands)), half_gap)
+    band = np.argmax(np.abs(bands.mean(axis=0)))
+    temperature = apparent_temperature(images.sum(axis=-1), reference.edges)
+    runs, height, width = temperature.shape
+    gap = temperature - reference.temperature
+    block = gap.reshape(runs, height // 8, 8, width // 8, 8).mean(axis=(2, 4))
+    reference_error = np.sqrt(np.mean((0.5 * np.diff(reference.temperatures, axis=0)) ** 2)) / 8
+    block_error = np.hypot(block.std(axis=0, ddof=1) / np.sqrt(runs), reference_error)
+    worst = np.unravel_index(np.argmax(np.abs(block.mean(axis=0))), block_error.shape)
+    mean = apparent_temperature(images.mean(axis=0).sum(axis=-1), reference.edges)
+    pixels, _ = reference.errors(mean)
+    noise = np.hypot(np.sqrt((temperature.var(axis=0, ddof=1) / runs).mean()), reference.standard_error)
+    return (
+        f"{bands.mean():+13.4f} {bands.mean(axis=0)[band]:+16.4f} ({abs(bands.mean(axis=0)[band]) / band_error[band]:.1f})"
+        f" {block.mean(axis=0)[worst]:+16.4f} ({abs(block.mean(axis=0)[worst]) / block_error[worst]:.1f}) at column "
+        f"{8 * worst[1]} row {8 * worst[0]} {pixels:10.4f} ({noise:.4f})"
+    )
+
+
+def print_table(rows):
+    print("\nscene    error    best peer       its time      error     our time   ratio  target")
+    for scene, label, peer, seconds, error, spent, ratio, target in rows:
+        wanted = f"1/{target}" if target else "-"
+        print(
+            f"{scene:8s} {label:8s} {peer:14s} {seconds:7.2f} s {error:8.4f} K {spent:9.3f} s 1/{ratio:<6.1f} {wanted}"
+        )
+
+
+def plot(curves, path):
+    """Error against time: a row for each scene, trimmed on the left and all pixels on the right."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(len(curves), 2, figsize=(11, 3.6 * len(curves)), squeeze=False, layout="constrained")
+    for row, (name, engines) in zip(axes, curves.items(), strict=True):
+        for which, (axis, label) in enumerate(zip(row, ("trimmed", "all pixels"), strict=True)):
+            for engine, (seconds, errors) in engines.items():
+                style = {"color": "black", "linewidth": 2} if engine == "ours" else {"marker": "o"}
+                axis.loglog(seconds, errors[:, which], label=engine, **style)
+            axis.set(title=f"{name}, {label}", xlabel="time, s", ylabel="error, K")
+            axis.grid(True, which="both", alpha=0.3)
+            axis.legend()
+    figure.savefig(path, dpi=100)
+    print(f"\nplot: {path}")
+
+
+def parse_options():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
+    parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
+    parser.add_argument("--peers", nargs="+", choices=ENGINES, default=list(ENGINES), help="peers (all of them)")
+    parser.add_argument("--out", type=Path, default=Path.cwd(), help="folder for the plot (the current one)")
+    parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of the references (%(default)s)")
+    parser.add_argument("--threads", type=int, default=2, help="of every engine (%(default)s)")
+    parser.add_argument("--seconds", type=float, default=10.0, help="of the peers' runs together (%(default)s)")
+    parser.add_argument("--repeats", type=int, default=3, help="of the peers at those seconds (%(default)s)")
+    parser.add_argument("--seeds", type=int, default=5, help="of ours (%(default)s)")
+    parser.add_argument("--photons", type=int, help="of ours in a pass (the engine's default)")
+    parser.add_argument("--slope", type=int, metavar="PASSES", help="only print our error from 1 to PASSES passes")
+    parser.add_argument("--check", action="store_true", help="only compare the long-run images of all engines")
+    parser.add_argument("--references", action="store_true", help="only render the references that are missing")
+    options = parser.parse_args()
+    options.settings = {"photons_per_pass": options.photons} if options.photons else {}
+    return options
+
+
+def main():
+    options = parse_options()
+    rows, curves = [], {}
+    for name in options.scene:
+        if options.references:
+            reference = load_reference(name, SCENES[name](), options.cache, options.threads)
+            print(f"{name}: reference with a standard error of {reference.standard_error:.4g} K")
+        elif options.check:
+            check(name, options)
+        elif options.slope:
+            slope(name, options)
+        else:
+            scene_rows, curves[name] = compare(name, options)
+            rows += scene_rows
+    if rows:
+        print_table(rows)
+        options.out.mkdir(parents=True, exist_ok=True)
+        plot(curves, options.out / "speed_vs_error.png")
+
+
+if __name__ == "__main__":
+    main()
