@@ -243,8 +243,10 @@ def test_sheets_of_closed_and_open_surfaces():
     two = np.concatenate((triangles, triangles + 8))
     surfaces, _, _ = build(np.concatenate((vertices, vertices + 3)), two)
     label = surfaces.sheet
-    assert len(np.unique(label)) == 4  # inside and outside of two boxes
-    assert all(len(np.unique(part)) == 1 for part in (label[:12, 0], label[:12, 1], label[12:, 0], label[12:, 1]))
+    assert len(np.unique(label)) == 24  # six faces inside and outside of two boxes: a crease divides
+    assert all(len(np.unique(label[t : t + 2, side])) == 1 for t in range(0, 24, 2) for side in (0, 1))
+    surfaces, _, _ = build(*sphere(2))
+    assert len(np.unique(surfaces.sheet[:, 0])) == len(np.unique(surfaces.sheet[:, 1])) == 1
     surfaces, _, _ = build(np.array(QUAD, float), WINDINGS["flipped"])
     label = surfaces.sheet
     assert len(np.unique(label)) == 2  # a border does not join front and back
@@ -252,12 +254,12 @@ def test_sheets_of_closed_and_open_surfaces():
 
 
 def test_moebius_strip_has_one_side():
-    turns = np.arange(12) / 12 * 2 * math.pi
+    turns = np.arange(120) / 120 * 2 * math.pi
     across = np.array([-0.3, 0.3])[None, :, None]
     spoke = np.column_stack((np.cos(turns), np.sin(turns), 0 * turns))[:, None]
     width = np.cos(turns / 2)[:, None, None] * spoke + np.sin(turns / 2)[:, None, None] * np.array([0, 0, 1])
     vertices = (spoke + across * width).reshape(-1, 3)
-    quads = [(2 * i, 2 * i + 1, 2 * i + 3, 2 * i + 2) for i in range(11)] + [(22, 23, 0, 1)]
+    quads = [(2 * i, 2 * i + 1, 2 * i + 3, 2 * i + 2) for i in range(119)] + [(238, 239, 0, 1)]
     surfaces, _, _ = build(vertices, [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
     assert len(np.unique(surfaces.sheet)) == 1
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .guide import DIMENSIONS, Guide, even_guide
 from .radiometry import Radiometry, excess
 from .rng import path_key, uniform
 from .sampling import FAST, basis, cone_direction, cosine_direction, to_world, triangle_point, turn
@@ -28,24 +29,28 @@ class Emitters(NamedTuple):
     cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of an entry.
     surface: (n,) int32 codes 2 triangle + side of entries 0..n-1, which emit. lamp: (n,) bool, whether shadow rays see
         to their direct light.
-    sky: (m,) int32 codes of entries n..n+m-1, on which photons from the surroundings arrive.
+    sky: (m,) int32 codes of entries n..n+m-1, on which photons from the surroundings arrive. open: (t, 2) bool, sides
+        that look for the surroundings with rays of their own, so that those photons are not stored there.
     area: (t,) float64, of the triangles, m2.
     surroundings: (b,) float64, excess radiance of the surroundings, W m-2 sr-1.
     light: (l, 16) float64 shapes (see _light_row), light_power: (l, b) float64 W (sun: W m-2), entries n+m...
     radius: of a sphere around the origin that holds the scene, m.
     power: total |excess| power of what photons can reach, W: what a photon's weight adds up to, over photons.
+    guide: density of the five numbers that choose an emission.
     """
 
     cumulative: np.ndarray
     surface: np.ndarray
     lamp: np.ndarray
     sky: np.ndarray
+    open: np.ndarray
     area: np.ndarray
     surroundings: np.ndarray
     light: np.ndarray
     light_power: np.ndarray
     radius: float
     power: float
+    guide: Guide
 
 
 def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
@@ -80,7 +85,7 @@ def _light_row(light: Light, centre: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def side_power(surfaces, radiometry, area):
-    """(t,) float64 |excess| power of one side of every triangle, over all bands, W: mean over its corners and centre."""
+    """(t,) float64 |excess| power of a side of each triangle, over all bands, W: mean over its corners and its centre."""
     power = np.empty(area.size)
     value = np.empty(radiometry.reference.size)
     varying = surfaces.temperature.shape[1] == 3
@@ -103,14 +108,18 @@ def build_emitters(
     radiometry: Radiometry,
     centre: np.ndarray,
     weight: np.ndarray,
+    arrival: np.ndarray,
     openness: float,
     power: np.ndarray,
     lamp: np.ndarray,
+    open_: np.ndarray,
 ) -> Emitters:
     """Distribution of the emitters.
 
-    power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides that shadow rays are sent to.
-    weight: (t, 2) float64, factor on the probability of each side (1 for sides that the image can depend on).
+    power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides that shadow rays are sent to. open_: see
+    Emitters.
+    weight, arrival: (t, 2) float64, factors on the probability that a side emits, or that photons from the surroundings
+        arrive there.
     openness: share of the directions from those sides that leave the scene, 0..1.
     """
     area = areas(surfaces.corners)
@@ -118,7 +127,7 @@ def build_emitters(
     surface = np.flatnonzero(surface_power > 0).astype(np.int32)
     surroundings = band_radiance(scene.band_edges, scene.world_temperature) - radiometry.reference
     sky_flux = math.pi * np.abs(surroundings).sum()
-    sky_area = (area[:, None] * weight).ravel()
+    sky_area = (area[:, None] * arrival).ravel()
     sky = np.flatnonzero(sky_area > 0).astype(np.int32) if sky_flux > 0 else np.empty(0, np.int32)
     sky_power = sky_flux * sky_area[sky]
     radius = float(np.linalg.norm(surfaces.corners.reshape(-1, 3), axis=1).max())
@@ -144,12 +153,14 @@ def build_emitters(
         surface,
         lamp.ravel()[surface],
         sky,
+        open_,
         area,
         surroundings,
         np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16),
         light_power,
         radius,
         total,
+        even_guide(),
     )
 
 
@@ -192,30 +203,68 @@ def empty_wave(count: int, bands: int) -> Wave:
     )
 
 
+@njit(inline="always")
+def _next_cell(guide, cell, pick):
+    """The guide's cell that holds a photon; picks ascend from photon to photon, cell is that of the one before."""
+    while cell < guide.density.size - 1 and guide.cumulative[cell + 1] <= pick:
+        cell += 1
+    return cell
+
+
+@njit(inline="always")
+def _choose(guide, cell, pick, path):
+    """The five numbers of a photon: evenly over the cell, the first in step with the pick."""
+    low, size = guide.low[cell], guide.size[cell]
+    along = (pick - guide.cumulative[cell]) / (guide.cumulative[cell + 1] - guide.cumulative[cell])
+    return (
+        low[0] + size[0] * min(along, 0.9999999999999999),
+        low[1] + size[1] * uniform(path, 0),
+        low[2] + size[2] * uniform(path, 1),
+        low[3] + size[3] * uniform(path, 2),
+        low[4] + size[4] * uniform(path, 3),
+    )
+
+
+@njit(cache=True, nogil=True)
+def chosen_numbers(guide, key, total):
+    """The (total, 5) numbers that choose the emissions of a pass, and the density of each, (total,) float64."""
+    numbers, density = np.empty((total, DIMENSIONS)), np.empty(total)
+    shift, cell = uniform(key, 0), 0
+    for photon in range(total):
+        pick = (photon + shift) / total
+        cell = _next_cell(guide, cell, pick)
+        numbers[photon] = _choose(guide, cell, pick, path_key(key, photon))
+        density[photon] = guide.density[cell]
+    return numbers, density
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
 def emit(emitters, surfaces, radiometry, key, first, total, wave):
     """Fill the wave with photons first, first + 1, ... of the `total` of a pass. key: of the pass's photons."""
-    # One random shift places all photons evenly over the emitters (systematic sampling). Positions and directions are
-    # independent: the k-nearest estimate rests on photons that lie at random, and is off by -1/2 in k where a sequence
-    # of low discrepancy lays them out evenly (measured under a point light).
+    # One random shift places all photons evenly over the guide's cells and the emitters within (systematic sampling).
+    # Positions and directions are independent: the k-nearest estimate rests on photons that lie at random, and is off
+    # by -1/2 in k where a sequence of low discrepancy lays them out evenly (measured under a point light).
+    guide = emitters.guide
     shift = uniform(key, 0)
     value = np.empty(radiometry.reference.size)
     surface_end = emitters.surface.size
     sky_end = surface_end + emitters.sky.size
     last = emitters.cumulative.size - 2
-    entry = 0
+    cell = entry = 0
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `value` holds: neighbours mostly share it
     for i in range(wave.photon.size):
         photon = first + i
+        path = path_key(key, photon)
         pick = (photon + shift) / total
-        if i == 0:
-            entry = min(last, np.searchsorted(emitters.cumulative, pick, side="right") - 1)
-        while entry < last and emitters.cumulative[entry + 1] <= pick:
+        before = cell
+        cell = _next_cell(guide, cell, pick)
+        number, s0, s1, s2, s3 = _choose(guide, cell, pick, path)
+        if i == 0 or cell != before:
+            entry = min(last, np.searchsorted(emitters.cumulative, number, side="right") - 1)
+        while entry < last and emitters.cumulative[entry + 1] <= number:
             entry += 1
         probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
-        share = 1.0 / (total * probability)
-        path = path_key(key, photon)
-        s0, s1, s2, s3 = uniform(path, 0), uniform(path, 1), uniform(path, 2), uniform(path, 3)
+        share = 1.0 / (total * probability * guide.density[cell])
         wave.photon[i] = photon
         wave.straight[i] = entry >= sky_end
         wave.direct[i] = entry >= sky_end or (entry < surface_end and emitters.lamp[entry])
@@ -237,6 +286,7 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
                     wave.power[i, b] = value[b] * scale
             else:
                 wave.arrival[i] = code
+                wave.direct[i] = emitters.open[t, code & 1]
                 wave.u[i], wave.v[i] = u, v
                 for b in range(value.size):
                     wave.power[i, b] = emitters.surroundings[b] * scale
@@ -246,6 +296,27 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
             brightness = _leave_light(emitters, light, s0, s1, s2, s3, wave, i)
             for b in range(value.size):
                 wave.power[i, b] = emitters.light_power[light, b] * brightness * share
+
+
+@njit(inline="always")
+def area_light_point(row, u, v):
+    """Point of an area light, even over its area."""
+    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
+    if int(row[0]) == ELLIPSE:
+        r = math.sqrt(u)
+        a, b = turn(v)
+        a, b = r * a, r * b
+    return row[1] + a * row[4] + b * row[7], row[2] + a * row[5] + b * row[8], row[3] + a * row[6] + b * row[9]
+
+
+@njit(inline="always")
+def area_light_normal(row):
+    """Unit normal of an area light on the side that shines: along cross(axis_v, axis_u)."""
+    nx = row[8] * row[6] - row[9] * row[5]
+    ny = row[9] * row[4] - row[7] * row[6]
+    nz = row[7] * row[5] - row[8] * row[4]
+    inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx * inverse, ny * inverse, nz * inverse
 
 
 @njit(inline="always")
@@ -267,18 +338,10 @@ def _leave_light(emitters, light, s0, s1, s2, s3, wave, i):
     brightness = 1.0
     x, y, z = row[1], row[2], row[3]
     if kind in (RECTANGLE, ELLIPSE):
-        a, b = 2.0 * s0 - 1.0, 2.0 * s1 - 1.0
-        if kind == ELLIPSE:
-            r = math.sqrt(s0)
-            a, b = turn(s1)
-            a, b = r * a, r * b
-        x, y, z = x + a * row[4] + b * row[7], y + a * row[5] + b * row[8], z + a * row[6] + b * row[9]
-        nx = row[8] * row[6] - row[9] * row[5]  # cross(axis_v, axis_u)
-        ny = row[9] * row[4] - row[7] * row[6]
-        nz = row[7] * row[5] - row[8] * row[4]
-        inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+        x, y, z = area_light_point(row, s0, s1)
+        nx, ny, nz = area_light_normal(row)
         lx, ly, lz = cosine_direction(s2, s3)
-        dx, dy, dz = to_world(lx, ly, lz, nx * inverse, ny * inverse, nz * inverse)
+        dx, dy, dz = to_world(lx, ly, lz, nx, ny, nz)
     else:
         lx, ly, lz = cone_direction(s0, s1, row[10])
         dx, dy, dz = to_world(lx, ly, lz, row[4], row[5], row[6])

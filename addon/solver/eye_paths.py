@@ -9,21 +9,26 @@ import numpy as np
 from numba import njit
 
 from .camera import eye_rays, sobol_points
-from .lamps import add_unshadowed, empty_shadows, send_shadow
+from .lamps import CANDIDATES, add_unshadowed, empty_shadows, send_shadow, send_sky
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, lobe_brdf, mirror, reflect_in_lobe
+from .sampling import FAST, basis, lobe_brdf, mirror, reflect_in_lobe, to_world, turn
 from .surfaces import PATCH_LIMIT, facing_side, normal, point, temperature_at
 from .transport import MAX_SURVIVAL
 
 # Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
 # silhouettes; rays of a pixel that meet one surface share a gather.
-CAMERA_SAMPLES = 8
+CAMERA_SAMPLES = 16
 _SHARE = np.float32(1.0 / CAMERA_SAMPLES)
 _DIMENSIONS = 4  # random numbers of one bounce
 _LAMPS = 1 << 20  # the random numbers of shadow rays lie behind all others
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
+_FEELING = 1 << 19  # and those that turn the feelers before them
+_FEELERS = 4
+_FEELER_SINE = 0.34  # they rise by 20 degrees, or a hollow surface would feel itself
+_FEELER_COSINE = math.sqrt(1.0 - _FEELER_SINE**2)
+_LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that a gather may always use
 _FULL = 0.25  # roulette starts where less than this is left of a path: below it a path matters little
 
 
@@ -44,7 +49,7 @@ class Estimate(NamedTuple):
 class Rays(NamedTuple):
     """Camera paths on their way, n of them, those of a pixel one behind the other.
 
-    origin, direction: (n, 3) float32. throughput: (n, b) float32. number: (n,) int32 in the chunk, which says the pixel.
+    origin, direction: (n, 3) float32. throughput: (n, b) float32. number: (n,) int32 in the chunk, pixel by pixel.
     """
 
     origin: np.ndarray
@@ -57,8 +62,9 @@ def render_pixels(
     tracer,
     surfaces,
     radiometry,
-    surroundings,
+    emitters,
     lamps,
+    lamp_points,
     eye,
     photon_map,
     estimate,
@@ -84,20 +90,48 @@ def render_pixels(
     reach = np.empty(count, np.float32)
     points = sobol_points(CAMERA_SAMPLES * index, CAMERA_SAMPLES)
     eye_rays(eye, keys[0], points, np.arange(first, first + len(image)), rays.origin, rays.direction, reach)
-    shadows = empty_shadows(count if lamps.power > 0.0 else 0, image.shape[1])
+    shadows = empty_shadows(2 * count, image.shape[1])
+    gathers = Gathers(np.empty(count, np.int32), np.empty(count, np.float32))
     image[:] = 0.0
     bounce = 0
     while count and not cancelled():
-        triangle, u, v = tracer.trace(rays.origin[:count], rays.direction[:count], reach[:count])
-        count, sent = shade(
-            surfaces, radiometry, surroundings, lamps, photon_map, estimate, keys[1], bounce, first,
-            triangle, u, v, rays, image, seen, shadows,
-        )  # fmt: skip
+        hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach[:count])
+        found = meet(surfaces, radiometry, emitters.surroundings, keys[1], bounce, first, *hits, rays, image, gathers)
+        if bounce == 0:
+            np.sum(image, axis=1, out=seen)
+        if estimate.photons:
+            room_around = _feel(tracer, surfaces, estimate, keys[1], bounce, first, hits, rays, gathers, found)
+            reflect(
+                surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, found, room_around, image
+            )  # fmt: skip
+        sent = send_shadows(
+            surfaces,
+            radiometry,
+            emitters,
+            lamps,
+            lamp_points,
+            keys[1],
+            bounce,
+            first,
+            *hits,
+            rays,
+            gathers,
+            found,
+            shadows,
+        )
         if sent:
             blocker, _, _ = tracer.trace(shadows.origin[:sent], shadows.direction[:sent], shadows.reach[:sent])
             add_unshadowed(blocker, shadows, image)
+        count = follow(surfaces, radiometry, keys[1], bounce, first, *hits, rays)
         reach[:count] = 1e37
         bounce += 1
+
+
+class Gathers(NamedTuple):
+    """Rays that gather: their indexes (n,) int32, and the share of their pixel that each stands for (n,) float32."""
+
+    ray: np.ndarray
+    share: np.ndarray
 
 
 class Hit(NamedTuple):
@@ -132,13 +166,137 @@ def _hit(surfaces, rays, i, t, u, v):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def shade(
+def meet(surfaces, radiometry, surroundings, key, bounce, first, triangle, u, v, rays, image, gathers):
+    """Add to the image what the surfaces that the rays meet emit; list the rays that gather what they reflect.
+
+    Rays of a pixel that meet one sheet of one material share a gather. Returns how many gather.
+    """
+    bands = image.shape[1]
+    emitted = np.empty(bands)
+    known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
+    sheets, materials = np.empty(CAMERA_SAMPLES, np.int32), np.empty(CAMERA_SAMPLES, np.int32)
+    found = newest = 0
+    pixel = -1
+    for i in range(triangle.size):
+        if rays.number[i] // CAMERA_SAMPLES != pixel:
+            pixel, newest = rays.number[i] // CAMERA_SAMPLES, found
+        t = triangle[i]
+        if t < 0:
+            for b in range(bands):
+                image[pixel, b] += _SHARE * rays.throughput[i, b] * surroundings[b]
+            continue
+        material = surfaces.material[t]
+        kelvin = temperature_at(surfaces.temperature, t, u[i], v[i])
+        rough = radiometry.alpha[material] > 0.0
+        if rough or material != known or kelvin != known_kelvin:
+            cosine = _hit(surfaces, rays, i, t, u[i], v[i]).cosine if rough else 1.0
+            excess(radiometry, material, kelvin, cosine, emitted)
+            known, known_kelvin = -1 if rough else material, kelvin
+        for b in range(bands):
+            image[pixel, b] += _SHARE * rays.throughput[i, b] * emitted[b]
+        if radiometry.specular[material] == 1.0 and not rough:
+            continue
+        if _largest(rays.throughput[i], radiometry.reflectance[material]) == 0.0:
+            continue
+        sheet = surfaces.sheet[t, facing_side(surfaces.corners, t, rays.direction, i)]
+        g = newest
+        while g < found and not (sheets[g - newest] == sheet and materials[g - newest] == material):
+            g += 1
+        if g == found:
+            sheets[g - newest], materials[g - newest], gathers.share[g] = sheet, material, 0.0
+            found += 1
+        # each ray of a group stands for it with the same chance, so the mean is that of a gather for every ray
+        gathers.share[g] += _SHARE
+        choice = uniform(path_key(key, CAMERA_SAMPLES * first + rays.number[i]), _DIMENSIONS * bounce + 3)
+        if choice * gathers.share[g] < _SHARE:
+            gathers.ray[g] = i
+    return found
+
+
+def _feel(tracer, surfaces, estimate, key, bounce, first, hits, rays, gathers, found):
+    """Squared radius (m2) of the largest disk of each gather, (found,) float32.
+
+    Short rays along the surface feel for walls: a disk that reached beyond one would count light from its other side,
+    and close to other surfaces light changes quickly (Ward's harmonic distance says the same).
+    """
+    origin, direction = np.empty((2, _FEELERS * found, 3), np.float32)
+    start_feelers(surfaces, key, bounce, first, *hits, rays, gathers, found, origin, direction)
+    length = math.sqrt(estimate.reach2) / _FEELER_COSINE
+    blocker, u, v = tracer.trace(origin, direction, np.full(len(origin), length, np.float32))
+    return shortest_feelers(surfaces, blocker, u, v, origin, estimate.reach2, estimate.shrink2, found)
+
+
+@njit(cache=True, nogil=True)
+def start_feelers(surfaces, key, bounce, first, triangle, u, v, rays, gathers, found, origin, direction):
+    for g in range(found):
+        i = gathers.ray[g]
+        hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
+        clear = surfaces.clearance[hit.triangle]
+        path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
+        c, s = turn(uniform(path, _FEELING + bounce))
+        for feeler in range(_FEELERS):
+            row = _FEELERS * g + feeler
+            dx, dy, dz = to_world(_FEELER_COSINE * c, _FEELER_COSINE * s, _FEELER_SINE, hit.nx, hit.ny, hit.nz)
+            c, s = -s, c
+            origin[row, 0], origin[row, 1] = hit.x + clear * hit.nx, hit.y + clear * hit.ny
+            origin[row, 2] = hit.z + clear * hit.nz
+            direction[row, 0], direction[row, 1], direction[row, 2] = dx, dy, dz
+
+
+@njit(cache=True, nogil=True)
+def shortest_feelers(surfaces, blocker, u, v, origin, reach2, shrink2, found):
+    reach = np.empty(found, np.float32)
+    for g in range(found):
+        nearest2 = reach2
+        for row in range(_FEELERS * g, _FEELERS * (g + 1)):
+            if blocker[row] >= 0:
+                x, y, z = point(surfaces.corners, blocker[row], u[row], v[row])
+                dx, dy, dz = x - origin[row, 0], y - origin[row, 1], z - origin[row, 2]
+                # a wall may stand 45 degrees away from the nearest feeler
+                nearest2 = min(nearest2, 0.5 * _FEELER_COSINE * _FEELER_COSINE * (dx * dx + dy * dy + dz * dz))
+        # the disk is shrunk later; until it is smaller than the free space it must not be
+        reach[g] = min(reach2, max(nearest2 / shrink2, _LEAST_FREE * reach2))
+    return reach
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, gathers, found, reach2, image):
+    """Add to the image what the photons around the hits reflect. reach2: (found,) m2, of the largest disks."""
+    room = neighbours_room(estimate.neighbours)
+    patch = np.empty(PATCH_LIMIT, np.int32)
+    value = np.empty(image.shape[1])
+    guess = estimate.reach2
+    for g in range(found):
+        i = gathers.ray[g]
+        hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
+        material = surfaces.material[hit.triangle]
+        specular = float(radiometry.specular[material])
+        rough = specular > 0.0 and radiometry.alpha[material] > 0.0 and estimate.straight
+        if specular == 1.0 and not rough:
+            continue
+        kept, area, guess = gather(
+            photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
+            estimate.neighbours, float(reach2[g]), estimate.shrink2, guess, room, patch,
+        )  # fmt: skip
+        if kept == 0:
+            continue
+        rho, out = radiometry.reflectance[material], image[rays.number[i] // CAMERA_SAMPLES]
+        irradiance(photon_map, room, kept, area, value)
+        diffuse = gathers.share[g] * (1.0 - specular) / math.pi
+        for b in range(value.size):
+            out[b] += rays.throughput[i, b] * rho[b] * diffuse * value[b]
+        if rough:
+            alpha, scale = float(radiometry.alpha[material]), gathers.share[g] * specular / area
+            _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def send_shadows(
     surfaces,
     radiometry,
-    surroundings,
+    emitters,
     lamps,
-    photon_map,
-    estimate,
+    lamp_points,
     key,
     bounce,
     first,
@@ -146,109 +304,45 @@ def shade(
     u,
     v,
     rays,
-    image,
-    seen,
+    gathers,
+    found,
     shadows,
 ):
-    """Add what the rays meet to the image and send on those that meet a specular surface, moved to the front.
+    """Shadow rays of the gathers, to lamps and, from open sides, to the surroundings; returns their number."""
+    value, weight = np.empty(radiometry.reference.size), np.empty(CANDIDATES)
+    sky = False
+    for b in range(value.size):
+        sky |= emitters.surroundings[b] != 0.0
+    sent = 0
+    for g in range(found):
+        i = gathers.ray[g]
+        hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
+        path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
+        pixel = rays.number[i] // CAMERA_SAMPLES
+        if sky and emitters.open[hit.triangle, hit.side]:
+            send_sky(
+                surfaces, radiometry, emitters.surroundings, hit, rays.throughput[i], gathers.share[g], path,
+                _LAMPS + 4 * bounce + 2, pixel, shadows, sent,
+            )  # fmt: skip
+            sent += 1
+        if lamps.power > 0.0:
+            sent += send_shadow(
+                lamps, lamp_points, surfaces, radiometry, hit, rays.throughput[i], gathers.share[g], path,
+                _LAMPS + 4 * bounce, weight, value, pixel, shadows, sent,
+            )  # fmt: skip
+    return sent
 
-    Returns the number of rays that go on and the number of shadow rays sent.
-    """
-    bands = image.shape[1]
-    room = neighbours_room(estimate.neighbours)
-    patch = np.empty(PATCH_LIMIT, np.int32)
-    emitted, gathered = np.empty(bands), np.empty(bands)
-    known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
-    group_sheet, group_material = np.empty(CAMERA_SAMPLES, np.int32), np.empty(CAMERA_SAMPLES, np.int32)
-    group_size, group_ray = np.empty(CAMERA_SAMPLES, np.int32), np.empty(CAMERA_SAMPLES, np.int64)
-    guess = estimate.reach2
-    alive = sent = start = 0
-    while start < triangle.size:
-        pixel = rays.number[start] // CAMERA_SAMPLES
-        end, groups = start, 0
-        while end < triangle.size and rays.number[end] // CAMERA_SAMPLES == pixel:
-            i = end
-            end += 1
-            t = triangle[i]
-            if t < 0:
-                for b in range(bands):
-                    image[pixel, b] += _SHARE * rays.throughput[i, b] * surroundings[b]
-                continue
-            material = surfaces.material[t]
-            kelvin = temperature_at(surfaces.temperature, t, u[i], v[i])
-            rough = radiometry.alpha[material] > 0.0
-            if rough or material != known or kelvin != known_kelvin:
-                cosine = _hit(surfaces, rays, i, t, u[i], v[i]).cosine if rough else 1.0
-                excess(radiometry, material, kelvin, cosine, emitted)
-                known, known_kelvin = -1 if rough else material, kelvin
-            for b in range(bands):
-                image[pixel, b] += _SHARE * rays.throughput[i, b] * emitted[b]
-            side = facing_side(surfaces.corners, t, rays.direction, i)
-            sheet = surfaces.sheet[t, side]
-            g = 0
-            while g < groups and not (group_sheet[g] == sheet and group_material[g] == material):
-                g += 1
-            if g == groups:
-                group_sheet[g], group_material[g], group_size[g] = sheet, material, 0
-                groups += 1
-            # each ray of a group stands for it with the same chance, so the mean is that of a gather for every ray
-            group_size[g] += 1
-            choice = uniform(path_key(key, CAMERA_SAMPLES * first + rays.number[i]), _DIMENSIONS * bounce + 3)
-            if choice * group_size[g] < 1.0:
-                group_ray[g] = i
-        if bounce == 0:
-            total = 0.0
-            for b in range(bands):
-                total += image[pixel, b]
-            seen[pixel] = total
-        for g in range(groups):
-            i = group_ray[g]
-            rho, specular = radiometry.reflectance[group_material[g]], radiometry.specular[group_material[g]]
-            rough = specular > 0.0 and radiometry.alpha[group_material[g]] > 0.0
-            if _largest(rays.throughput[i], rho) == 0.0 or (specular == 1.0 and not rough):
-                continue
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def follow(surfaces, radiometry, key, bounce, first, triangle, u, v, rays):
+    """Send on the rays that meet a specular surface, moved to the front; returns their number."""
+    alive = 0
+    for i in range(triangle.size):
+        if triangle[i] >= 0 and radiometry.specular[surfaces.material[triangle[i]]] > 0.0:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-            share = _SHARE * group_size[g]
-            if estimate.photons and (specular < 1.0 or estimate.straight):
-                guess = _add_reflection(
-                    surfaces, radiometry, photon_map, estimate, hit, rays.throughput[i], share, guess, room, patch,
-                    gathered, image[pixel],
-                )  # fmt: skip
-            if lamps.power > 0.0:
-                path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
-                sent += send_shadow(
-                    lamps, surfaces, radiometry, hit, rays.throughput[i], share, path, _LAMPS + 256 * bounce, gathered,
-                    pixel, shadows, sent,
-                )  # fmt: skip
-        for i in range(start, end):
-            if triangle[i] >= 0 and radiometry.specular[surfaces.material[triangle[i]]] > 0.0:
-                hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-                path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
-                alive += _follow(surfaces, radiometry, hit, path, bounce, i, alive, rays)
-        start = end
-    return alive, sent
-
-
-@njit(inline="always")
-def _add_reflection(surfaces, radiometry, photon_map, estimate, hit, throughput, share, guess, room, patch, value, out):
-    """Add what the photons around a hit reflect into the ray; returns the next guess of the squared radius."""
-    material = surfaces.material[hit.triangle]
-    specular = float(radiometry.specular[material])
-    rho = radiometry.reflectance[material]
-    rough = specular > 0.0 and radiometry.alpha[material] > 0.0 and estimate.straight
-    kept, area, guess = gather(
-        photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
-        estimate.neighbours, estimate.reach2, estimate.shrink2, guess, room, patch,
-    )  # fmt: skip
-    if kept > 0:
-        irradiance(photon_map, room, kept, area, value)
-        diffuse = share * (1.0 - specular) / math.pi
-        for b in range(out.size):
-            out[b] += throughput[b] * rho[b] * diffuse * value[b]
-        if rough:
-            alpha = float(radiometry.alpha[material])
-            _add_straight(photon_map, room, kept, share * specular / area, alpha, hit, throughput, rho, out)
-    return guess
+            path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
+            alive += _follow(surfaces, radiometry, hit, path, bounce, i, alive, rays)
+    return alive
 
 
 @njit(inline="always")

@@ -12,24 +12,36 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .emission import ELLIPSE, POINT, RECTANGLE, SPOT, SUN, Emitters, spot_brightness
+from .emission import (
+    ELLIPSE,
+    RECTANGLE,
+    SPOT,
+    SUN,
+    Emitters,
+    area_light_normal,
+    area_light_point,
+    spot_brightness,
+)
+from .point_tree import morton_ranks
 from .radiometry import excess
-from .rng import uniform
-from .sampling import basis, cone_direction, lobe_brdf, to_world, triangle_point, turn
+from .rng import path_key, uniform
+from .sampling import basis, cone_direction, cosine_direction, lobe_brdf, to_world, triangle_point
 from .surfaces import Surfaces, normal, point, temperature_at
 
 _MOST = 64  # surfaces that may become lamps: those of most power
+_RECEIVERS = 512  # points at which they are judged
 _COMPACT = 0.3  # radius over distance, in the mean over what it lights, up to which a surface is a lamp
 _MATTERS = 0.03  # share of the light in the picture above which a surface is a lamp
-CANDIDATES = 8  # points on lamps that compete for a shadow ray
-_DIMENSIONS = 3  # random numbers of a candidate
+_TOGETHER = 0.3  # share of all lamps below which shadow rays do not pay
+POINTS = 4096  # on lamps, in one pass
+CANDIDATES = 32  # of them that compete for a shadow ray
 
 
 class Lamps(NamedTuple):
     """What shadow rays are sent to, as entries of one discrete distribution, lights last.
 
     cumulative: (e + 1,) float64, from 0 to 1. code: (n,) int32, 2 triangle + side of entries 0..n-1.
-    light, light_power, radius: as in Emitters. power: W, of all entries. candidates: per shadow ray.
+    light, light_power, radius: as in Emitters. power: W, of all entries.
     """
 
     cumulative: np.ndarray
@@ -38,63 +50,165 @@ class Lamps(NamedTuple):
     light_power: np.ndarray
     radius: float
     power: float
-    candidates: int
 
 
 def choose_lamps(
-    surfaces: Surfaces, side_power: np.ndarray, place: np.ndarray, facing: np.ndarray, lit: float
+    surfaces: Surfaces, side_power: np.ndarray, matters: np.ndarray, place: np.ndarray, facing: np.ndarray, lit: float
 ) -> np.ndarray:
     """Sheets of surface that are lamps: small against their distance and a good part of the light in the picture.
 
-    side_power: (t,) float64 |excess| power of one side of each triangle, W. place, facing: (r, 3) float64 points that
-    camera paths gather at and their normals. lit: W m-2, mean irradiance there from all surfaces, as far as known.
+    side_power: (t,) float64 |excess| power of one side of each triangle, W. matters: (t, 2) bool, sides that can light
+    the image (the inside of a closed lamp cannot). place, facing: (r, 3) float64 points that camera paths gather at and
+    their normals. lit: W m-2, mean irradiance there from all surfaces, as far as known.
     Returns (m, 2) bool, which sides of triangles belong to a lamp.
     """
     sheet = surfaces.sheet
-    power = np.bincount(sheet.ravel(), np.repeat(side_power, 2), sheet.size)
+    power = np.bincount(sheet.ravel(), (side_power[:, None] * matters).ravel(), sheet.size)
     chosen = np.zeros(sheet.size, np.bool_)
-    if len(place) == 0:
-        return chosen[sheet]
     labels = np.argsort(-power, kind="stable")[:_MOST]
     labels = labels[power[labels] > 0]
-    irradiance, compact = np.zeros(labels.size), np.zeros(labels.size, np.bool_)
-    for i, label in enumerate(labels):
-        members = np.flatnonzero((sheet == label).any(axis=1))
-        corners = surfaces.corners[members].reshape(-1, 3).astype(np.float64)
-        centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-        radius2 = float(np.max(np.sum((corners - centre) ** 2, axis=1)))
-        towards = centre - place
-        distance2 = np.maximum(np.sum(towards**2, axis=1), radius2)
-        cosine = np.maximum(np.sum(towards * facing, axis=1), 0.0) / np.sqrt(distance2)
-        received = power[label] * cosine / (4.0 * math.pi * distance2)
-        irradiance[i] = received.mean()
-        if irradiance[i] > 0:
-            compact[i] = np.average(np.sqrt(radius2 / distance2), weights=received) < _COMPACT
-    matters = irradiance > _MATTERS * max(lit, irradiance[compact].sum())
-    chosen[labels[compact & matters]] = True
+    step = max(1, len(place) // _RECEIVERS)
+    place, facing = place[::step], facing[::step]
+    if len(place) == 0 or len(labels) == 0:
+        return chosen[sheet]
+    centre, radius = _spheres(surfaces.corners, sheet, labels)
+    towards = centre[:, None] - place
+    distance = np.maximum(np.linalg.norm(towards, axis=2), radius[:, None])
+    cosine = np.maximum(np.sum(towards * facing, axis=2), 0.0) / distance
+    received = power[labels, None] * cosine / (4.0 * math.pi * distance**2)
+    irradiance = received.mean(axis=1)
+    nearness = np.sum(received * radius[:, None] / distance, axis=1) / np.maximum(received.sum(axis=1), 1e-300)
+    compact = (irradiance > 0) & (nearness < _COMPACT)
+    lit = max(lit, irradiance[compact].sum())
+    compact &= irradiance > _MATTERS * lit
+    if irradiance[compact].sum() > _TOGETHER * lit:
+        chosen[labels[compact]] = True
     return chosen[sheet]
 
 
-def build_lamps(emitters: Emitters, side_power: np.ndarray) -> Lamps:
+def _spheres(corners, sheet, labels):
+    """Centre (n, 3) and radius (n,) of spheres that hold the sheets with these labels."""
+    row = np.full(sheet.size, -1)
+    row[labels] = np.arange(labels.size)
+    triangles, side = np.nonzero(row[sheet] >= 0)
+    members, corners = row[sheet[triangles, side]], corners[triangles].astype(np.float64)
+    low, high = np.full((2, labels.size, 3), np.array([np.inf, -np.inf])[:, None, None])
+    np.minimum.at(low, members, corners.min(axis=1))
+    np.maximum.at(high, members, corners.max(axis=1))
+    centre, squares = 0.5 * (low + high), np.zeros(labels.size)
+    np.maximum.at(squares, members, np.sum((corners - centre[members, None]) ** 2, axis=2).max(axis=1))
+    return centre, np.sqrt(squares)
+
+
+def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray) -> Lamps:
     """The emitters that shadow rays are sent to: those marked as lamps, and all lights."""
     code = emitters.surface[emitters.lamp]
+    # in the order of a curve through space: points at equal steps along it lie all around a lamp
+    code = code[np.argsort(morton_ranks(surfaces.corners[code >> 1].mean(axis=1)))]
     light_total = emitters.light_power.sum(axis=1)
     is_sun = emitters.light[:, 0] == SUN
     light_total = light_total * np.where(is_sun, math.pi * emitters.radius**2, 1.0)
-    power = np.concatenate((side_power[code >> 1], light_total))
-    cumulative = np.concatenate(([0.0], np.cumsum(power)))
+    cumulative = np.concatenate(([0.0], np.cumsum(np.concatenate((side_power[code >> 1], light_total)))))
     total = float(cumulative[-1])
-    point_like = code.size == 0 and len(light_total) == 1 and emitters.light[0, 11] == 0.0
-    point_like = point_like and emitters.light[0, 0] in (POINT, SPOT)
-    return Lamps(
-        cumulative / total if total > 0 else cumulative,
-        code,
-        emitters.light,
-        emitters.light_power,
-        emitters.radius,
-        total,
-        1 if point_like else CANDIDATES,
+    if total > 0:
+        cumulative /= total
+    return Lamps(cumulative, code, emitters.light, emitters.light_power, emitters.radius, total)
+
+
+class LampPoints(NamedTuple):
+    """Points on lamps in proportion to power, n of them in the order of the lamps, for one pass.
+
+    position, normal: (n, 3) float64; for suns the direction towards them instead of a position, and no normal for
+    points of no extent. entry: (n,) int32, of the lamp. u, v: (n,) float64, on a triangle.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    entry: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def lamp_points(lamps, surfaces, key):
+    """The POINTS lamp points of a pass. key: of the pass's lamps."""
+    count = POINTS if lamps.power > 0.0 else 0
+    points = LampPoints(
+        np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, np.int32), np.zeros(count), np.zeros(count)
     )
+    last = lamps.cumulative.size - 2
+    entry = 0
+    for i in range(count):
+        path = path_key(key, i)
+        pick = (i + uniform(path, 0)) / count
+        while entry < last and lamps.cumulative[entry + 1] <= pick:
+            entry += 1
+        points.entry[i] = entry
+        s, w = uniform(path, 1), uniform(path, 2)
+        if entry < lamps.code.size:
+            code = lamps.code[entry]
+            t = code >> 1
+            nx, ny, nz, _ = normal(surfaces.corners, t)
+            if code & 1 == 1:
+                nx, ny, nz = -nx, -ny, -nz
+            u, v = triangle_point(s, w)
+            x, y, z = point(surfaces.corners, t, u, v)
+            clear = surfaces.clearance[t]
+            points.position[i, 0], points.position[i, 1], points.position[i, 2] = (
+                x + clear * nx,
+                y + clear * ny,
+                z + clear * nz,
+            )
+            points.normal[i, 0], points.normal[i, 1], points.normal[i, 2] = nx, ny, nz
+            points.u[i], points.v[i] = u, v
+            continue
+        row = lamps.light[entry - lamps.code.size]
+        kind = int(row[0])
+        if kind == SUN:
+            lx, ly, lz = cone_direction(s, w, row[10])
+            dx, dy, dz = to_world(lx, ly, lz, row[4], row[5], row[6])
+            points.position[i, 0], points.position[i, 1], points.position[i, 2] = -dx, -dy, -dz
+            continue
+        if kind == RECTANGLE or kind == ELLIPSE:
+            x, y, z = area_light_point(row, s, w)
+            nx, ny, nz = area_light_normal(row)
+        else:  # a sphere of even radiance, or a point
+            nx = ny = nz = 0.0
+            if row[11] > 0.0:
+                nx, ny, nz = cone_direction(s, w, -1.0)
+            x, y, z = row[1] + row[11] * nx, row[2] + row[11] * ny, row[3] + row[11] * nz
+        points.position[i, 0], points.position[i, 1], points.position[i, 2] = x, y, z
+        points.normal[i, 0], points.normal[i, 1], points.normal[i, 2] = nx, ny, nz
+    return points
+
+
+@njit(inline="always")
+def _received(lamps, points, i, hit):
+    """Irradiance at a hit from a lamp point that nothing hides, m-2, for 1 W of power of its lamp."""
+    px, py, pz = points.position[i]
+    nx, ny, nz = points.normal[i]
+    entry = points.entry[i]
+    kind = RECTANGLE
+    if entry >= lamps.code.size:
+        kind = int(lamps.light[entry - lamps.code.size, 0])
+    if kind == SUN:
+        return max(0.0, px * hit.nx + py * hit.ny + pz * hit.nz) / (math.pi * lamps.radius * lamps.radius)
+    dx, dy, dz = px - hit.x, py - hit.y, pz - hit.z
+    d2 = dx * dx + dy * dy + dz * dz
+    cos_hit = dx * hit.nx + dy * hit.ny + dz * hit.nz  # both cosines times the distance
+    cos_lamp = -(dx * nx + dy * ny + dz * nz)
+    if cos_hit <= 0.0:
+        return 0.0
+    if kind == RECTANGLE or kind == ELLIPSE:
+        return max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
+    row = lamps.light[entry - lamps.code.size]
+    inverse = 1.0 / math.sqrt(d2)
+    intensity = 1.0 / (2.0 * math.pi * (1.0 - row[10]))
+    if kind == SPOT:
+        intensity *= spot_brightness(row, -(dx * row[4] + dy * row[5] + dz * row[6]) * inverse)
+    if row[11] > 0.0:  # a sphere shows each direction the disk pi r^2 of its 4 pi r^2
+        intensity *= 4.0 * max(0.0, cos_lamp) * inverse
+    return intensity * cos_hit * inverse / d2
 
 
 class Shadows(NamedTuple):
@@ -121,114 +235,38 @@ def empty_shadows(count: int, bands: int) -> Shadows:
 
 
 @njit(inline="always")
-def _candidate(lamps, surfaces, hit, entry, s, w):
-    """A point on a lamp, (x, y, z), or for suns one far towards it; the weight of this choice; and u, v on a triangle.
-
-    The weight is the irradiance that the lamp would cause at the hit if it were free, over the density of the choice
-    per unit of the whole power: points are chosen in proportion to power.
-    """
-    if entry < lamps.code.size:
-        t = lamps.code[entry] >> 1
-        u, v = triangle_point(s, w)
-        x, y, z = point(surfaces.corners, t, u, v)
-        nx, ny, nz, _ = normal(surfaces.corners, t)
-        sign = 1.0 if lamps.code[entry] & 1 == 0 else -1.0
-        clear = surfaces.clearance[t]
-        nx, ny, nz = sign * nx, sign * ny, sign * nz
-        x, y, z = x + clear * nx, y + clear * ny, z + clear * nz
-        dx, dy, dz = x - hit.x, y - hit.y, z - hit.z
-        d2 = dx * dx + dy * dy + dz * dz
-        cos_lamp = -(dx * nx + dy * ny + dz * nz)
-        cos_hit = dx * hit.nx + dy * hit.ny + dz * hit.nz
-        if cos_lamp <= 0.0 or cos_hit <= 0.0 or d2 <= 0.0:
-            return x, y, z, 0.0, u, v
-        return x, y, z, cos_lamp * cos_hit / (math.pi * d2 * d2), u, v
-    light = entry - lamps.code.size
-    row = lamps.light[light]
-    kind = int(row[0])
-    x, y, z = row[1], row[2], row[3]
-    if kind == SUN:
-        lx, ly, lz = cone_direction(s, w, row[10])
-        dx, dy, dz = to_world(lx, ly, lz, row[4], row[5], row[6])
-        far = 4.0 * lamps.radius
-        cos_hit = -(dx * hit.nx + dy * hit.ny + dz * hit.nz)
-        weight = cos_hit / (math.pi * lamps.radius * lamps.radius)
-        return hit.x - far * dx, hit.y - far * dy, hit.z - far * dz, max(0.0, weight), 0.0, 0.0
-    if kind == RECTANGLE or kind == ELLIPSE:
-        a, b = 2.0 * s - 1.0, 2.0 * w - 1.0
-        if kind == ELLIPSE:
-            r = math.sqrt(s)
-            a, b = turn(w)
-            a, b = r * a, r * b
-        x, y, z = x + a * row[4] + b * row[7], y + a * row[5] + b * row[8], z + a * row[6] + b * row[9]
-        nx = row[8] * row[6] - row[9] * row[5]
-        ny = row[9] * row[4] - row[7] * row[6]
-        nz = row[7] * row[5] - row[8] * row[4]
-        inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
-        dx, dy, dz = x - hit.x, y - hit.y, z - hit.z
-        d2 = dx * dx + dy * dy + dz * dz
-        cos_lamp = -(dx * nx + dy * ny + dz * nz) * inverse
-        cos_hit = dx * hit.nx + dy * hit.ny + dz * hit.nz
-        weight = cos_lamp * cos_hit / (math.pi * d2 * d2) if cos_lamp > 0.0 and cos_hit > 0.0 else 0.0
-        return x, y, z, weight, 0.0, 0.0
-    # a sphere of even radiance, sampled in its cone; photons start on the disk through its centre
-    dx, dy, dz = x - hit.x, y - hit.y, z - hit.z
-    d2 = dx * dx + dy * dy + dz * dz
-    distance = math.sqrt(d2)
-    if distance <= 0.0:
-        return x, y, z, 0.0, 0.0, 0.0
-    dx, dy, dz = dx / distance, dy / distance, dz / distance
-    along, solid_angle, sphere = distance, 1.0, 1.0 / d2
-    radius = row[11]
-    if radius > 0.0:
-        cos_cone = math.sqrt(1.0 - radius * radius / d2) if d2 > radius * radius else -1.0
-        lx, ly, lz = cone_direction(s, w, cos_cone)
-        dx, dy, dz = to_world(lx, ly, lz, dx, dy, dz)
-        along = distance * lz
-        # 1 - cos without cancellation for far spheres
-        solid_angle = 2.0 * math.pi * (radius * radius / d2 / (1.0 + cos_cone) if cos_cone > 0.0 else 1.0 - cos_cone)
-        sphere = 1.0 / (math.pi * radius * radius)
-    x, y, z = hit.x + along * dx, hit.y + along * dy, hit.z + along * dz
-    cos_hit = dx * hit.nx + dy * hit.ny + dz * hit.nz
-    if cos_hit <= 0.0 or along <= 0.0:
-        return x, y, z, 0.0, 0.0, 0.0
-    weight = cos_hit * sphere * solid_angle / (2.0 * math.pi * (1.0 - row[10]))
-    if kind == SPOT:
-        weight *= spot_brightness(row, -(dx * row[4] + dy * row[5] + dz * row[6]))
-    return x, y, z, weight, 0.0, 0.0
-
-
-@njit(inline="always")
-def send_shadow(lamps, surfaces, radiometry, hit, throughput, share, path, dimension, value, pixel, shadows, count):
+def send_shadow(
+    lamps, points, surfaces, radiometry, hit, throughput, share, path, dimension, weight, value, pixel, shadows, count
+):
     """Choose a point on a lamp for the hit and fill shadow ray `count`; returns 1, or 0 if no lamp shines there.
 
-    Of a few candidates, spread evenly over the lamps' power, one is chosen in proportion to the irradiance it would
-    cause (resampled importance sampling, Talbot et al. 2005): unbiased, and most of what is left to chance is whether
-    something is between. path, dimension: of the random numbers. value: room for (b,) float64.
+    Of a few points, spread evenly over the lamps' power, one is chosen in proportion to the irradiance it would cause
+    (resampled importance sampling, Talbot et al. 2005): unbiased, and most of what is left to chance is whether
+    something is between. path, dimension: of the random numbers. weight, value: room for (CANDIDATES,), (b,) float64.
     """
     material = surfaces.material[hit.triangle]
     specular = float(radiometry.specular[material])
     alpha = float(radiometry.alpha[material])
+    stride = POINTS // CANDIDATES
+    offset = int(stride * uniform(path, dimension))
     total = 0.0
-    chosen = -1
-    x = y = z = u = v = 0.0
-    for c in range(lamps.candidates):
-        d = dimension + _DIMENSIONS * c
-        pick = (c + uniform(path, d)) / lamps.candidates
-        entry = min(np.searchsorted(lamps.cumulative, pick, side="right") - 1, lamps.cumulative.size - 2)
-        cx, cy, cz, weight, cu, cv = _candidate(lamps, surfaces, hit, entry, uniform(path, d + 1), uniform(path, d + 2))
-        if weight <= 0.0:
-            continue
-        total += weight
-        if uniform(path, dimension + 128 + c) * total < weight:
-            chosen, x, y, z, u, v = entry, cx, cy, cz, cu, cv
-    if chosen < 0:
+    for c in range(CANDIDATES):
+        total += _received(lamps, points, offset + stride * c, hit)
+        weight[c] = total
+    if total <= 0.0:
         return 0
+    pick = total * uniform(path, dimension + 1)
+    c = 0
+    while c < CANDIDATES - 1 and weight[c] <= pick:
+        c += 1
+    i = offset + stride * c
+    chosen, u, v = points.entry[i], points.u[i], points.v[i]
+    x, y, z = points.position[i]
     clear = surfaces.clearance[hit.triangle]
     ox, oy, oz = hit.x + clear * hit.nx, hit.y + clear * hit.ny, hit.z + clear * hit.nz
-    dx, dy, dz = x - ox, y - oy, z - oz
+    dx, dy, dz, reach = x - ox, y - oy, z - oz, 1.0
     probability = lamps.cumulative[chosen + 1] - lamps.cumulative[chosen]
-    factor = share * total / (lamps.candidates * probability)
+    factor = share * total / (CANDIDATES * probability)
     diffuse = (1.0 - specular) / math.pi
     if chosen < lamps.code.size:
         t = lamps.code[chosen] >> 1
@@ -246,17 +284,39 @@ def send_shadow(lamps, surfaces, radiometry, hit, throughput, share, path, dimen
             value[b] = lamps.light_power[light, b]
         if int(lamps.light[light, 0]) == SUN:
             factor *= math.pi * lamps.radius * lamps.radius  # its power is per square metre
+            dx, dy, dz, reach = x, y, z, 1e37
         brdf = diffuse
         if alpha > 0.0 and specular > 0.0:
             brdf += specular * _lobe(hit, dx, dy, dz, alpha)
-    shadows.origin[count, 0], shadows.origin[count, 1], shadows.origin[count, 2] = ox, oy, oz
-    shadows.direction[count, 0], shadows.direction[count, 1], shadows.direction[count, 2] = dx, dy, dz
-    shadows.reach[count] = 1.0
-    shadows.pixel[count] = pixel
+    _start(surfaces, hit, dx, dy, dz, reach, pixel, shadows, count)
     rho = radiometry.reflectance[material]
     for b in range(value.size):
         shadows.radiance[count, b] = throughput[b] * rho[b] * (value[b] * brdf * factor)
     return 1
+
+
+@njit(inline="always")
+def send_sky(surfaces, radiometry, surroundings, hit, throughput, share, path, dimension, pixel, shadows, count):
+    """Fill shadow ray `count` towards the surroundings, in a cosine-distributed direction."""
+    material = surfaces.material[hit.triangle]
+    lx, ly, lz = cosine_direction(uniform(path, dimension), uniform(path, dimension + 1))
+    dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
+    _start(surfaces, hit, dx, dy, dz, 1e37, pixel, shadows, count)
+    scale = share * (1.0 - radiometry.specular[material])
+    rho = radiometry.reflectance[material]
+    for b in range(rho.size):
+        shadows.radiance[count, b] = throughput[b] * rho[b] * (surroundings[b] * scale)
+
+
+@njit(inline="always")
+def _start(surfaces, hit, dx, dy, dz, reach, pixel, shadows, count):
+    clear = surfaces.clearance[hit.triangle]
+    shadows.origin[count, 0] = hit.x + clear * hit.nx
+    shadows.origin[count, 1] = hit.y + clear * hit.ny
+    shadows.origin[count, 2] = hit.z + clear * hit.nz
+    shadows.direction[count, 0], shadows.direction[count, 1], shadows.direction[count, 2] = dx, dy, dz
+    shadows.reach[count] = reach
+    shadows.pixel[count] = pixel
 
 
 @njit(inline="always")

@@ -20,20 +20,30 @@ _BOUNCES = 8
 _PROBES = 16384  # rays from sides that no camera path met
 # Chance of a side that seems out of the image's reach, against one within: nothing can be missed for good.
 DEFENSIVE = 1.0 / 64.0
+_OPEN = 0.9  # share of the paths from a sheet that leave the scene above which it is open
+_LEAST_OPEN = 16  # paths that must have been sent from it
+_LEAST_DENSITY = 1.0 / 8.0  # of sides that matter, over their mean
+_PRIOR = 4.0  # paths that the mean density is worth on a sheet
 
 
 class Pilot(NamedTuple):
     """What camera paths found.
 
-    weight: (t, 2) float64, 1 for sides that the image can depend on, DEFENSIVE for others.
+    matters: (t, 2) bool, sides that the image can depend on.
+    weight: (t, 2) float64, factor on the chance that a side emits: 1 on average, more where much of what the image
+        gathers comes from, at least DEFENSIVE. arrival: the same for photons from the surroundings to arrive there.
+    open: (t, 2) bool, sides from which nearly every direction leaves the scene: a ray says more than photons there.
     importance: (t,) float64, how much of the light that the image gathers comes from each triangle, were all equally
-        bright; sky: how much comes from the surroundings. Both together sum to about 1.
+        bright; sky: how much comes from the surroundings, but for open sides. Both together sum to at most 1.
     openness: share of cosine-distributed directions from the sides that matter that leave the scene, 0 if none does.
     view: m, width of the frame where the camera's rays meet the scene (median); infinite if they meet nothing.
     place, facing: (r, 3) float64, points where camera paths gather and the normals there.
     """
 
+    matters: np.ndarray
     weight: np.ndarray
+    arrival: np.ndarray
+    open: np.ndarray
     importance: np.ndarray
     sky: float
     openness: float
@@ -60,15 +70,20 @@ def explore(
     reach = np.empty(count, np.float32)
     eye_rays(eye, key, sobol_points(0, 1), np.arange(count) * pixels // count, origin, direction, reach)
     paths = _Paths(
-        origin, direction, np.ones(count), np.zeros(count, np.bool_), np.empty((count, 3)), np.zeros((count, 3))
-    )
+        origin, direction, np.ones(count), np.full(count, -1), np.zeros(count, np.bool_),
+        np.empty((count, 3)), np.zeros((count, 3)),
+    )  # fmt: skip
     importance = np.zeros(len(sheet) + 1)
+    sources, escapes = np.zeros((2, 2 * len(sheet)))  # by label of the sheet
+    left, escaped = np.zeros((2, 2 * len(sheet)))
     looks = (reflectance, specular, is_mirror)
     for bounce in range(_BOUNCES):
         triangle, u, v = tracer.trace(origin, direction, reach)
         if bounce == 0:
             view = _view_width(surfaces, eye, triangle, u, v)
-        _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance)
+        _bounce(
+            surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance, sources, escapes, left, escaped
+        )
         reach = np.full(count, 1e37, np.float32)
     for round_ in range(3):
         codes = _probe_codes(sheet, reached)
@@ -87,12 +102,17 @@ def explore(
         picks = np.searchsorted(chosen, chosen[-1] * (np.arange(_CAMERA_PATHS) + 0.5) / _CAMERA_PATHS)
         triangle, _ = _probe(surfaces, tracer, pass_key(0, 9, PILOT), picks.astype(np.int32))
         openness = float(np.mean(triangle < 0))
+    is_open = (left >= _LEAST_OPEN) & (escaped > _OPEN * left)
     importance /= max(importance.sum(), 1e-300)
+    hidden = escapes[~is_open].sum() / max(escapes.sum(), 1e-300)
     gathers = np.any(paths.facing != 0.0, axis=1)
     return Pilot(
-        np.where(matters, 1.0, DEFENSIVE),
+        matters,
+        _density(sources, sheet, area, matters),
+        _density(escapes, sheet, area, matters),
+        is_open[sheet],
         importance[:-1],
-        float(importance[-1]),
+        float(importance[-1] * hidden),
         openness,
         view,
         paths.place[gathers],
@@ -101,16 +121,32 @@ def explore(
 
 
 class _Paths(NamedTuple):
-    """Camera paths: rays (n, 3) float32; weight (n,); whether they have been reflected other than by mirrors (n,) bool;
+    """Camera paths: rays (n, 3) float32; weight (n,); label (n,) of the sheet they left,
+    -1 for the camera; whether they have been reflected other than by mirrors (n,) bool;
     where that was first, place and facing (n, 3), zeros where it was not.
     """
 
     origin: np.ndarray
     direction: np.ndarray
     weight: np.ndarray
+    label: np.ndarray
     scattered: np.ndarray
     place: np.ndarray
     facing: np.ndarray
+
+
+def _density(count: np.ndarray, sheet: np.ndarray, area: np.ndarray, matters: np.ndarray) -> np.ndarray:
+    """(t, 2) density of what was counted on every sheet, over the mean of the sides that matter.
+
+    A sheet that few paths could meet is taken to be like the mean: the mean of a gamma posterior with that prior.
+    """
+    size = np.bincount(sheet.ravel(), (area[:, None] * matters).ravel(), count.size)
+    mean = count.sum() / max(size.sum(), 1e-300)
+    if mean == 0.0:
+        return np.where(matters, 1.0, DEFENSIVE)
+    count = count * (_CAMERA_PATHS / count.sum())  # as many as were met, about, whatever their weights
+    density = (count + _PRIOR) / (size * (_CAMERA_PATHS / max(size.sum(), 1e-300)) + _PRIOR)
+    return np.where(matters, np.maximum(density, _LEAST_DENSITY)[sheet], DEFENSIVE)
 
 
 def _view_width(surfaces: Surfaces, eye: Eye, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> float:
@@ -157,10 +193,12 @@ def _start_probes(surfaces, key, codes, origin, direction):
 
 
 @njit(cache=True, nogil=True)
-def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance):
+def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance, sources, escapes, left, escaped):
     """Mark the sheets that rays meet, add up what they would carry to the image, and send them on.
 
-    Those that left the scene stay outside. importance: (t + 1,), the last entry for the surroundings.
+    Those that left the scene stay outside. importance: (t + 1,), the last entry for the surroundings. sources, escapes:
+    by label of the sheet that sends light to the path, or that the path left the scene from; left, escaped: the same as
+    numbers of paths.
     """
     reflectance, specular, is_mirror = looks
     for i in range(triangle.size):
@@ -168,10 +206,18 @@ def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, import
         if bounce > 0:
             importance[t if t >= 0 else importance.size - 1] += paths.weight[i]
         if t < 0:
+            if bounce > 0:
+                escapes[paths.label[i]] += paths.weight[i]
+                escaped[paths.label[i]] += 1.0
             paths.weight[i] = 0.0
             continue
         side = facing_side(surfaces.corners, t, paths.direction, i)
-        reached[surfaces.sheet[t, side]] = True
+        label = surfaces.sheet[t, side]
+        reached[label] = True
+        if bounce > 0:
+            sources[label] += paths.weight[i]
+        paths.label[i] = label
+        left[label] += 1.0
         material = surfaces.material[t]
         paths.weight[i] *= reflectance[material]
         path = path_key(key, i)
@@ -211,5 +257,5 @@ def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) 
     sparser places it keeps its size and holds fewer: more noise, which the image says, rather than more blur, which it
     does not. For the same reason it is no wider than an eighth of the picture.
     """
-    matters = float(area @ (pilot.weight == 1.0).sum(axis=1))
+    matters = float(area @ pilot.matters.sum(axis=1))
     return min(9.0 * neighbours * max(matters, 1e-30) / (math.pi * photons), (pilot.view / 16.0) ** 2)

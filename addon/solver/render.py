@@ -22,15 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from .camera import Eye, build_eye
-from .emission import Emitters, build_emitters, side_power
+from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
 from .film import Film
-from .lamps import Lamps, build_lamps, choose_lamps
+from .guide import Gathers, add_scores, build_gathers, build_guide
+from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
 from .photon_map import PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import choose_reference
-from .rng import CAMERA, PHOTONS, pass_key
+from .rng import CAMERA, LAMPS, PHOTONS, TRIAL, pass_key
 from .scene import Scene
 from .settings import Settings
 from .surfaces import Surfaces, Tracer, areas, build_surfaces
@@ -42,6 +43,9 @@ log = logging.getLogger(__name__)
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
 PIXEL_CHUNK = 256  # of several rays each; small, so that all threads are busy to the end
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
+_TRIAL_PHOTONS = (4096, 8192, 16384)
+_ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
+_WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refined
 _ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
 
 
@@ -122,15 +126,19 @@ def prepare(scene: Scene, settings: Settings) -> Model:
     area = areas(surfaces.corners)
     power = side_power(surfaces, radiometry, area)
     lit = float(pilot.importance @ (power / np.maximum(area, 1e-300)))
-    lamp = choose_lamps(surfaces, power, pilot.place, pilot.facing, lit)
-    emitters = build_emitters(scene, surfaces, radiometry, centre, pilot.weight, pilot.openness, power, lamp)
-    lamps = build_lamps(emitters, power)
+    lamp = choose_lamps(surfaces, power, pilot.matters, pilot.place, pilot.facing, lit)
+    emitters = build_emitters(
+        scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, power, lamp, pilot.open
+    )
+    lamps = build_lamps(emitters, surfaces, power)
+    reach2 = gather_reach(area, pilot, max(1, settings.photons_per_pass), settings.neighbours)
     used = np.unique(surfaces.material)
     rough = bool(np.any(radiometry.alpha[used] > 0))
     straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
     reflecting = bool(np.any(radiometry.reflectance[used] > 0))
     photons = settings.photons_per_pass if emitters.power > 0 and reflecting else 0
     widths = np.diff(scene.band_edges)
+    optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight)
     log.info(
         "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
         len(surfaces.corners),
@@ -143,19 +151,51 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         if photons
         else "no photons needed: nothing differs from the reference or nothing reflects",
     )
+    if photons and len(pilot.place):
+        gathers = build_gathers(pilot.place, pilot.facing, reach2)
+        emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers)
     return Model(
         surfaces,
         tracer,
         radiometry,
         emitters,
         lamps,
-        Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight),
+        optics,
         eye,
-        gather_reach(emitters.area, pilot, max(1, photons), settings.neighbours),
+        reach2,
         straight,
         reference,
         photons,
     )
+
+
+def learn_guide(
+    tracer: Tracer,
+    surfaces: Surfaces,
+    radiometry: Radiometry,
+    emitters: Emitters,
+    optics: Optics,
+    gathers: Gathers,
+) -> Emitters:
+    """The emitters with a guide towards what the image gathers, if photons of a few trial passes say that it helps."""
+    for trial, count in enumerate(_TRIAL_PHOTONS):
+        key = pass_key(0, trial, TRIAL)
+        score = np.zeros(count)
+
+        def add(triangle, u, v, wave, score=score):
+            add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, 0, score)
+
+        trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, count, count, on_hits=add)
+        numbers, density = chosen_numbers(emitters.guide, key, count)
+        guide, gain = build_guide(numbers, score * density * count, density)
+        log.info(
+            "%d of %d trial photons matter to the image; guide of %d cells, gain %.2f",
+            np.count_nonzero(score), count, len(guide.density), gain,
+        )  # fmt: skip
+        if np.count_nonzero(score) > _ENOUGH * count or gain < _WORTHWHILE:
+            break
+        emitters = emitters._replace(guide=guide)
+    return emitters
 
 
 def shrink_factor(index: int) -> float:
@@ -199,11 +239,12 @@ def render_pass(
         store.count > 0,
         m.straight,
     )
+    shining = lamp_points(m.lamps, m.surfaces, pass_key(settings.seed, index, LAMPS))
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
 
     def gather(first: int):
         render_pixels(
-            m.tracer, m.surfaces, m.radiometry, m.emitters.surroundings, m.lamps, m.eye, photon_map, estimate, keys,
+            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate, keys,
             index, first, image[first : first + PIXEL_CHUNK], seen[first : first + PIXEL_CHUNK], cancelled,
         )  # fmt: skip
 

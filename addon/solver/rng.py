@@ -8,7 +8,7 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _TO_UNIT = 2.0**-53
 
 # Streams of one pass: photons and camera paths never share a number.
-PHOTONS, CAMERA, PILOT = 0, 1, 2
+PHOTONS, CAMERA, PILOT, TRIAL, LAMPS = range(5)
 
 
 @njit(inline="always")

@@ -27,7 +27,7 @@ class Surfaces(NamedTuple):
     corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K.
     neighbours: (m, 3) int32, code 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
         flip is 1 where the two triangles wind differently.
-    sheet: (m, 2) int32, label of the connected surface that each side belongs to.
+    sheet: (m, 2) int32, label of the connected surface without creases that each side belongs to.
     clearance: (m,) float32, m, see `offset`.
     mesh: tree over the triangles; its leaves hold centroid, normal, area and the sheets of both sides.
     """
@@ -66,7 +66,7 @@ def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
     vertices = (scene.vertices - centre).astype(np.float32)
     triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
     corners, neighbours = vertices[triangles], _neighbours(vertices, triangles)
-    sheet = _sheets(neighbours)
+    sheet = _sheets(corners, neighbours)
     ranks = morton_ranks(corners.mean(axis=1))
     leaves = empty_leaves(len(corners), 9)
     _fill_leaves(corners, sheet, ranks, leaves)
@@ -243,8 +243,10 @@ def _neighbours(vertices, triangles):
 
 
 @njit(cache=True, nogil=True)
-def _sheets(neighbours):
-    """Label (m, 2) int32 of the connected sheet that each side of each triangle belongs to (union-find)."""
+def _sheets(corners, neighbours):
+    """Label (m, 2) int32 of the sheet that each side of each triangle belongs to: connected, without a crease that a
+    gather would not cross (union-find).
+    """
     parent = np.arange(2 * neighbours.shape[0]).astype(np.int32)
 
     def find(i):
@@ -258,6 +260,11 @@ def _sheets(neighbours):
             code = neighbours[t, i]
             if code >= 0:
                 other, flip = code >> 1, code & 1
+                ax, ay, az, _ = normal(corners, t)
+                bx, by, bz, _ = normal(corners, other)
+                facing = ax * bx + ay * by + az * bz
+                if (-facing if flip else facing) < SAME_SURFACE:
+                    continue
                 for side in range(2):
                     a, b = find(2 * t + side), find(2 * other + (side ^ flip))
                     if a < b:

@@ -39,15 +39,21 @@ def trace_photons(
     first: int,
     count: int,
     total: int,
-    cancelled,
+    cancelled=lambda: False,
+    on_hits=None,
 ) -> list[Photons]:
-    """Trace photons first..first+count-1 of the `total` of a pass; returns what they store, one batch a bounce."""
+    """Trace photons first..first+count-1 of the `total` of a pass; returns what they store, one batch a bounce.
+
+    on_hits(triangle, u, v, wave) is called before every bounce with what the rays of the wave met.
+    """
     wave = empty_wave(count, radiometry.reference.size)
     emit(emitters, surfaces, radiometry, key, first, total, wave)
     batches = []
     bounce = 0
     while count and not cancelled():
         triangle, u, v = tracer.trace(wave.origin[:count], wave.direction[:count])
+        if on_hits:
+            on_hits(triangle, u, v, wave)
         stored = photon_arrays(count, radiometry.reference.size, optics.keep_incoming)
         kept, count = scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored)
         if kept:
