@@ -87,7 +87,7 @@ def gather_all(photon_map, surfaces, triangles, sides, points, k, reach2, shrink
     for i in range(len(points)):
         x, y, z = points[i]
         kept[i], area[i], _ = gather(
-            photon_map, surfaces, triangles[i], sides[i], x, y, z, k, reach2, shrink2, guess, room, patch
+            photon_map, surfaces, triangles[i], sides[i], x, y, z, k, reach2, reach2, shrink2, guess, room, patch
         )
     return kept, area
 
@@ -104,7 +104,7 @@ def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0,
     room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
     x, y, z = (float(c) for c in point)
     kept, area, following = gather(
-        built.photons, built.surfaces, triangle, side, x, y, z, k, reach2, shrink2, guess, room, patch
+        built.photons, built.surfaces, triangle, side, x, y, z, k, reach2, reach2, shrink2, guess, room, patch
     )
     return np.sort(room.index[:kept]), area, following
 
@@ -200,7 +200,7 @@ def test_irradiance_is_power_over_area():
     points, power = rng.uniform(-0.1, 0.1, (30, 3)) * (1, 1, 0), rng.normal(size=(30, 3)).astype(np.float32)
     built = photon_map(points, square(), 2 * triangle_under(points, 1), power)
     room, patch = neighbours_room(50), np.empty(PATCH_LIMIT, np.int32)
-    kept, area, _ = gather(built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, 50, 0.16, 1.0, 0.16, room, patch)
+    kept, area, _ = gather(built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, 50, 0.16, 0.16, 1.0, 0.16, room, patch)
     out = np.empty(3)
     irradiance(built.photons, room, kept, area, out)
     np.testing.assert_allclose(out, power.sum(axis=0, dtype=float) / (np.pi * 0.16), rtol=1e-6)

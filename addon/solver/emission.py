@@ -85,7 +85,7 @@ def _light_row(light: Light, centre: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def side_power(surfaces, radiometry, area):
-    """(t,) float64 |excess| power of a side of each triangle, over all bands, W: mean over its corners and its centre."""
+    """(t,) float64 |excess| power of a side of each triangle, over all bands, W: the mean over corners and centre."""
     power = np.empty(area.size)
     value = np.empty(radiometry.reference.size)
     varying = surfaces.temperature.shape[1] == 3

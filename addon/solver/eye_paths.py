@@ -26,9 +26,8 @@ _LAMPS = 1 << 20  # the random numbers of shadow rays lie behind all others
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
 _FEELING = 1 << 19  # and those that turn the feelers before them
 _FEELERS = 4
-_FEELER_SINE = 0.34  # they rise by 20 degrees, or a hollow surface would feel itself
+_FEELER_SINE = 0.05  # they rise little, to feel low steps too
 _FEELER_COSINE = math.sqrt(1.0 - _FEELER_SINE**2)
-_LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that a gather may always use
 _FULL = 0.25  # roulette starts where less than this is left of a path: below it a path matters little
 
 
@@ -100,9 +99,9 @@ def render_pixels(
         if bounce == 0:
             np.sum(image, axis=1, out=seen)
         if estimate.photons:
-            room_around = _feel(tracer, surfaces, estimate, keys[1], bounce, first, hits, rays, gathers, found)
+            free2 = _feel(tracer, surfaces, estimate, keys[1], bounce, first, hits, rays, gathers, found)
             reflect(
-                surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, found, room_around, image
+                surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, found, free2, image
             )  # fmt: skip
         sent = send_shadows(
             surfaces,
@@ -214,7 +213,7 @@ def meet(surfaces, radiometry, surroundings, key, bounce, first, triangle, u, v,
 
 
 def _feel(tracer, surfaces, estimate, key, bounce, first, hits, rays, gathers, found):
-    """Squared radius (m2) of the largest disk of each gather, (found,) float32.
+    """Squared radius (m2) of the free space around each gather, (found,) float32, at most that of the largest disk.
 
     Short rays along the surface feel for walls: a disk that reached beyond one would count light from its other side,
     and close to other surfaces light changes quickly (Ward's harmonic distance says the same).
@@ -223,7 +222,7 @@ def _feel(tracer, surfaces, estimate, key, bounce, first, hits, rays, gathers, f
     start_feelers(surfaces, key, bounce, first, *hits, rays, gathers, found, origin, direction)
     length = math.sqrt(estimate.reach2) / _FEELER_COSINE
     blocker, u, v = tracer.trace(origin, direction, np.full(len(origin), length, np.float32))
-    return shortest_feelers(surfaces, blocker, u, v, origin, estimate.reach2, estimate.shrink2, found)
+    return shortest_feelers(surfaces, hits[0], rays, gathers, blocker, u, v, origin, direction, estimate.reach2, found)
 
 
 @njit(cache=True, nogil=True)
@@ -244,24 +243,27 @@ def start_feelers(surfaces, key, bounce, first, triangle, u, v, rays, gathers, f
 
 
 @njit(cache=True, nogil=True)
-def shortest_feelers(surfaces, blocker, u, v, origin, reach2, shrink2, found):
-    reach = np.empty(found, np.float32)
+def shortest_feelers(surfaces, triangle, rays, gathers, blocker, u, v, origin, direction, reach2, found):
+    """Of a hollow surface feelers meet itself: that is no wall."""
+    free2 = np.empty(found, np.float32)
     for g in range(found):
         nearest2 = reach2
+        t = triangle[gathers.ray[g]]
+        own = surfaces.sheet[t, facing_side(surfaces.corners, t, rays.direction, gathers.ray[g])]
         for row in range(_FEELERS * g, _FEELERS * (g + 1)):
-            if blocker[row] >= 0:
-                x, y, z = point(surfaces.corners, blocker[row], u[row], v[row])
+            t = blocker[row]
+            if t >= 0 and surfaces.sheet[t, facing_side(surfaces.corners, t, direction, row)] != own:
+                x, y, z = point(surfaces.corners, t, u[row], v[row])
                 dx, dy, dz = x - origin[row, 0], y - origin[row, 1], z - origin[row, 2]
                 # a wall may stand 45 degrees away from the nearest feeler
                 nearest2 = min(nearest2, 0.5 * _FEELER_COSINE * _FEELER_COSINE * (dx * dx + dy * dy + dz * dz))
-        # the disk is shrunk later; until it is smaller than the free space it must not be
-        reach[g] = min(reach2, max(nearest2 / shrink2, _LEAST_FREE * reach2))
-    return reach
+        free2[g] = nearest2
+    return free2
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, gathers, found, reach2, image):
-    """Add to the image what the photons around the hits reflect. reach2: (found,) m2, of the largest disks."""
+def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, gathers, found, free2, image):
+    """Add to the image what the photons around the hits reflect. free2: (found,) m2, free space around."""
     room = neighbours_room(estimate.neighbours)
     patch = np.empty(PATCH_LIMIT, np.int32)
     value = np.empty(image.shape[1])
@@ -276,7 +278,7 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
             continue
         kept, area, guess = gather(
             photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
-            estimate.neighbours, float(reach2[g]), estimate.shrink2, guess, room, patch,
+            estimate.neighbours, estimate.reach2, float(free2[g]), estimate.shrink2, guess, room, patch,
         )  # fmt: skip
         if kept == 0:
             continue

@@ -109,7 +109,7 @@ class Film:
             return self.temperature()
         radiance = self._radiance()
         # Photons of different passes are independent. The passes' camera rays are one stratified sequence: the
-        # variance of the area that an edge cuts off falls as n^-3/2, as only the n^1/2 strata on it err (Mitchell 1996).
+        # variance of the area that an edge cuts off falls as n^-3/2, as only n^1/2 strata on it err (Mitchell 1996).
         seen = self._seen_squares / math.sqrt(self.passes)
         error = np.sqrt((self._squares + seen) / (self.passes * (self.passes - 1)))
         # half of the interval that one standard error spans: finite where the radiance itself is 0

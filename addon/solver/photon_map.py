@@ -257,13 +257,15 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
 
 
 @njit(cache=True, nogil=True)
-def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, guess, room, patch):
+def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, guess, room, patch):
     """Find the photons around a point on one side of triangle t, and the surface area they fell on.
 
     The disk is that of the k-th neighbour, or of radius sqrt(reach2) where fewer than k photons lie in it, and then
     shrunk: r^2 = shrink2 r_k^2. Of k neighbours the k-th is left out. Both together estimate the density without bias:
     for k neighbours E[(k - 1) / (density area)] = 1, and the fixed disk adds exactly what the limit cuts off that mean.
-    Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball).
+    Where walls stand within the disk it shrinks to the free space, sqrt(free2), but not below the k / 4-th neighbour;
+    that is unbiased in the same way (docs/method.md). Near edges the area is that of the surface really inside the
+    disk, and only its photons count (patch_in_ball).
 
     guess: squared radius to try first; it changes the time, not the result.
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
@@ -281,7 +283,12 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, guess, ro
             break
         bound = min(np.float32(4.0) * bound, limit)
     next_guess = _GUESS * r2
-    disk2 = max(np.float32(shrink2 * r2), smallest)
+    disk2 = np.float32(shrink2 * r2)
+    few = max(4, k // 4)
+    if free2 < disk2 and count >= few:
+        least2 = _kth_smallest(room.distance2, count, few, bound, room.histogram)
+        disk2 = min(disk2, max(np.float32(free2), np.float32(shrink2 * least2)))
+    disk2 = max(disk2, smallest)
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, float(disk2), patch)
     sheet = surfaces.sheet[t, side]
     if members == 0:  # a mesh much finer than the disk
