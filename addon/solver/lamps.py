@@ -169,7 +169,7 @@ def lamp_points(lamps, surfaces, key):
             dx, dy, dz = to_world(lx, ly, lz, row[4], row[5], row[6])
             points.position[i, 0], points.position[i, 1], points.position[i, 2] = -dx, -dy, -dz
             continue
-        if kind == RECTANGLE or kind == ELLIPSE:
+        if kind in (RECTANGLE, ELLIPSE):
             x, y, z = area_light_point(row, s, w)
             nx, ny, nz = area_light_normal(row)
         else:  # a sphere of even radiance, or a point
@@ -199,7 +199,7 @@ def _received(lamps, points, i, hit):
     cos_lamp = -(dx * nx + dy * ny + dz * nz)
     if cos_hit <= 0.0:
         return 0.0
-    if kind == RECTANGLE or kind == ELLIPSE:
+    if kind in (RECTANGLE, ELLIPSE):
         return max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
     row = lamps.light[entry - lamps.code.size]
     inverse = 1.0 / math.sqrt(d2)

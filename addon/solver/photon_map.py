@@ -11,7 +11,6 @@ from .surfaces import SAME_SURFACE, in_region, normal, patch_in_ball, region_are
 
 MAX_PHOTONS = 2**31 - 1
 _GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
-_BINS = 64  # of squared distance, to find the k-th nearest
 
 
 class Photons(NamedTuple):
@@ -149,13 +148,13 @@ def build_photon_map(photons: Photons, corners: np.ndarray, run=map) -> PhotonMa
 
 class Neighbours(NamedTuple):
     """Room for one search: numbers and squared distances of candidates, the stack of nodes still to visit, squared
-    distances of a node's children or a leaf's photons, and a histogram."""
+    distances of a node's children or a leaf's photons, and one value."""
 
     index: np.ndarray
     distance2: np.ndarray
     stack: np.ndarray
     near: np.ndarray
-    histogram: np.ndarray
+    edge: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -166,52 +165,59 @@ def neighbours_room(k):
         np.empty(4 * k + 65 + WIDTH, np.float32),
         np.empty(STACK, np.int64),
         np.empty(WIDTH, np.float32),
-        np.empty(_BINS + 1, np.int32),
+        np.empty(1, np.float32),
     )
 
 
-@njit(cache=True, nogil=True)  # without fast-math, so that both loops put a value into the same bin
-def _kth_smallest(values, count, k, top, histogram):
-    """The k-th smallest (from 1) of the first count values, of which at least k are not above top.
+@njit(cache=True, nogil=True)
+def _kth_smallest(values, count, k, top, edge):
+    """The k-th smallest (from 1) of the first count values >= 0, of which at least k are not above top.
 
-    Squared distances within a disk are about evenly spread, so a histogram leaves a few to compare; where it does not
-    (coincident photons) it is applied again to the bin, and in the end the bin's values are counted off one by one.
+    Squared distances within a disk are about evenly spread, so interpolation between an edge that lies below it and one
+    above closes in within a few steps; what is left is counted off from the nearer edge. Each step is a pass without
+    branches over the values' bits, which are in the order of the values. edge: room for (1,) float32.
     """
-    low, high, wanted = np.float32(0.0), np.nextafter(np.float32(top), np.float32(np.inf)), k
-    for _ in range(8):
-        if high - low < np.float32(1e-30):  # its inverse would be infinite
+    bits, edge_bits = values.view(np.int32), edge.view(np.int32)
+    low, high = np.float32(0.0), np.nextafter(np.float32(top), np.float32(np.inf))
+    below, under = 0, count  # how many values lie under each edge
+    for _ in range(6):
+        if k - below <= 3 or under - k <= 2:
             break
-        scale = np.float32(_BINS) / (high - low)
-        histogram[:] = 0
+        edge[0] = low + (high - low) * np.float32((k - below - 0.5) / (under - below))
+        if not low < edge[0] < high:
+            break
+        lower = np.int32(0)
         for i in range(count):
-            if low <= values[i] < high:
-                histogram[min(np.int32((values[i] - low) * scale), _BINS)] += 1
-        bin_ = 0
-        while histogram[bin_] < wanted:
-            wanted -= histogram[bin_]
-            bin_ += 1
-        smallest, largest = high, low  # of the values in the bin
-        for i in range(count):
-            if low <= values[i] < high and min(np.int32((values[i] - low) * scale), _BINS) == bin_:
-                smallest, largest = min(smallest, values[i]), max(largest, values[i])
-        if histogram[bin_] == 1 or smallest == largest:
-            return smallest
-        if wanted == 1:
-            return smallest
-        if wanted == histogram[bin_]:
-            return largest
-        low, high = smallest, np.nextafter(largest, np.float32(np.inf))
+            lower += np.int32(bits[i] < edge_bits[0])
+        if lower >= k:
+            high, under = edge[0], lower
+        else:
+            low, below = edge[0], lower
+    none_left = np.int32(0x7FFFFFFF)
+    if k - below <= under - k + 1:
+        edge[0] = low
+        while True:
+            least, same = none_left, np.int32(0)
+            for i in range(count):
+                least = min(least, bits[i] if bits[i] >= edge_bits[0] else none_left)
+            for i in range(count):
+                same += np.int32(bits[i] == least)
+            below += same
+            edge_bits[0] = least
+            if below >= k:
+                return edge[0]
+            edge_bits[0] += np.int32(1)
+    edge[0] = high
     while True:
-        same, following = 0, high
+        most, same = np.int32(-1), np.int32(0)
         for i in range(count):
-            if values[i] == low:
-                same += 1
-            elif low < values[i] < following:
-                following = values[i]
-        if same >= wanted:
-            return low
-        wanted -= same
-        low = following
+            most = max(most, bits[i] if bits[i] < edge_bits[0] else np.int32(-1))
+        for i in range(count):
+            same += np.int32(bits[i] == most)
+        under -= same
+        edge_bits[0] = most
+        if under < k:
+            return edge[0]
 
 
 @njit(inline="always")
@@ -243,7 +249,7 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
                 distance2[count] = near[j]
                 count += 1 if near[j] < bound else 0
             if count > limit:
-                bound = _kth_smallest(distance2, count, k, bound, room.histogram)
+                bound = _kth_smallest(distance2, count, k, bound, room.edge)
                 kept = 0
                 for j in range(count):
                     # many may lie at exactly one distance; they must not push out those that are nearer
@@ -252,7 +258,7 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
                         kept += 1
                 count = kept
     if count >= k:
-        bound = _kth_smallest(distance2, count, k, bound, room.histogram)
+        bound = _kth_smallest(distance2, count, k, bound, room.edge)
     return count, bound
 
 
@@ -286,7 +292,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, gu
     disk2 = np.float32(shrink2 * r2)
     few = max(4, k // 4)
     if free2 < disk2 and count >= few:
-        least2 = _kth_smallest(room.distance2, count, few, bound, room.histogram)
+        least2 = _kth_smallest(room.distance2, count, few, bound, room.edge)
         disk2 = min(disk2, max(np.float32(free2), np.float32(shrink2 * least2)))
     disk2 = max(disk2, smallest)
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, float(disk2), patch)

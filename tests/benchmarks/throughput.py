@@ -4,8 +4,9 @@
     python tests/benchmarks/throughput.py [threads]
 
 Prints (1) the rate of rays while photons are traced, stored and scattered over the rate of Embree alone on the same
-rays, and (2) the time for the photon index and the gathers over the time for tracing. 16 bands, 100,000 photons,
-128x96 pixels, 81,932 triangles: a room with a ball in the middle. Best of several repetitions, interleaved.
+rays, and (2) the time for the photon index and the gathers over the time for tracing; beside them what else the camera
+costs: its rays, what they see, and the feelers. 16 bands, 100,000 photons, 128x96 pixels, 81,932 triangles: a room with
+a ball in the middle. Best of several repetitions, interleaved.
 """
 
 import sys
@@ -19,10 +20,12 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 from scenes import box, look, make_scene, sphere  # noqa: E402
 
 from addon.solver import Material, Settings  # noqa: E402
+from addon.solver import eye_paths  # noqa: E402
 from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
+from addon.solver.lamps import lamp_points  # noqa: E402
 from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
 from addon.solver.render import PHOTON_CHUNK, PIXEL_CHUNK, prepare  # noqa: E402
-from addon.solver.rng import CAMERA, PHOTONS, pass_key  # noqa: E402
+from addon.solver.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
 from addon.solver.transport import trace_photons  # noqa: E402
 
 PHOTONS_PER_PASS = 100_000
@@ -66,7 +69,8 @@ def main():
     model = prepare(scene, settings)
     key = pass_key(0, 0, PHOTONS)
     camera_keys = (pass_key(0, 2**32 - 1, CAMERA), pass_key(0, 0, CAMERA))
-    image = np.empty((128 * 96, 16), np.float32)
+    image, seen = np.empty((128 * 96, 16), np.float32), np.empty(128 * 96, np.float32)
+    shining = lamp_points(model.lamps, model.surfaces, pass_key(0, 0, LAMPS))
     firsts = range(0, PHOTONS_PER_PASS, PHOTON_CHUNK)
 
     def trace_chunk(first, tracer=model.tracer):
@@ -90,7 +94,7 @@ def main():
 
     with ThreadPoolExecutor(threads) as pool:
         store = PhotonStore(16, False)
-        times = {"trace": [], "embree": [], "index": [], "gather": []}
+        times = {"trace": [], "embree": [], "index": [], "gather": [], "camera": []}
         for _ in range(REPETITIONS):
             store.clear()
 
@@ -105,14 +109,19 @@ def main():
             times["index"].append(spent)
             estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False)
 
-            def gather(first, photon_map=photon_map, estimate=estimate):
-                m, rows = model, image[first : first + PIXEL_CHUNK]
+            def camera(first, photon_map=photon_map, estimate=estimate):
+                m, rows = model, slice(first, first + PIXEL_CHUNK)
                 render_pixels(
-                    m.tracer, m.surfaces, m.radiometry, m.emitters.surroundings, m.eye, photon_map, estimate,
-                    camera_keys, 0, first, rows, lambda: False,
+                    m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate,
+                    camera_keys, 0, first, image[rows], seen[rows], lambda: False,
                 )  # fmt: skip
 
-            times["gather"].append(seconds(lambda g=gather: list(pool.map(g, range(0, len(image), PIXEL_CHUNK))))[0])
+            gathers, reflect = [], eye_paths.reflect
+            eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
+            pixels = range(0, len(image), PIXEL_CHUNK)
+            times["camera"].append(seconds(lambda c=camera: list(pool.map(c, pixels)))[0])
+            eye_paths.reflect = reflect
+            times["gather"].append(seconds(lambda g=gathers: list(pool.map(lambda a: reflect(*a), g)))[0])
     best = {name: min(values[1:]) for name, values in times.items()}
     print(f"{threads} threads, {rays} rays, {store.count} photons stored, {settings.neighbours} neighbours")
     print("  ".join(f"{name} {1e3 * value:.1f} ms" for name, value in best.items()))
