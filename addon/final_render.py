@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import re
 import sys
 import threading
@@ -31,23 +30,28 @@ finished_layers: dict[str, dict] = {}  # view layer -> arguments of write_band_e
 
 
 def render_passes(band_edges):
-    """Every pass of a view layer as (name, channels, channel ids, kind, function of the film that gives the image).
+    """Every pass of a view layer as (name, channels, channel ids, kind); `film_images` fills them.
 
-    The one list from which passes are registered, added and filled. Images are (height, width[, channels]) float32.
     Raises SceneError if a name would be too long for Blender.
     """
-    yield "Combined", 4, "RGBA", "COLOR", thermal_picture
-    for band, name in enumerate(band_names(band_edges)):
-        yield name, 1, "V", "VALUE", lambda film, band=band: film.band_radiance(band)
-    yield "Radiance", 1, "V", "VALUE", lambda film: film.radiance()
-    yield "Temperature", 1, "V", "VALUE", lambda film: film.temperature()
-    yield "Noise", 1, "V", "VALUE", lambda film: film.noise()
+    yield "Combined", 4, "RGBA", "COLOR"
+    for name in (*band_names(band_edges), "Radiance", "Temperature", "Noise"):
+        yield name, 1, "V", "VALUE"
 
 
-def thermal_picture(film) -> np.ndarray:
-    """The apparent temperature in a thermal palette, (height, width, 4) float32, linear RGB and alpha 1."""
-    picture = np.ones((film.height, film.width, 4), dtype=np.float32)
-    picture[..., :3] = thermal(film.temperature())
+def film_images(film) -> dict[str, np.ndarray]:
+    """The image of every pass by its name, (height, width[, channels]) float32."""
+    with ThreadPoolExecutor(2) as pool:  # Esc must not wait for large images
+        noise, bands = pool.submit(film.noise), pool.submit(film.bands)
+        temperature = film.temperature()
+        images = {"Combined": thermal_picture(temperature), "Radiance": film.radiance(), "Temperature": temperature}
+        return {**images, **dict(zip(film.band_names, bands.result(), strict=True)), "Noise": noise.result()}
+
+
+def thermal_picture(temperature: np.ndarray) -> np.ndarray:
+    """Temperatures (height, width), K, in a thermal palette, (height, width, 4) float32, linear RGB and alpha 1."""
+    picture = np.ones((*temperature.shape, 4), dtype=np.float32)
+    picture[..., :3] = thermal(temperature)
     return picture
 
 
@@ -57,7 +61,7 @@ def register_passes(engine, scene, view_layer) -> None:
         passes = tuple(render_passes(read_band_edges(scene.infrared)))
     except SceneError:
         return
-    for name, channels, channel_ids, kind, _image in passes:
+    for name, channels, channel_ids, kind in passes:
         engine.register_pass(scene, view_layer, name, channels, channel_ids, kind)
 
 
@@ -79,9 +83,9 @@ def render_view_layer(engine, depsgraph) -> None:
     for warning in warnings:
         log.warning(warning)
         engine.report({"WARNING"}, warning)
-    for name, channels, channel_ids, _kind, _image in passes[1:]:  # Combined is there already
+    for name, channels, channel_ids, _kind in passes[1:]:  # Combined is there already
         engine.add_pass(name, channels, channel_ids, layer=layer)
-    job = RenderJob(solver_scene, settings, passes)
+    job = RenderJob(solver_scene, settings)
     x0, y0, x1, y1 = solver_scene.camera.pixels
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
     try:
@@ -127,11 +131,10 @@ def _watch(engine, job: RenderJob, result) -> None:
 class RenderJob(threading.Thread):
     """The solver in a background thread. It touches no Blender data; images are handed over on request."""
 
-    def __init__(self, scene, settings, passes):
+    def __init__(self, scene, settings):
         super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
         self.scene, self.settings, self.film = scene, settings, None
         self.snapshot_seconds = 0.0
-        self._image_functions = {name: image for name, _channels, _ids, _kind, image in passes}
         self._cancel, self._request = threading.Event(), threading.Event()
         self._images = self._latest = self._error = self._noise = None
         self._passes = self._photons = 0
@@ -151,11 +154,9 @@ class RenderJob(threading.Thread):
 
     def _snapshot(self, film) -> dict[str, np.ndarray]:
         begin = time.monotonic()
-        # Esc must not wait for large images, so they are made on all cores, and only once for a pass
-        with film.lock, ThreadPoolExecutor(self.settings.threads or os.cpu_count()) as pool:
-            if self._latest is None or self._latest[0] != film.passes:
-                images = dict(pool.map(lambda item: (item[0], item[1](film)), self._image_functions.items()))
-                self._latest = film.passes, images
+        with film.lock:
+            if self._latest is None or self._latest[0] != film.passes:  # only once for a pass
+                self._latest = film.passes, film_images(film)
         passes, images = self._latest
         self._noise = float(np.percentile(images["Noise"], 95)) if passes > 1 else None
         self.snapshot_seconds = time.monotonic() - begin

@@ -92,6 +92,12 @@ class Film:
         width = self.band_edges[band + 1] - self.band_edges[band]
         return self._image((self._mean[:, band] + self._reference[band]) / width)
 
+    def bands(self) -> np.ndarray:
+        """(b, height, width) float32, band_radiance of every band, in one pass over the film."""
+        images = np.empty((self.band_count, self.height * self.width), np.float32)
+        _split(self._mean, self._reference, np.diff(self.band_edges), images)
+        return images.reshape(self.band_count, self.height, self.width)
+
     def radiance(self) -> np.ndarray:
         """(height, width) float32 radiance over all bands, W m-2 sr-1."""
         return self._image(self._radiance())
@@ -122,6 +128,13 @@ class Film:
 
     def _image(self, values: np.ndarray) -> np.ndarray:
         return values.astype(np.float32).reshape(self.height, self.width)
+
+
+@njit(cache=True, nogil=True)
+def _split(mean, reference, width, images):
+    for i in range(mean.shape[0]):
+        for b in range(mean.shape[1]):
+            images[b, i] = (mean[i, b] + reference[b]) / width[b]
 
 
 @njit(cache=True, nogil=True)

@@ -17,7 +17,7 @@ from .surfaces import Surfaces, Tracer, areas, facing_side, normal, point, start
 
 _CAMERA_PATHS = 4096
 _BOUNCES = 8
-_PROBES = 16384  # rays from sides that no camera path met
+_PROBES = 8192  # rays from sides that no camera path met
 # Chance of a side that seems out of the image's reach, against one within: nothing can be missed for good.
 DEFENSIVE = 1.0 / 64.0
 _OPEN = 0.9  # share of the paths from a sheet that leave the scene above which it is open
@@ -171,7 +171,7 @@ def _probe_codes(sheet: np.ndarray, reached: np.ndarray) -> np.ndarray:
     _, starts, sizes = np.unique(labels[codes], return_index=True, return_counts=True)
     if starts.size == 0:
         return codes
-    each = min(256, max(1, _PROBES // starts.size))
+    each = min(64, max(1, _PROBES // starts.size))
     picks = starts[:, None] + (np.arange(each) + 0.5) / each * sizes[:, None]
     return codes[picks.astype(np.int64).ravel()]
 

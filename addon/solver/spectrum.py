@@ -120,12 +120,14 @@ def apparent_temperature(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
 @njit(cache=True, nogil=True)
 def _invert(radiance, log_l, log_t, slope, temperature):
     """Fill temperature (n,) by cubic Hermite interpolation of ln T over ln L, clamped to the table at its upper end."""
+    i = 0
     for n in range(radiance.size):
         if not radiance[n] > 0.0 or math.log(radiance[n]) <= log_l[0]:
             temperature[n] = 0.0
             continue
         wanted = min(math.log(radiance[n]), log_l[-1])
-        i = min(max(np.searchsorted(log_l, wanted) - 1, 0), log_l.size - 2)
+        if not log_l[i] < wanted <= log_l[i + 1]:  # neighbouring pixels mostly lie in one interval
+            i = min(max(np.searchsorted(log_l, wanted) - 1, 0), log_l.size - 2)
         step = log_l[i + 1] - log_l[i]
         t = (wanted - log_l[i]) / step
         temperature[n] = math.exp(
