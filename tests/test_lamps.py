@@ -1,0 +1,421 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Direct light by shadow rays: lights and small hot parts against closed forms, through the whole render.
+
+A flat floor at 0 K under a 0 K sky shows nothing but the direct light it reflects, L = rho E / pi. Tolerances are 4
+standard errors of the mean (from the spread of the passes), which are themselves bounded, and 0.1 % for how far E is
+from linear over the 4 cm that the camera looks at.
+"""
+
+import importlib
+import math
+
+import numpy as np
+import pytest
+from scenes import box, look, make_scene, mean_and_error, sphere
+
+from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
+from addon.solver.emission import light_spectrum
+from addon.solver.sampling import interpolate_albedo, lobe_albedo
+from addon.solver.spectrum import band_radiance
+
+prepare = importlib.import_module("addon.solver.render").prepare  # `addon.solver.render` is the function
+lamps = importlib.import_module("addon.solver.lamps")
+
+EDGES = np.array([8.0, 10.0, 12.0])
+GREY, BLACK = Material("grey", 0.5), Material("black", 1.0)
+MIRROR = Material("mirror", 0.2, specular=1.0)
+HOT = 900.0  # K
+LINEAR = 0.001
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def join(*parts):
+    """Vertices, triangles, temperatures and material indices of (vertices, triangles, temperature, material) parts."""
+    vertices, triangles, temperature, material = [], [], [], []
+    for points, corners, kelvin, index in parts:
+        triangles.append(np.asarray(corners) + sum(len(v) for v in vertices))
+        vertices.append(np.asarray(points, float))
+        temperature += [kelvin] * len(corners)
+        material += [index] * len(corners)
+    return np.concatenate(vertices), np.concatenate(triangles).astype(np.int32), temperature, material
+
+
+def quad(centre, half_u, half_v):
+    """Vertices and triangles of a rectangle whose front looks along cross(half_u, half_v)."""
+    c, u, v = (np.asarray(a, float) for a in (centre, half_u, half_v))
+    return np.array([c - u - v, c + u - v, c + u + v, c - u + v]), np.array([(0, 1, 2), (0, 2, 3)])
+
+
+def ball(centre, radius):
+    """An icosphere with the surface, so the mean projected area, of a sphere of this radius (Cauchy)."""
+    vertices, triangles = sphere(3)
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    return vertices * radius * math.sqrt(4 * math.pi / area) + centre, triangles
+
+
+FLOOR = (*quad((0, 0, 0), (10, 0, 0), (0, 10, 0)), 0.0, 0)
+
+
+def above(spot, half):
+    """The square of the floor with its middle at (x, y) and these half sides (m), from 0.4 m above."""
+    frame = (-half, half, -half, half)
+    return Camera(6, 6, look((*spot, 0.4), (*spot, 0.0)).matrix, "ORTHOGRAPHIC", frame=frame)
+
+
+def floor_scene(spot, *parts, materials=(GREY, BLACK, MIRROR), half=0.02, **options):
+    vertices, triangles, temperature, material = join(FLOOR, *parts)
+    return make_scene(vertices, triangles, temperature, materials, above(spot, half), EDGES, material, **options)
+
+
+def irradiance(scene, passes=64, photons=2000, reference=0.0):
+    """Irradiance of the floor in the picture, W m-2 over all bands, and its standard error: E = pi L / rho.
+
+    reference: T0, K; at that of floor and sky only the lamps have an excess.
+    """
+    settings = Settings(passes=passes, photons_per_pass=photons, reference_temperature=reference)
+    mean, error = mean_and_error(scene, settings)
+    return math.pi * mean / 0.5, math.pi * error / 0.5
+
+
+def agree(scene, truth, most=0.005, **settings):
+    value, error = irradiance(scene, **settings)
+    print(f"{value / truth - 1:+.3%} +- {error / truth:.3%}")
+    assert error < most * truth
+    assert abs(value - truth) < 4 * error + LINEAR * truth
+
+
+def band_power(light):
+    """What of 1 W, or 1 W/m2, of a light lies in the bands."""
+    return light_spectrum(light, EDGES).sum()
+
+
+# Lights
+
+
+def round_irradiance(light, spot, intensity):
+    """Irradiance of the floor at (x, y), W m-2, from a sphere of radiance I(direction) / (pi r^2): a fine sum over the
+    cone that it fills. intensity(cosine): I, W/sr, under an angle from the axis DOWN.
+    """
+    towards = np.asarray(light.position) - (*spot, 0.0)
+    distance = np.linalg.norm(towards)
+    towards = towards / distance
+    across = np.cross(towards, (0.6, 0.64, 0.48))
+    across /= np.linalg.norm(across)
+    n = 600
+    height = 1 - (1 - math.sqrt(1 - (light.radius / distance) ** 2)) * (np.arange(n)[:, None] + 0.5) / n
+    angle = 2 * math.pi * (np.arange(n) + 0.5) / n
+    sine = np.sqrt(1 - height**2)
+    direction = height[..., None] * towards + (sine * np.cos(angle))[..., None] * across
+    direction += (sine * np.sin(angle))[..., None] * np.cross(towards, across)
+    solid_angle = 2 * math.pi * (1 - math.sqrt(1 - (light.radius / distance) ** 2))
+    cosine = np.maximum(direction[..., 2], 0.0)
+    radiance = intensity(direction[..., 2]) / (math.pi * light.radius**2)
+    return solid_angle * np.mean(cosine * radiance)
+
+
+@pytest.mark.parametrize("spot", [(0.0, 0.0), (1.5, -0.7)])
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_point_light(radius, spot):
+    """E = Phi cos / (4 pi d^2), for a sphere as for a point (Lambertian sphere: F = (r / d)^2 cos)."""
+    light = PointLight(np.array([0.2, 0.1, 2.0]), 1000.0, radius)
+    towards = light.position - (*spot, 0.0)
+    distance = np.linalg.norm(towards)
+    truth = 1000.0 * towards[2] / (4 * math.pi * distance**3) * band_power(light)
+    agree(floor_scene(spot, lights=(light,)), truth, passes=200)
+
+
+def test_point_light_that_the_horizon_cuts():
+    """A sphere half below the floor's plane: only what is above lights it."""
+    light = PointLight(np.array([1.5, 0.0, 0.05]), 1000.0, 0.3)
+    truth = round_irradiance(light, (0.0, 0.0), lambda cosine: 1000.0 / (4 * math.pi)) * band_power(light)
+    flat = 1000.0 * 0.05 / (4 * math.pi * 1.5**3) * band_power(light)
+    assert truth > 1.05 * flat  # the case differs from that of a whole sphere
+    agree(floor_scene((0.0, 0.0), lights=(light,)), truth, passes=400)
+
+
+def spot_intensity(light, cosine):
+    """W/sr: the cone holds the power; smoothstep in the cosine over the outer `blend` of it, whose mean is 1/2."""
+    outer = math.cos(0.5 * light.cone_angle)
+    t = np.clip((cosine - outer) / ((1 - outer) * max(light.blend, 1e-9)), 0.0, 1.0)
+    share = t * t * (3 - 2 * t) if light.blend > 0 else np.where(cosine >= outer, 1.0, 0.0)
+    return light.power * share / (2 * math.pi * (1 - outer) * (1 - 0.5 * light.blend))
+
+
+@pytest.mark.parametrize("x", [0.0, 0.6, 1.0])  # the cone ends at 2 tan 0.5 = 1.09; blend 0.5 begins at 0.75
+@pytest.mark.parametrize("radius", [0.0, 0.15])
+@pytest.mark.parametrize("blend", [0.0, 0.5, 1.0])
+def test_spot_light(blend, radius, x):
+    light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, blend, radius)
+    if radius > 0:
+        truth = round_irradiance(light, (x, 0.0), lambda cosine: spot_intensity(light, cosine))
+    else:
+        around = x + 0.02 * (np.arange(40) + 0.5) / 20 - 0.02  # smoothstep is not linear over the picture
+        cosine = 2 / np.hypot(2.0, around)
+        truth = np.mean(spot_intensity(light, cosine) * cosine**3) / 4.0
+    agree(floor_scene((x, 0.0), lights=(light,)), truth * band_power(light), passes=200)
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.5])
+def test_spot_light_ends_with_its_cone(blend):
+    light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, blend)
+    assert irradiance(floor_scene((1.2, 0.0), lights=(light,)), passes=4)[0] == 0.0
+
+
+@pytest.mark.parametrize("ellipse", [False, True])
+@pytest.mark.parametrize("spot", [(0.0, 0.0), (0.8, -0.5)])
+def test_area_light(spot, ellipse):
+    """E = (M / pi) integral of cos cos / d^2 over the light, by a fine sum; it is tilted and not square."""
+    axis_u, axis_v = np.array([0.5, 0.0, 0.1]), np.array([-0.02, 0.3, 0.1])
+    light = AreaLight(np.array([0.1, 0.0, 1.0]), axis_u, axis_v, 300.0, ellipse)
+    n = 400
+    a = 2 * (np.arange(n) + 0.5) / n - 1
+    a, b = (grid.ravel() for grid in np.meshgrid(a, a))
+    if ellipse:
+        a, b = a[a**2 + b**2 < 1], b[a**2 + b**2 < 1]
+    normal = np.cross(axis_v, axis_u)
+    normal /= np.linalg.norm(normal)
+    towards = light.position + a[:, None] * axis_u + b[:, None] * axis_v - (*spot, 0.0)
+    distance = np.linalg.norm(towards, axis=1)
+    factor = np.mean(towards[:, 2] * np.maximum(-towards @ normal, 0.0) / (math.pi * distance**4))
+    agree(floor_scene(spot, lights=(light,)), 300.0 * factor * band_power(light))
+
+
+def test_area_light_shines_from_one_face():
+    away = AreaLight(np.array([0.0, 0.0, 1.0]), np.array([0.5, 0, 0]), np.array([0, -0.5, 0]), 300.0)
+    assert irradiance(floor_scene((0.0, 0.0), lights=(away,)), passes=4)[0] == 0.0
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1])
+@pytest.mark.parametrize("slope", [0.0, 1.2])
+def test_sun_light(slope, angle):
+    """E = S cos: over a disk of 0.1 rad in the sky the mean cosine is that of its middle less angle^2 / 16 < 0.07 %."""
+    light = SunLight(np.array([math.sin(slope), 0.0, -math.cos(slope)]), 500.0, angle)
+    agree(floor_scene((0.0, 0.0), lights=(light,)), 500.0 * math.cos(slope) * band_power(light))
+
+
+def test_lights_together():
+    """The sum of lights of all kinds and of a hot ball, each with another spectrum."""
+    spot = (0.3, 0.0)
+    point = PointLight(np.array([1.0, 0.5, 1.5]), 200.0, 0.1, 1500.0)
+    cone = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 300.0, 1.0, 0.0, 0.0, 3000.0)
+    sun = SunLight(np.array([0.5, 0.0, -1.0]), 800.0)
+    towards = point.position - (*spot, 0.0)
+    cosine = 2 / math.hypot(2.0, 0.3)
+    truth = point.power * towards[2] / (4 * math.pi * np.linalg.norm(towards) ** 3) * band_power(point)
+    truth += spot_intensity(cone, cosine) * cosine**3 / 4 * band_power(cone)
+    truth += 800.0 / math.sqrt(1.25) * band_power(sun)
+    scene = floor_scene(spot, (*ball((-0.8, 0.4, 1.2), 0.05), HOT, 1), lights=(point, cone, sun))
+    towards = np.array((-0.8, 0.4, 1.2)) - (*spot, 0.0)
+    truth += math.pi * band_radiance(EDGES, HOT).sum() * 0.05**2 * towards[2] / np.linalg.norm(towards) ** 3
+    assert lamp_triangles(scene).size > 0
+    agree(scene, truth, most=0.01, passes=400)
+
+
+# Small hot parts
+
+
+def lamp_triangles(scene, reference=0.0):
+    """Triangles with a side that shadow rays are sent to."""
+    emitters = prepare(scene, Settings(reference_temperature=reference)).emitters
+    return np.unique(emitters.surface[emitters.lamp] >> 1)
+
+
+def sphere_factor(centre, radius, spot):
+    """View factor of a sphere from a horizontal element: (r / d)^2 cos."""
+    towards = np.asarray(centre, float) - (*spot, 0.0)
+    return radius**2 * towards[2] / np.linalg.norm(towards) ** 3
+
+
+@pytest.mark.parametrize("spot", [(0.0, 0.0), (0.9, 0.4)])
+def test_hot_ball(spot):
+    """E = pi L F, exact for a sphere of any size; over directions the mesh's projected area varies by 0.1 %."""
+    scene = floor_scene(spot, (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1))
+    assert len(lamp_triangles(scene)) == 1280
+    agree(scene, math.pi * band_radiance(EDGES, HOT).sum() * sphere_factor((0, 0, 1), 0.2, spot))
+
+
+def test_cold_ball():
+    """Under a warm sky a ball at 0 K takes light away: E = pi L (1 - F)."""
+    spot = (0.3, 0.0)
+    vertices, triangles, temperature, material = join(FLOOR, (*ball((0.0, 0.0, 1.0), 0.2), 0.0, 1))
+    scene = make_scene(
+        vertices, triangles, temperature, (GREY, BLACK), above(spot, 0.02), EDGES, material, world_temperature=300.0
+    )  # fmt: skip
+    assert len(lamp_triangles(scene, 300.0)) == 1280
+    sky = math.pi * band_radiance(EDGES, 300.0).sum()
+    # the floor itself, 0 K, is a deficit too, but lights nothing: the ball reflects nothing
+    agree(scene, sky * (1 - sphere_factor((0, 0, 1), 0.2, spot)), reference=300.0)
+
+
+ROUGH = Material("rough", 0.1, specular=1.0, roughness=1.0)
+
+
+def test_lamp_emits_by_direction():
+    """A plate of a rough metal, edge on: its emissivity grows towards grazing angles, eps + rho (1 - albedo(theta)).
+
+    Normal emission would be half of it. The plate is 2 cm at 0.8 m: one direction, to second order.
+    """
+    spot, centre = np.array([0.0, 0.0, 0.0]), np.array([0.15, 0.0, 0.8])
+    plate = (*quad(centre, (0, 0.02, 0), (0, 0, 0.02)), HOT, 3)  # looks along +x and -x
+    scene = floor_scene((0.0, 0.0), plate, materials=(GREY, BLACK, MIRROR, ROUGH))
+    assert set(lamp_triangles(scene)) == {2, 3}
+    towards = centre - spot
+    distance = np.linalg.norm(towards)
+    cosine = towards[0] / distance
+    albedo = interpolate_albedo(lobe_albedo(ROUGH.alpha, 128)[None], 0, cosine)
+    emissivity = 0.1 + 0.9 * (1 - albedo)
+    assert emissivity > 2 * 0.1
+    solid_angle = 0.04**2 * cosine / distance**2
+    truth = emissivity * band_radiance(EDGES, HOT).sum() * solid_angle * towards[2] / distance
+    agree(scene, truth)
+
+
+@pytest.mark.parametrize("source", ["point", "area", "ball"])
+def test_wall_hides_a_lamp(source):
+    """Behind a black wall nothing arrives, to the last bit; beside it everything."""
+    wall = (*quad((0, 0, 0.6), (0.5, 0, 0), (0, 0.5, 0)), 0.0, 1)
+    lights = {
+        "point": (PointLight(np.array([0.0, 0.0, 1.0]), 1000.0),),
+        "area": (AreaLight(np.array([0.0, 0.0, 1.0]), np.array([0.1, 0, 0]), np.array([0, 0.1, 0]), 1000.0),),
+        "ball": (),
+    }[source]
+    parts = (wall, (*ball((0, 0, 1), 0.1), HOT, 1)) if source == "ball" else (wall,)
+    settings = Settings(passes=8, photons_per_pass=5000, reference_temperature=0.0)
+    assert np.all(render(floor_scene((0.0, 0.0), *parts, lights=lights), settings).radiance() == 0.0)
+    # the wall's shadow of the highest point of the ball ends at x = 0.5 * 1.1 / 0.5
+    assert np.all(render(floor_scene((1.5, 0.0), *parts, lights=lights), settings).radiance() > 0.0)
+
+
+def test_half_hidden_lamp():
+    """A wall that hides exactly the half of an area light, by symmetry."""
+    light = AreaLight(np.array([0.0, 0.0, 1.0]), np.array([0.2, 0, 0]), np.array([0, 0.2, 0]), 1000.0)
+    wall = (*quad((0.5, 0, 0.6), (0.5, 0, 0), (0, 0.5, 0)), 0.0, 1)  # x > 0
+    whole, error = irradiance(floor_scene((0.0, 0.0), lights=(light,)))
+    half, half_error = irradiance(floor_scene((0.0, 0.0), wall, lights=(light,)), passes=1000)
+    assert half_error < 0.01 * half
+    # over the picture, 4 cm in x, the shadow's edge on the light runs symmetrically about its middle
+    assert abs(2 * half - whole) < 4 * math.hypot(2 * half_error, error) + 2 * LINEAR * whole
+
+
+# Lamps against photons
+
+
+@pytest.mark.parametrize("source", ["ball", "point"])
+def test_caustic_of_a_mirror_counts_once(source):
+    """Direct light by shadow rays plus that of the mirror image by photons: E = E_direct + rho E_image, over 60 cm.
+
+    rho E_image is 1/8 of it, so the 1 % of standard error here are 8 % of the caustic.
+    """
+    spot, half = (0.9, 0.0), 0.3
+    direct, image = (0.5, 0.0, 1.0), (2.5, 0.0, 1.0)
+    mirror = (*quad((1.5, 0, 1.01), (0, 1.5, 0), (0, 0, 1.0)), 0.0, 2)
+    radius = 0.1 if source == "ball" else 1.0
+    steps = half * (2 * (np.arange(40) + 0.5) / 40 - 1)
+    factor = [
+        np.mean([[sphere_factor(centre, radius, (spot[0] + x, y)) for x in steps] for y in steps])
+        for centre in (direct, image)
+    ]
+    if source == "ball":
+        scene = floor_scene(spot, mirror, (*ball(direct, radius), HOT, 1), half=half)
+        assert len(lamp_triangles(scene)) == 1280
+        flux = math.pi * band_radiance(EDGES, HOT).sum()
+    else:
+        light = PointLight(np.array(direct), 1000.0)
+        scene = floor_scene(spot, mirror, lights=(light,), half=half)
+        flux = 1000.0 * band_power(light) / (4 * math.pi)
+    agree(scene, flux * (factor[0] + 0.8 * factor[1]), passes=200, photons=30_000)
+
+
+def room_with_stove(**options):
+    """A closed room with a hot ball, a mirror on one wall, a rough metal plate and a hidden corner."""
+    vertices, triangles = box((3.0, 2.5, 2.0))
+    parts = (
+        (vertices, triangles, 290.0, 0),
+        (*ball((1.0, 1.2, 0.7), 0.12), 700.0, 1),
+        (*quad((2.9, 1.25, 1.0), (0, 0.8, 0), (0, 0, 0.6)), 290.0, 2),
+        (*quad((1.6, 1.2, 0.3), (0.3, 0, 0), (0, 0.3, 0)), 290.0, 3),
+        (*quad((1.5, 0.6, 0.4), (0.4, 0, 0), (0, 0, 0.4)), 280.0, 0),
+    )
+    vertices, triangles, temperature, material = join(*parts)
+    rough = Material("rough", 0.3, specular=0.6, roughness=0.6)
+    camera = look((0.2, 0.2, 1.6), (2.0, 1.5, 0.3), 24, 18, 0.8)
+    return make_scene(
+        vertices, triangles, temperature, (GREY, BLACK, MIRROR, rough), camera, EDGES, material, **options
+    )
+
+
+@pytest.mark.parametrize("lights", [(), (PointLight(np.array([2.5, 0.5, 1.5]), 300.0, 0.05),)], ids=len)
+def test_lamps_do_not_change_the_mean(lights, monkeypatch):
+    """The image's mean with the stove as a lamp and with all its light by photons, within 4 standard errors."""
+    scene = room_with_stove(lights=lights)
+    settings = Settings(passes=48, photons_per_pass=30_000)
+    assert lamp_triangles(scene, None).size == 1280
+    mean, error = mean_and_error(scene, settings)
+    monkeypatch.setattr(lamps, "_TOGETHER", 1e9)
+    assert lamp_triangles(scene, None).size == 0
+    other, other_error = mean_and_error(scene, settings)
+    print(f"{mean / other - 1:+.3%} +- {np.hypot(error, other_error) / mean:.3%}")
+    assert np.hypot(error, other_error) < 0.005 * mean
+    assert abs(mean - other) < 4 * np.hypot(error, other_error)
+
+
+# Which sheets become lamps
+
+
+def chosen(parts, target, materials=(GREY, BLACK), position=(0.2, 0.2, 1.6), **options):
+    """Triangles of lamps with the automatic reference."""
+    vertices, triangles, temperature, material = join(*parts)
+    camera = look(position, target, 24, 18, 0.8)
+    return lamp_triangles(
+        make_scene(vertices, triangles, temperature, materials, camera, EDGES, material, **options), None
+    )
+
+
+WALLS = (*box((3.0, 2.5, 2.0)), 290.0, 0)
+
+
+def test_small_hot_ball_in_a_room_is_a_lamp():
+    found = chosen((WALLS, (*ball((2.0, 1.2, 0.7), 0.12), 500.0, 1)), (2.0, 1.5, 0.3))
+    assert np.array_equal(found, 12 + np.arange(1280))
+
+
+@pytest.mark.xfail(reason="The reference chosen is the ball's own temperature, as open ground looks for the sky itself")
+def test_small_hot_ball_under_the_sky_is_a_lamp():
+    """The reference is the sky's or the ground's: with the ball's own every ray to the sky that it stops would err."""
+    ground = (*quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), 290.0, 0)
+    hot = (*ball((0, 0, 1), 0.15), 900.0, 0)
+    paint = Material("paint", 0.9)
+    found = chosen((ground, hot), (0, 0, 0.3), (paint,), position=(3, -3, 2), world_temperature=250.0)
+    assert np.array_equal(found, 2 + np.arange(1280))
+
+
+@pytest.mark.parametrize("hot", range(6))
+def test_walls_of_a_room_are_no_lamps(hot):
+    temperature = np.repeat([330.0 if face == hot else 290.0 for face in range(6)], 2)
+    vertices, triangles = box((3.0, 2.5, 2.0))
+    scene = make_scene(vertices, triangles, temperature, [GREY], look((0.2, 0.2, 1.6), (2, 1.5, 0.3)), EDGES)
+    assert lamp_triangles(scene, None).size == 0
+
+
+def test_small_ball_of_little_power_is_no_lamp():
+    """Among walls of many temperatures it is not worth its shadow rays."""
+    vertices, triangles = box((3.0, 2.5, 2.0))
+    temperature = np.repeat([280.0, 285.0, 290.0, 300.0, 310.0, 290.0], 2)
+    walls = [(vertices, triangles[i : i + 1], temperature[i], 0) for i in range(12)]
+    assert chosen((*walls, (*ball((2.0, 1.2, 0.7), 0.05), 320.0, 1)), (2.0, 1.5, 0.3)).size == 0
+
+
+def test_inside_of_a_closed_ball_is_no_lamp():
+    """Neither seen from within, nor that side of a ball seen from without."""
+    shell = (*ball((0.0, 0.0, 0.0), 1.0), 400.0, 0)
+    patch = (*quad((0.0, 0.0, -0.5), (0.3, 0, 0), (0, 0.3, 0)), 290.0, 0)
+    assert chosen((shell, patch), (0, 0, -0.5), position=(0.2, 0.1, 0.5)).size == 0
+    vertices, triangles, temperature, material = join(WALLS, (*ball((2.0, 1.2, 0.7), 0.12), 500.0, 1))
+    camera = look((0.2, 0.2, 1.6), (2.0, 1.5, 0.3), 24, 18, 0.8)
+    scene = make_scene(vertices, triangles, temperature, (GREY, BLACK), camera, EDGES, material)
+    emitters = prepare(scene, Settings()).emitters
+    corners = vertices[triangles[emitters.surface[emitters.lamp] >> 1]]
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outwards *= np.where(emitters.surface[emitters.lamp] & 1, -1.0, 1.0)[:, None]
+    assert np.all(np.sum(outwards * (corners.mean(axis=1) - (2.0, 1.2, 0.7)), axis=1) > 0)
