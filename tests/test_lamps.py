@@ -363,13 +363,11 @@ def test_lamps_do_not_change_the_mean(lights, monkeypatch):
 # Which sheets become lamps
 
 
-def chosen(parts, target, materials=(GREY, BLACK), position=(0.2, 0.2, 1.6), **options):
+def chosen(parts, target, position=(0.2, 0.2, 1.6)):
     """Triangles of lamps with the automatic reference."""
     vertices, triangles, temperature, material = join(*parts)
     camera = look(position, target, 24, 18, 0.8)
-    return lamp_triangles(
-        make_scene(vertices, triangles, temperature, materials, camera, EDGES, material, **options), None
-    )
+    return lamp_triangles(make_scene(vertices, triangles, temperature, (GREY, BLACK), camera, EDGES, material), None)
 
 
 WALLS = (*box((3.0, 2.5, 2.0)), 290.0, 0)
@@ -384,10 +382,12 @@ def test_small_hot_ball_in_a_room_is_a_lamp():
 def test_small_hot_ball_under_the_sky_is_a_lamp():
     """The reference is the sky's or the ground's: with the ball's own every ray to the sky that it stops would err."""
     ground = (*quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), 290.0, 0)
-    hot = (*ball((0, 0, 1), 0.15), 900.0, 0)
-    paint = Material("paint", 0.9)
-    found = chosen((ground, hot), (0, 0, 0.3), (paint,), position=(3, -3, 2), world_temperature=250.0)
-    assert np.array_equal(found, 2 + np.arange(1280))
+    vertices, triangles, temperature, _ = join(ground, (*ball((0, 0, 1), 0.15), 900.0, 0))
+    camera = look((3, -3, 2), (0, 0, 0.3), 32, 24, 0.5)
+    scene = make_scene(
+        vertices, triangles, temperature, [Material("paint", 0.9)], camera, EDGES, world_temperature=250.0
+    )
+    assert np.array_equal(lamp_triangles(scene, None), 2 + np.arange(1280))
 
 
 @pytest.mark.parametrize("hot", range(6))
