@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes of the benchmark of error against time: what thermal cameras look at, of diffuse and mirror materials only."""
+"""Scenes of the benchmark of error against time: what thermal cameras look at, of diffuse and mirror materials only.
+
+Emissivities are constant inside each band, so that a band's reflectance does not depend on the temperature that weights
+the mean, and all renderers solve one problem to the last digit.
+"""
 
 import numpy as np
 from scenes import box, look, make_scene, sphere
@@ -8,9 +12,21 @@ from addon.solver import Material
 
 WIDTH, HEIGHT = 128, 96
 LWIR = np.linspace(7.5, 14.0, 17)
-PAINT = np.array([[7.0, 0.93], [9.0, 0.96], [11.0, 0.90], [14.0, 0.94]])
-GLASS = np.array([[7.0, 0.95], [8.0, 0.90], [9.5, 0.68], [11.0, 0.85], [14.0, 0.92]])
-PLASTER = np.array([[7.0, 0.60], [8.5, 0.75], [10.0, 0.88], [14.0, 0.92]])
+ENGINE_BANDS = np.linspace(3.0, 12.0, 17)
+
+
+def in_bands(edges, *points):
+    """Steps of emissivity, one a band, through pairs of wavelength (um) and emissivity: pairs again, (2 b, 2)."""
+    values = np.interp(0.5 * (edges[1:] + edges[:-1]), *np.transpose(points))
+    ends = np.column_stack((edges[:-1] * (1 + 1e-9), edges[1:]))
+    return np.column_stack((ends.ravel(), np.repeat(values, 2)))
+
+
+PAINT = in_bands(LWIR, (7.0, 0.93), (9.0, 0.96), (11.0, 0.90), (14.0, 0.94))
+GLASS = in_bands(LWIR, (7.0, 0.95), (8.0, 0.90), (9.5, 0.68), (11.0, 0.85), (14.0, 0.92))
+PLASTER = in_bands(LWIR, (7.0, 0.60), (8.5, 0.75), (10.0, 0.88), (14.0, 0.92))
+RUST = in_bands(ENGINE_BANDS, (3.0, 0.62), (5.0, 0.74), (8.0, 0.80), (12.0, 0.72))
+ENAMEL = in_bands(ENGINE_BANDS, (3.0, 0.88), (5.5, 0.94), (9.0, 0.83), (12.0, 0.91))
 
 
 class Parts:
@@ -154,9 +170,7 @@ def engine():
     random = np.random.default_rng(7)
     parts = Parts()
     temperatures = np.round(np.geomspace(290.0, 700.0, 20))
-    rusty = np.array([[3.0, 0.62], [5.0, 0.74], [8.0, 0.80], [12.0, 0.72]])
-    enamel = np.array([[3.0, 0.88], [5.5, 0.94], [9.0, 0.83], [12.0, 0.91]])
-    materials = [Material("rust", rusty), Material("enamel", enamel), Material("aluminium", 0.25)]
+    materials = [Material("rust", RUST), Material("enamel", ENAMEL), Material("aluminium", 0.25)]
     materials += [Material("rubber", 0.93), Material("cast iron", 0.6)]
     vertices, triangles = box((1.2, 0.8, 0.6))
     parts.add((vertices, triangles[:10, ::-1]), temperatures[1], materials[1])
@@ -187,7 +201,7 @@ def engine():
             sphere(2, random.uniform(0.005, 0.012)), *pick(), random.uniform((0.03, 0.03, 0.1), (1.17, 0.77, 0.5))
         )
     camera = look((0.6, -0.1, 1.6), (0.6, 0.4, 0.15), WIDTH, HEIGHT, 0.42)
-    return parts.scene(camera, np.linspace(3.0, 12.0, 17), 250.0)
+    return parts.scene(camera, ENGINE_BANDS, 250.0)
 
 
 def street():
