@@ -378,7 +378,6 @@ def test_small_hot_ball_in_a_room_is_a_lamp():
     assert np.array_equal(found, 12 + np.arange(1280))
 
 
-@pytest.mark.xfail(reason="The reference chosen is the ball's own temperature, as open ground looks for the sky itself")
 def test_small_hot_ball_under_the_sky_is_a_lamp():
     """The reference is the sky's or the ground's: with the ball's own every ray to the sky that it stops would err."""
     ground = (*quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), 290.0, 0)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from .camera import eye_rays, sobol_points
-from .lamps import CANDIDATES, add_unshadowed, empty_shadows, send_shadow, send_sky
+from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
@@ -89,7 +89,7 @@ def render_pixels(
     reach = np.empty(count, np.float32)
     points = sobol_points(CAMERA_SAMPLES * index, CAMERA_SAMPLES)
     eye_rays(eye, keys[0], points, np.arange(first, first + len(image)), rays.origin, rays.direction, reach)
-    shadows = empty_shadows(2 * count, image.shape[1])
+    shadows = empty_shadows((1 + SKY_RAYS) * count, image.shape[1])
     gathers = Gathers(np.empty(count, np.int32), np.empty(count, np.float32))
     image[:] = 0.0
     bounce = 0
@@ -324,13 +324,13 @@ def send_shadows(
         if sky and emitters.open[hit.triangle, hit.side]:
             send_sky(
                 surfaces, radiometry, emitters.surroundings, hit, rays.throughput[i], gathers.share[g], path,
-                _LAMPS + 4 * bounce + 2, pixel, shadows, sent,
+                _LAMPS + 16 * bounce + 2, pixel, shadows, sent,
             )  # fmt: skip
-            sent += 1
+            sent += SKY_RAYS
         if lamps.power > 0.0:
             sent += send_shadow(
                 lamps, lamp_points, surfaces, radiometry, hit, rays.throughput[i], gathers.share[g], path,
-                _LAMPS + 4 * bounce, weight, value, pixel, shadows, sent,
+                _LAMPS + 16 * bounce, weight, value, pixel, shadows, sent,
             )  # fmt: skip
     return sent
 

@@ -33,6 +33,8 @@ _RECEIVERS = 512  # points at which they are judged
 _COMPACT = 0.3  # radius over distance, in the mean over what it lights, up to which a surface is a lamp
 _MATTERS = 0.03  # share of the light in the picture above which a surface is a lamp
 _TOGETHER = 0.3  # share of all lamps below which shadow rays do not pay
+_SIDE = 2
+SKY_RAYS = _SIDE * _SIDE  # to the surroundings, of a gather
 POINTS = 4096  # on lamps, in one pass
 CANDIDATES = 32  # of them that compete for a shadow ray
 
@@ -297,15 +299,18 @@ def send_shadow(
 
 @njit(inline="always")
 def send_sky(surfaces, radiometry, surroundings, hit, throughput, share, path, dimension, pixel, shadows, count):
-    """Fill shadow ray `count` towards the surroundings, in a cosine-distributed direction."""
+    """Fill SKY_RAYS shadow rays from `count` on towards the surroundings, cosine-distributed and stratified."""
     material = surfaces.material[hit.triangle]
-    lx, ly, lz = cosine_direction(uniform(path, dimension), uniform(path, dimension + 1))
-    dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
-    _start(surfaces, hit, dx, dy, dz, 1e37, pixel, shadows, count)
-    scale = share * (1.0 - radiometry.specular[material])
     rho = radiometry.reflectance[material]
-    for b in range(rho.size):
-        shadows.radiance[count, b] = throughput[b] * rho[b] * (surroundings[b] * scale)
+    scale = share * (1.0 - radiometry.specular[material]) / SKY_RAYS
+    for stratum in range(SKY_RAYS):
+        s = (stratum % _SIDE + uniform(path, dimension + 2 * stratum)) / _SIDE
+        w = (stratum // _SIDE + uniform(path, dimension + 2 * stratum + 1)) / _SIDE
+        lx, ly, lz = cosine_direction(s, w)
+        dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
+        _start(surfaces, hit, dx, dy, dz, 1e37, pixel, shadows, count + stratum)
+        for b in range(rho.size):
+            shadows.radiance[count + stratum, b] = throughput[b] * rho[b] * (surroundings[b] * scale)
 
 
 @njit(inline="always")

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from .camera import Eye, eye_rays, sobol_points
+from .lamps import SKY_RAYS
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, mirror, triangle_point
 from .surfaces import Surfaces, Tracer, areas, facing_side, normal, point, start_ray
@@ -20,7 +21,9 @@ _BOUNCES = 8
 _PROBES = 8192  # rays from sides that no camera path met
 # Chance of a side that seems out of the image's reach, against one within: nothing can be missed for good.
 DEFENSIVE = 1.0 / 64.0
-_OPEN = 0.9  # share of the paths from a sheet that leave the scene above which it is open
+_OPEN = 0.95  # share of the paths from a sheet that leave the scene above which it is open
+_TYPICAL_PHOTONS = 50  # of a gather
+_LEAST_ERROR = 0.1  # weight of surroundings that seem to be free of everything: a few paths cannot tell
 _LEAST_OPEN = 16  # paths that must have been sent from it
 _LEAST_DENSITY = 1.0 / 8.0  # of sides that matter, over their mean
 _PRIOR = 4.0  # paths that the mean density is worth on a sheet
@@ -34,7 +37,7 @@ class Pilot(NamedTuple):
         gathers comes from, at least DEFENSIVE. arrival: the same for photons from the surroundings to arrive there.
     open: (t, 2) bool, sides from which nearly every direction leaves the scene: a ray says more than photons there.
     importance: (t,) float64, how much of the light that the image gathers comes from each triangle, were all equally
-        bright; sky: how much comes from the surroundings, but for open sides. Both together sum to at most 1.
+        bright; sky: how much comes from the surroundings, less where open sides see them. Together at most 1.
     openness: share of cosine-distributed directions from the sides that matter that leave the scene, 0 if none does.
     view: m, width of the frame where the camera's rays meet the scene (median); infinite if they meet nothing.
     place, facing: (r, 3) float64, points where camera paths gather and the normals there.
@@ -104,7 +107,12 @@ def explore(
         openness = float(np.mean(triangle < 0))
     is_open = (left >= _LEAST_OPEN) & (escaped > _OPEN * left)
     importance /= max(importance.sum(), 1e-300)
-    hidden = escapes[~is_open].sum() / max(escapes.sum(), 1e-300)
+    # Rays to the surroundings leave an error of sqrt((1 - V) / (V n)), V the share of them that is free, n their number
+    # (stratified, they count double); photons leave 1 / sqrt(k). The weight of an open side is the ratio of both.
+    visible = escaped / np.maximum(left, 1.0)
+    error = np.sqrt((1.0 - visible) / np.maximum(visible, 1e-9) * (_TYPICAL_PHOTONS / (2.0 * SKY_RAYS)))
+    weight = np.where(is_open, np.clip(error, _LEAST_ERROR, 1.0), 1.0)
+    hidden = float(escapes @ weight) / max(escapes.sum(), 1e-300)
     gathers = np.any(paths.facing != 0.0, axis=1)
     return Pilot(
         matters,
@@ -206,10 +214,10 @@ def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, import
         if bounce > 0:
             importance[t if t >= 0 else importance.size - 1] += paths.weight[i]
         if t < 0:
-            if bounce > 0:
+            if paths.label[i] >= 0:
                 escapes[paths.label[i]] += paths.weight[i]
                 escaped[paths.label[i]] += 1.0
-            paths.weight[i] = 0.0
+            paths.weight[i], paths.label[i] = 0.0, -1
             continue
         side = facing_side(surfaces.corners, t, paths.direction, i)
         label = surfaces.sheet[t, side]
