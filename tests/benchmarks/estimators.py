@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Variants of the estimator side by side: error after equal time, on the scenes of speed_scenes.py.
+
+    python tests/benchmarks/estimators.py [--scene NAME ...] [--variant NAME ...] [--seconds S | --passes N]
+
+A variant changes settings, or constants and functions of the solver's modules, in a process of its own. Kernels are
+compiled with the constants of the moment and kept, so variants that change what kernels read have folders of kernels
+of their own.
+
+Time is processor time of all threads, preparation included: other work on the machine then hardly counts. Variants
+take turns, seed by seed, and ratios are to the default with the same seed; the table shows medians over the seeds.
+
+Error is the root mean square of the error of the apparent temperature (K) of the radiance of all bands: "trimmed"
+without the worst 2 % of the pixels, and over all. It is taken against two independent long renders of the default with
+more photons a pass (less blur), as the mean product of the differences from both, so that their own noise is no part of
+it. They are kept in the folder --refs; delete them when the solver's results have changed.
+"""
+
+import argparse
+import hashlib
+import importlib
+import itertools
+import multiprocessing
+import os
+import pickle
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+HERE = Path(__file__).absolute().parent
+sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
+from speed_scenes import SCENES  # noqa: E402
+
+from addon.solver import Settings, eye_paths, render  # noqa: E402
+from addon.solver.eye_paths import CAMERA_SAMPLES  # noqa: E402
+from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
+from addon.solver.radiometry import excess  # noqa: E402
+from addon.solver.rng import path_key, uniform  # noqa: E402
+from addon.solver.sampling import cosine_direction, to_world  # noqa: E402
+from addon.solver.surfaces import temperature_at  # noqa: E402
+
+WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
+REFERENCE = {"passes": 128, "photons_per_pass": 1_000_000}
+REFERENCE_SEEDS = (1_000_001, 1_000_002)
+KEPT = 0.98  # share of the pixels in the trimmed error
+
+
+@njit(nogil=True)
+def _send_cosine_rays(surfaces, radiometry, key, bounce, first, triangle, u, v, rays, gathers, found, shadows):
+    """One ray a gather in a cosine-distributed direction; its radiance is the factor on what it meets."""
+    for g in range(found):
+        i = gathers.ray[g]
+        hit = eye_paths._hit(surfaces, rays, i, triangle[i], u[i], v[i])
+        path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
+        local = cosine_direction(uniform(path, (1 << 20) + 4 * bounce), uniform(path, (1 << 20) + 4 * bounce + 1))
+        normal = hit.nx, hit.ny, hit.nz
+        start = np.array((hit.x, hit.y, hit.z)) + surfaces.clearance[hit.triangle] * np.array(normal)
+        shadows.origin[g], shadows.direction[g] = start, np.array(to_world(*local, *normal))
+        shadows.reach[g], shadows.pixel[g] = 1e37, rays.number[i] // CAMERA_SAMPLES
+        material = surfaces.material[hit.triangle]
+        scale = gathers.share[g] * (1.0 - radiometry.specular[material])
+        shadows.radiance[g] = rays.throughput[i] * radiometry.reflectance[material] * scale
+    return found
+
+
+@njit(nogil=True)
+def _add_met(surfaces, radiometry, surroundings, triangle, shadows, image):
+    """Add what the cosine rays meet: surfaces of one temperature each, or the surroundings."""
+    value = np.empty(surroundings.size)
+    for i in range(triangle.size):
+        t = triangle[i]
+        value[:] = surroundings
+        if t >= 0:
+            excess(radiometry, surfaces.material[t], temperature_at(surfaces.temperature, t, 0.3, 0.3), 1.0, value)
+        for b in range(value.size):
+            image[shadows.pixel[i], b] += shadows.radiance[i, b] * value[b]
+
+
+class FinalGather:
+    """All direct light by one cosine ray a gather, photons for the rest (Jensen 2001); without lights."""
+
+    def send(self, surfaces, radiometry, emitters, lamps, lamp_points, *others):
+        self.scene = surfaces, radiometry, emitters.surroundings  # the same in all calls
+        return _send_cosine_rays(surfaces, radiometry, *others)
+
+    def add(self, triangle, shadows, image):
+        _add_met(*self.scene, triangle, shadows, image)
+
+
+def all_sides(surfaces, *_):
+    return np.ones((len(surfaces.corners), 2), bool)
+
+
+def no_walls(tracer, surfaces, estimate, key, bounce, first, hits, rays, gathers, found):
+    return np.full(found, np.inf, np.float32)
+
+
+def by_area(count, sheet, area, matters):
+    """Every side that matters emits by its power alone."""
+    return np.where(matters, 1.0, 1.0 / 64.0)
+
+
+def camera_samples(count):
+    return {"eye_paths.CAMERA_SAMPLES": count, "eye_paths._SHARE": np.float32(1.0 / count)}
+
+
+_GATHER = FinalGather()
+_OPEN = {"pilot._OPEN": -1.0, "pilot._LEAST_OPEN": 0}
+# What each variant changes: "module.name" in addon.solver, or a field of Settings (a value, or a function of the name
+# and the scene).
+VARIANTS = {
+    "default": {},
+    "1 camera ray": camera_samples(1),
+    "4 camera rays": camera_samples(4),
+    "32 camera rays": camera_samples(32),
+    "no lamps": {"lamps._TOGETHER": 1e9},
+    "everything a lamp": {"lamps._MOST": 10**6, "lamps._COMPACT": 1e9, "lamps._MATTERS": 0.0, "lamps._TOGETHER": -1.0},
+    "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},
+    "lamps in mesh order": {"lamps.morton_ranks": lambda points: np.arange(len(points))},
+    "final gather": {
+        "render.choose_lamps": all_sides,
+        **_OPEN,
+        "eye_paths.send_shadows": _GATHER.send,
+        "eye_paths.add_unshadowed": _GATHER.add,
+    },
+    "no sky rays": {"pilot._OPEN": 2.0},
+    "sky rays everywhere": _OPEN,
+    "no guide": {"render._ENOUGH": -1.0},
+    "guide always": {"render._ENOUGH": 2.0, "render._WORTHWHILE": 0.0},
+    "emission by power alone": {"pilot._density": by_area},
+    "no feelers": {"eye_paths._feel": no_walls},
+    "20 neighbours": {"neighbours": 20},
+    "150 neighbours": {"neighbours": 150},
+    "fixed radius": {"shrink": False},
+    "T0 of the sky": {"reference_temperature": lambda name, scene: scene.world_temperature},
+    "T0 of the walls": {"reference_temperature": lambda name, scene: WALLS[name]},
+    "no subtraction": {"reference_subtraction": False},
+    "band-average roulette": {"roulette": "BAND_AVERAGE"},
+}
+
+
+def apply(variant):
+    """Change the solver's constants and functions in this process."""
+    for target, value in VARIANTS[variant].items():
+        if "." in target:
+            module, name = target.split(".")
+            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.render is the function
+            getattr(module, name)  # a name that is gone is an error
+            setattr(module, name, value)
+
+
+def measure(variant, name, seed, options):
+    """Image of temperatures (K), passes, and processor time (s): of all, and of one pass behind the first."""
+    scene = SCENES[name]()
+    chosen = {key: value for key, value in VARIANTS[variant].items() if "." not in key}
+    chosen = {key: value(name, scene) if callable(value) else value for key, value in chosen.items()}
+    limits = {"passes": options.passes, "time_limit": 0.0 if options.passes else 1e6}
+    ends, start = [], time.process_time()
+    film = render(
+        scene,
+        Settings(seed=seed, threads=options.threads, **limits, **chosen),
+        lambda film: ends.append(time.process_time() - start),
+        lambda: not options.passes and time.process_time() - start > options.seconds,
+    )
+    each = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else np.nan
+    return film.temperature(), film.passes, each
+
+
+def kernel_globals():
+    """Names of the globals that the solver's kernels read."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("addon.solver.")]
+    kernels = [value for module in modules for value in vars(module).values() if hasattr(value, "py_func")]
+    return {name for kernel in kernels for name in kernel.py_func.__code__.co_names}
+
+
+def start(variant, folder):
+    """A process for a variant."""
+    names = {key: key.split(".")[1] for key in VARIANTS[variant] if "." in key}
+    compiled = {key: VARIANTS[variant][key] for key, name in names.items() if name in kernel_globals()}
+    digest = hashlib.sha256(repr(compiled).encode()).hexdigest()[:12]
+    os.environ[FOLDER_VARIABLE] = str(folder / "kernels" / digest)
+    context = multiprocessing.get_context("spawn")  # imports the solver anew, with that folder
+    pool = ProcessPoolExecutor(1, context, apply, (variant,))
+    for name in ("room", "ring"):  # loads or compiles the kernels; 12 bands and 16, with mirrors and without
+        pool.submit(measure, variant, name, 0, argparse.Namespace(passes=1, threads=1)).result()
+    return pool
+
+
+def load_reference(name, folder, threads):
+    """Two independent long renders (2, height, width), K, from the folder, rendered there first if need be."""
+    scene = SCENES[name]()
+    digest = hashlib.sha256(pickle.dumps((scene, REFERENCE, REFERENCE_SEEDS))).hexdigest()[:12]
+    path = folder / f"own-{name}-{digest}.npy"
+    if not path.exists():
+        print(f"{name}: rendering the reference", flush=True)
+        halves = [render(scene, Settings(seed=s, threads=threads, **REFERENCE)).temperature() for s in REFERENCE_SEEDS]
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(path, halves)
+    return np.load(path).astype(np.float64)
+
+
+def errors(image, halves):
+    """Error of an image, K: trimmed, and over all pixels."""
+    order = np.argsort(np.abs(image - halves.mean(axis=0)).ravel())
+    products = np.prod(image - halves, axis=0).ravel()[order]
+    return np.sqrt(np.maximum([products[: int(KEPT * products.size)].mean(), products.mean()], 0.0))
+
+
+def compare(name, pools, options):
+    """Print the table of one scene."""
+    halves = load_reference(name, options.refs, options.threads)
+    results = {variant: [] for variant in pools}
+    for seed, variant in itertools.product(range(options.seeds), pools):
+        image, passes, each = pools[variant].submit(measure, variant, name, seed, options).result()
+        results[variant].append((*(errors(image, halves) if passes else (np.nan, np.nan)), passes, each))
+    table = {variant: np.array(rows) for variant, rows in results.items()}
+    print(f"\n{name:24s}  trimmed         all pixels      passes  time of a pass", flush=True)
+    for variant, rows in table.items():
+        trimmed, everywhere, passes, _ = np.median(rows, axis=0)
+        ratio = np.median(rows / table["default"], axis=0)
+        print(
+            f"  {variant:22s}  {trimmed:.4f} x{ratio[0]:<6.2f}  {everywhere:.4f} x{ratio[1]:<6.2f}  "
+            f"{passes:6.0f}  x{ratio[3]:.2f}",
+            flush=True,
+        )
+
+
+def user_cache():
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "infrared_photons" / "benchmarks"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
+    parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
+    parser.add_argument("--variant", nargs="+", choices=VARIANTS, default=list(VARIANTS), help="(all of them)")
+    parser.add_argument("--seconds", type=float, default=2.0, help="of processor time, for each render (%(default)s)")
+    parser.add_argument("--passes", type=int, default=0, help="equal passes instead of equal time")
+    parser.add_argument("--seeds", type=int, default=3, help="renders of each variant and scene (%(default)s)")
+    parser.add_argument("--threads", type=int, default=2, help="(%(default)s)")
+    parser.add_argument("--refs", type=Path, default=user_cache(), help="folder of references, kernels (%(default)s)")
+    options = parser.parse_args()
+    chosen = ["default", *(variant for variant in options.variant if variant != "default")]
+    pools = {variant: start(variant, options.refs.absolute()) for variant in chosen}
+    for name in options.scene:
+        compare(name, pools, options)
+
+
+if __name__ == "__main__":
+    main()
