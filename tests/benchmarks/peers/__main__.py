@@ -7,7 +7,6 @@ takes one run for every three bands, which share the seconds. Loading and compil
 
 import importlib
 import sys
-import time
 
 import numpy as np
 
@@ -22,19 +21,13 @@ ENGINES = {  # module and the variant of the engine in it
 _CALIBRATION = 0.25  # s that the run lasts from which the rate of samples is taken
 
 
-def sample_rate(peer, seconds: float, threads: int, seed: int) -> float:
-    """Samples (of every pixel) a second, from trials no longer than so many seconds.
-
-    What of that time the threads did not get from a busy machine does not count, so images are as good there.
-    """
+def sample_rate(peer, seconds: float, seed: int) -> float:
+    """Samples (of every pixel) a second, from trials no longer than so many seconds."""
     samples = 4
     peer.render(samples, seed)  # compiles
     while True:
         seed += 1
-        clock, processor = time.perf_counter(), time.process_time()
         _, spent = peer.render(samples, seed)
-        clock, processor = time.perf_counter() - clock, time.process_time() - processor
-        spent *= min(1.0, processor / (threads * clock))
         if 4 * spent > seconds or spent > _CALIBRATION:
             return samples / spent
         samples *= 4
@@ -53,7 +46,7 @@ def main():
     for run, bands in enumerate(problem.groups):
         emission, reflectance, world, scale = problem.colours(bands)
         peer = load(variant, problem, emission, reflectance, world, int(threads))
-        rate = sample_rate(peer, min(budgets) / runs, int(threads), base + 500 + 1000 * run)
+        rate = sample_rate(peer, min(budgets) / runs, base + 500 + 1000 * run)
         for i, budget in enumerate(budgets):
             samples = max(1, round(rate * budget / runs))
             image, spent = peer.render(samples, base + 1000 * run + i)
