@@ -2,6 +2,7 @@
 """The solver as a whole: passes, threads, roulettes, lights and lobes against closed forms."""
 
 import dataclasses
+import importlib
 import threading
 import time
 
@@ -46,17 +47,48 @@ def bands(film):
 QUICK = Settings(passes=4, photons_per_pass=40_000, neighbours=20)
 
 
-def test_image_is_bit_identical_for_any_number_of_threads():
-    scene = room(lights=(PointLight(np.array([0.5, 1.5, 1.2]), 200.0),))
+def outdoors():
+    """A hot ball before a hut without a wall on a plain, under a sun and a cold sky: lamps and open sheets."""
+    hut, hut_triangles = box((1.5, 1.5, 1.0))
+    ball, ball_triangles = sphere(2, 0.1)
+    ground = np.array([(-40, -40, 0), (40, -40, 0), (40, 40, 0), (-40, 40, 0)], float)
+    vertices = np.concatenate((hut, ball + (-0.4, 0.3, 0.9), ground))
+    triangles = np.concatenate(
+        (hut_triangles[2:], ball_triangles + 8, np.array([(0, 1, 2), (0, 2, 3)]) + len(hut) + len(ball))
+    )
+    material = np.array([0] * 10 + [1] * len(ball_triangles) + [0] * 2)
+    temperature = np.array([290.0] * 10 + [2500.0] * len(ball_triangles) + [285.0] * 2)
+    materials = [Material("metal", 0.4), STEEL]
+    sun = SunLight(np.array([0.5, 0.3, -1.0]), 800.0)
+    camera = look((-1.5, 0.4, 1.8), (0.8, 0.7, 0.5), 32, 24, 0.5)
+    return make_scene(
+        vertices, triangles.astype(np.int32), temperature, materials, camera, EDGES, material, world_temperature=220.0,
+        lights=(sun,),
+    )  # fmt: skip
+
+
+def test_outdoors_has_lamps_and_open_sheets():
+    """What the tests of determinism below rest on; test_guide.py has those with a guide."""
+    emitters = importlib.import_module("addon.solver.render").prepare(outdoors(), QUICK).emitters
+    assert emitters.lamp.any() and emitters.open.any()
+
+
+LIT = {"room": lambda: room(lights=(PointLight(np.array([0.5, 1.5, 1.2]), 200.0),)), "outdoors": outdoors}
+
+
+@pytest.mark.parametrize("name", LIT)
+def test_image_is_bit_identical_for_any_number_of_threads(name):
+    scene = LIT[name]()
     films = [render(scene, dataclasses.replace(QUICK, threads=threads)) for threads in (1, 2, 5)]
     for film in films[1:]:
         assert np.array_equal(bands(films[0]), bands(film))
         assert np.array_equal(films[0].noise(), film.noise())
 
 
-def test_pass_ranges_join_to_the_same_image():
+@pytest.mark.parametrize("name", LIT)
+def test_pass_ranges_join_to_the_same_image(name):
     """Passes 0..5 are the weighted mean of 0..1 and 2..5, to float32 rounding, noise included."""
-    scene = room()
+    scene = LIT[name]()
     whole = render(scene, dataclasses.replace(QUICK, passes=6))
     head = render(scene, dataclasses.replace(QUICK, passes=2))
     tail = render(scene, dataclasses.replace(QUICK, passes=4, pass_offset=2))
