@@ -32,7 +32,7 @@ import numpy as np
 
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
-from peers.__main__ import ENGINES  # noqa: E402
+from peers.__main__ import CLOCKS, ENGINES  # noqa: E402
 from peers.problem import build_problem  # noqa: E402
 from speed_scenes import SCENES  # noqa: E402
 
@@ -59,13 +59,13 @@ def user_cache() -> Path:
     return Path(home) / "infrared_photons" / "benchmarks"
 
 
-def run_peer(engine, problem, threads, seconds, polite=False):
+def run_peer(engine, problem, threads, clock, seconds, polite=False):
     """Images (n, height, width, bands) W m-2 sr-1 per band and s (n,), one for each of n budgets in seconds."""
     with tempfile.TemporaryDirectory() as folder:
         problem.save(f"{folder}/problem.npz")
         command = [sys.executable, "-m", "peers", engine, f"{folder}/problem.npz", f"{folder}/images.npz"]
         done = subprocess.run(
-            [*command, str(threads), *map(str, seconds)],
+            [*command, str(threads), clock, *map(str, seconds)],
             cwd=HERE,
             capture_output=True,
             text=True,
@@ -113,32 +113,32 @@ def load_reference(name, scene, folder, threads):
     if not path.exists():
         print(f"{name}: rendering the reference with {REFERENCE_PEER}, about {seconds} s", flush=True)
         chunks = max(2, 2 * round(seconds / 40))  # many short images, so that the halves are alike
-        images, _ = run_peer(REFERENCE_PEER, problem, threads, [seconds / chunks] * chunks, polite=True)
+        images, _ = run_peer(REFERENCE_PEER, problem, threads, "processor", [seconds / chunks] * chunks, polite=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         np.save(path, np.stack((images[::2].mean(axis=0), images[1::2].mean(axis=0))))
     return Reference(scene, np.load(path))
 
 
-def our_curve(scene, settings, measure, limit=np.inf, enough=(0.0, 0.0)):
+def our_curve(scene, settings, measure, clock, limit=np.inf, enough=(0.0, 0.0)):
     """Passes (n,), s (n,) and errors (n, 2) of one render, until `limit` s or until both errors are small enough.
 
     measure: errors of an image of temperatures. Measuring does not count as time.
     """
     passes, seconds, errors = [], [], []
     paused = 0.0
-    started = time.perf_counter()
+    started = clock()
 
     def on_pass(film):
         nonlocal paused
-        now = time.perf_counter()
+        now = clock()
         if film.passes <= 32 or film.passes >= 1.05 * passes[-1] or film.passes == settings.passes:
             passes.append(film.passes)
             seconds.append(now - started - paused)
             errors.append(measure(film.temperature()))
-        paused += time.perf_counter() - now
+        paused += clock() - now
 
     def finished():
-        out_of_time = time.perf_counter() - started - paused > limit
+        out_of_time = clock() - started - paused > limit
         return bool(passes) and (out_of_time or bool(np.all(errors[-1] < enough)))
 
     render(scene, settings, on_pass, finished)
@@ -162,7 +162,7 @@ def compare(name, options):
     curves, marks = {}, []
     budgets = [*PEER_SECONDS, *[options.seconds] * options.repeats]
     for peer in options.peers:
-        images, seconds = run_peer(peer, problem, options.threads, budgets)
+        images, seconds = run_peer(peer, problem, options.threads, options.clock, budgets)
         errors = reference.image_errors(images)
         ends = slice(len(PEER_SECONDS), None)
         mark = (np.median(seconds[ends]), *np.median(errors[ends], axis=0))
@@ -174,11 +174,12 @@ def compare(name, options):
     # their seconds differ a little; the error of each falls as their square root
     best = [min(marks, key=lambda mark, at=at: mark[at] * np.sqrt(mark[1])) for at in (2, 3)]
     enough = [best[which][2 + which] for which in (0, 1)]
+    clock = CLOCKS[options.clock](options.threads)
     ours = []
     for seed in range(options.seeds):
         settings = Settings(passes=0, time_limit=1e6, threads=options.threads, seed=seed, **options.settings)
         goal = (0.0, 0.0) if seed == 0 else enough  # the first one draws the plot
-        ours.append(our_curve(scene, settings, reference.errors, options.seconds, goal))
+        ours.append(our_curve(scene, settings, reference.errors, clock, options.seconds, goal))
     curves["ours"] = ours[0][1:]
     rows = []
     for which, label in enumerate(("trimmed", "all")):
@@ -195,7 +196,7 @@ def slope(name, options):
     scene = SCENES[name]()
     reference = load_reference(name, scene, options.cache, options.threads)
     settings = Settings(passes=options.slope, threads=options.threads, **options.settings)
-    passes, seconds, errors = our_curve(scene, settings, reference.own_errors)
+    passes, seconds, errors = our_curve(scene, settings, reference.own_errors, time.perf_counter)
     wanted = sorted({2**i for i in range(int(np.log2(options.slope)) + 1)} | {options.slope})
     chosen = [int(np.argmin(np.abs(passes - p))) for p in wanted]
     print(f"\n{name}: error without the reference's own (its standard error is {reference.standard_error:.3g} K)")
@@ -224,7 +225,7 @@ def check(name, options):
         if engine == "ours":
             images = np.array([our_image(scene, seed, options) for seed in range(runs)])
         else:
-            images, _ = run_peer(engine, problem, options.threads, [options.seconds] * runs, polite=True)
+            images, _ = run_peer(engine, problem, options.threads, options.clock, [options.seconds] * runs, polite=True)
         print(f"  {engine:14s} " + _deviations(images, reference), flush=True)
 
 
@@ -303,6 +304,12 @@ def parse_options():
     parser.add_argument("--out", type=Path, default=Path.cwd(), help="folder for the plot (the current one)")
     parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of the references (%(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="of every engine (%(default)s)")
+    parser.add_argument(
+        "--clock",
+        choices=CLOCKS,
+        default="wall",
+        help="'processor' counts the processor's time over the threads, for all: for a machine that is busy otherwise",
+    )
     parser.add_argument("--seconds", type=float, default=10.0, help="of the peers' runs together (%(default)s)")
     parser.add_argument("--repeats", type=int, default=3, help="of the peers at those seconds (%(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="of ours (%(default)s)")

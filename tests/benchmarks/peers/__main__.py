@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders a problem with one peer: python -m peers ENGINE PROBLEM.npz IMAGES.npz THREADS SECONDS [SECONDS ...]
+"""Renders a problem with one peer: python -m peers ENGINE PROBLEM.npz IMAGES.npz THREADS CLOCK SECONDS [SECONDS ...]
 
 One image (height, width, bands; row 0 is the bottom) for every number of seconds, independent of one another. An image
 takes one run for every three bands, which share the seconds. Loading and compilation do not count.
@@ -7,6 +7,7 @@ takes one run for every three bands, which share the seconds. Loading and compil
 
 import importlib
 import sys
+import time
 
 import numpy as np
 
@@ -17,6 +18,10 @@ ENGINES = {  # module and the variant of the engine in it
     "luxcore-path": ("luxcore_peer", "PATHCPU"),
     "luxcore-bidir": ("luxcore_peer", "BIDIRCPU"),
     "cycles": ("cycles_peer", "CYCLES"),
+}
+CLOCKS = {  # s, for a number of threads
+    "wall": lambda threads: time.perf_counter,
+    "processor": lambda threads: lambda: time.process_time() / threads,
 }
 _CALIBRATION = 0.25  # s that the run lasts from which the rate of samples is taken
 
@@ -34,7 +39,7 @@ def sample_rate(peer, seconds: float, seed: int) -> float:
 
 
 def main():
-    engine, problem_path, result_path, threads, *budgets = sys.argv[1:]
+    engine, problem_path, result_path, threads, clock, *budgets = sys.argv[1:]
     module, variant = ENGINES[engine]
     load = importlib.import_module(f".{module}", __package__).load
     problem = Problem.load(problem_path)
@@ -45,7 +50,7 @@ def main():
     base = int.from_bytes(np.random.default_rng().bytes(3), "little")
     for run, bands in enumerate(problem.groups):
         emission, reflectance, world, scale = problem.colours(bands)
-        peer = load(variant, problem, emission, reflectance, world, int(threads))
+        peer = load(variant, problem, emission, reflectance, world, int(threads), CLOCKS[clock](int(threads)))
         rate = sample_rate(peer, min(budgets) / runs, base + 500 + 1000 * run)
         for i, budget in enumerate(budgets):
             samples = max(1, round(rate * budget / runs))

@@ -17,12 +17,13 @@ _LITTLE = 1e-3  # share of the light that is left when roulette starts
 pyluxcore.Init(lambda message: None)
 
 
-def load(variant, problem, emission, reflectance, world, threads):
-    return _LuxCore(variant, problem, emission, reflectance, world, threads)
+def load(variant, problem, emission, reflectance, world, threads, clock):
+    return _LuxCore(variant, problem, emission, reflectance, world, threads, clock)
 
 
 class _LuxCore:
-    def __init__(self, variant, problem, emission, reflectance, world, threads):
+    def __init__(self, variant, problem, emission, reflectance, world, threads, clock):
+        self.clock = clock
         self.variant, self.threads = variant, threads
         self.width, self.height = int(problem.width), int(problem.height)
         position, ahead, up = (list(map(float, vector)) for vector in problem.camera)
@@ -93,11 +94,11 @@ class _LuxCore:
         }
         session = pyluxcore.RenderSession(pyluxcore.RenderConfig(_properties(config), self.scene))
         session.Start()
-        started = time.perf_counter()
+        started = self.clock()
         while not session.HasDone():
             time.sleep(0.002)
             session.UpdateStats()
-        spent = time.perf_counter() - started
+        spent = self.clock() - started
         image = np.empty((self.height + 1, self.width, 3), np.float32)
         session.GetFilm().GetOutputFloat(pyluxcore.FilmOutputType.RGB, image, 0)
         session.Stop()

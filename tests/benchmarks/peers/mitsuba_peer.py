@@ -7,7 +7,6 @@ of it is linear.
 
 import glob
 import os
-import time
 
 import numpy as np
 
@@ -23,8 +22,8 @@ mi.set_variant("llvm_ad_rgb")
 _CHUNK = 256  # samples of a pixel in one launch: more need more memory and are no faster
 
 
-def load(variant, problem, emission, reflectance, world, threads):
-    return _Mitsuba(variant, problem, emission, reflectance, world, threads)
+def load(variant, problem, emission, reflectance, world, threads, clock):
+    return _Mitsuba(variant, problem, emission, reflectance, world, threads, clock)
 
 
 def _rgb(values):
@@ -32,7 +31,8 @@ def _rgb(values):
 
 
 class _Mitsuba:
-    def __init__(self, variant, problem, emission, reflectance, world, threads):
+    def __init__(self, variant, problem, emission, reflectance, world, threads, clock):
+        self.clock = clock
         dr.set_thread_count(threads)
         position, ahead, up = problem.camera
         film = {
@@ -84,9 +84,9 @@ class _Mitsuba:
         for chunk in set(chunks) - self.compiled:
             self._image(chunk, seed)
             self.compiled.add(chunk)
-        started = time.perf_counter()
+        started = self.clock()
         total = sum(chunk * self._image(chunk, seed * 1009 + i) for i, chunk in enumerate(chunks))
-        return total[::-1] / sum(chunks), time.perf_counter() - started
+        return total[::-1] / sum(chunks), self.clock() - started
 
     def _image(self, samples, seed):
         return np.array(mi.render(self.scene, spp=samples, seed=seed & 0xFFFFFFFF), dtype=np.float64)
