@@ -220,6 +220,8 @@ def render_pass(
     photon_key = pass_key(settings.seed, index, PHOTONS)
 
     def trace(first: int):
+        if cancelled():
+            return []
         count = min(PHOTON_CHUNK, total - first)
         return trace_photons(
             m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, photon_key, first, count, total, cancelled
@@ -243,6 +245,8 @@ def render_pass(
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
 
     def gather(first: int):
+        if cancelled():
+            return
         render_pixels(
             m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate, keys,
             index, first, image[first : first + PIXEL_CHUNK], seen[first : first + PIXEL_CHUNK], cancelled,
