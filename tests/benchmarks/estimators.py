@@ -56,10 +56,11 @@ def _send_cosine_rays(surfaces, radiometry, key, bounce, first, triangle, u, v, 
         i = gathers.ray[g]
         hit = eye_paths._hit(surfaces, rays, i, triangle[i], u[i], v[i])
         path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
-        local = cosine_direction(uniform(path, (1 << 20) + 4 * bounce), uniform(path, (1 << 20) + 4 * bounce + 1))
-        normal = hit.nx, hit.ny, hit.nz
-        start = np.array((hit.x, hit.y, hit.z)) + surfaces.clearance[hit.triangle] * np.array(normal)
-        shadows.origin[g], shadows.direction[g] = start, np.array(to_world(*local, *normal))
+        s, w = uniform(path, (1 << 20) + 4 * bounce), uniform(path, (1 << 20) + 4 * bounce + 1)
+        lx, ly, lz = cosine_direction(s, w)
+        normal = np.array((hit.nx, hit.ny, hit.nz))
+        shadows.origin[g] = np.array((hit.x, hit.y, hit.z)) + surfaces.clearance[hit.triangle] * normal
+        shadows.direction[g] = np.array(to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz))
         shadows.reach[g], shadows.pixel[g] = 1e37, rays.number[i] // CAMERA_SAMPLES
         material = surfaces.material[hit.triangle]
         scale = gathers.share[g] * (1.0 - radiometry.specular[material])
