@@ -271,8 +271,8 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, gu
     shrunk: r^2 = shrink2 r_k^2. Of k neighbours the k-th is left out. Both together estimate the density without bias:
     for k neighbours E[(k - 1) / (density area)] = 1, and the fixed disk adds exactly what the limit cuts off that mean.
     Where walls stand within the disk it shrinks to the free space, sqrt(free2), or to the k / 4-th neighbour where that
-    is further away but still about this side of the walls; this is unbiased in the same way (docs/method.md). Near edges the area is that of the surface really inside the
-    disk, and only its photons count (patch_in_ball).
+    is further away but still about this side of the walls; this is unbiased in the same way (docs/method.md).
+    Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball).
 
     guess: squared radius to try first; it changes the time, not the result.
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).

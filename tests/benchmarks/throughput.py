@@ -19,8 +19,11 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 from scenes import box, look, make_scene, sphere  # noqa: E402
 
-from addon.solver import Material, Settings  # noqa: E402
-from addon.solver import eye_paths  # noqa: E402
+from addon.solver import (  # noqa: E402
+    Material,
+    Settings,
+    eye_paths,  # noqa: E402
+)
 from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
 from addon.solver.lamps import lamp_points  # noqa: E402
 from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
@@ -119,9 +122,9 @@ def main():
             gathers, reflect = [], eye_paths.reflect
             eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
             pixels = range(0, len(image), PIXEL_CHUNK)
-            times["camera"].append(seconds(lambda c=camera: list(pool.map(c, pixels)))[0])
+            times["camera"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
             eye_paths.reflect = reflect
-            times["gather"].append(seconds(lambda g=gathers: list(pool.map(lambda a: reflect(*a), g)))[0])
+            times["gather"].append(seconds(lambda g=gathers, r=reflect: list(pool.map(lambda a: r(*a), g)))[0])
     best = {name: min(values[1:]) for name, values in times.items()}
     print(f"{threads} threads, {rays} rays, {store.count} photons stored, {settings.neighbours} neighbours")
     print("  ".join(f"{name} {1e3 * value:.1f} ms" for name, value in best.items()))
