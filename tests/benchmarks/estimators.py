@@ -44,7 +44,7 @@ from addon.solver.sampling import cosine_direction, to_world  # noqa: E402
 from addon.solver.surfaces import temperature_at  # noqa: E402
 
 WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
-REFERENCE = {"passes": 128, "photons_per_pass": 1_000_000}
+REFERENCE = {"passes": 64, "photons_per_pass": 500_000}
 REFERENCE_SEEDS = (1_000_001, 1_000_002)
 KEPT = 0.98  # share of the pixels in the trimmed error
 
