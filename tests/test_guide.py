@@ -208,7 +208,6 @@ def test_guide_lowers_the_noise(name, factor, monkeypatch):
     assert guided < factor * even
 
 
-@pytest.mark.xfail(reason="No photon of the first trial matters, so no second one is made")
 def test_guide_finds_what_few_photons_find():
     """One of 4000 photons of the sun finds the hole: there a guide is worth most."""
     scene = dark_room(290.0, 10.0, (SUN,))

@@ -119,14 +119,11 @@ def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
     assert 0.8 < ratio.mean() < 1.2
 
 
-UNEVEN = "A digital shift cuts an edge of slope 1 alike in every stratum, and then its error falls as n^-1/2 only"
-
-
 @pytest.mark.parametrize(
     "scene, target",
     [
         (room, 0.1),
-        pytest.param(silhouettes, 1.5, marks=pytest.mark.xfail(reason=UNEVEN)),
+        (silhouettes, 1.5),
     ],
 )
 def test_target_noise_is_reached(scene, target):

@@ -45,10 +45,29 @@ def sobol_points(first: int, count: int) -> np.ndarray:
 
 
 @njit(inline="always")
-def _scramble(points, sample, path, dimension):
-    """Coordinate of the sequence in [0, 1), with a digital shift of its own for every path: stratified as before."""
-    shift = np.uint32(uniform(path, dimension) * 4294967296.0)
-    return float(points[sample, dimension] ^ shift) * 2.0**-32
+def _reverse(x):
+    """The bits of a uint32 from last to first."""
+    x = np.uint32((x >> np.uint32(16)) | (x << np.uint32(16)))
+    x = ((x & np.uint32(0xFF00FF00)) >> np.uint32(8)) | ((x & np.uint32(0x00FF00FF)) << np.uint32(8))
+    x = ((x & np.uint32(0xF0F0F0F0)) >> np.uint32(4)) | ((x & np.uint32(0x0F0F0F0F)) << np.uint32(4))
+    x = ((x & np.uint32(0xCCCCCCCC)) >> np.uint32(2)) | ((x & np.uint32(0x33333333)) << np.uint32(2))
+    return ((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1)) | ((x & np.uint32(0x55555555)) << np.uint32(1))
+
+
+@njit(inline="always")
+def _scramble(reversed_points, sample, path, dimension):
+    """Coordinate of the sequence in [0, 1), scrambled for every path on its own as Owen's nested permutations do.
+
+    reversed_points: with their bits from last to first. A digit is flipped or not by a hash of the digits before it (Burley 2020, "Practical hash-based Owen scrambling",
+    listing 2): stratified as before, and unlike a digital shift it also smooths edges along a pixel's diagonal.
+    """
+    seed = np.uint32(uniform(path, dimension) * 4294967296.0)
+    x = reversed_points[sample, dimension]  # numba widens products, so each is cut to 32 bits again
+    x = np.uint32(x ^ (x * np.uint32(0x3D20ADEA)))
+    x = np.uint32((x + seed) * ((seed >> np.uint32(16)) | np.uint32(1)))
+    x = np.uint32(x ^ (x * np.uint32(0x05526C56)))
+    x = np.uint32(x ^ (x * np.uint32(0x53A22864)))
+    return float(_reverse(x)) * 2.0**-32
 
 
 class Eye(NamedTuple):
@@ -125,16 +144,20 @@ def eye_rays(eye, key, points, pixels, origin, direction, reach):
     """
     columns = eye.window[2] - eye.window[0]
     m = eye.matrix
+    turned = np.empty_like(points)
+    for sample in range(points.shape[0]):
+        for dimension in range(points.shape[1]):
+            turned[sample, dimension] = _reverse(points[sample, dimension])
     for i in range(origin.shape[0]):
         pixel, sample = pixels[i // points.shape[0]], i % points.shape[0]
         x, y = eye.window[0] + pixel % columns, eye.window[1] + pixel // columns
         path = path_key(key, y * eye.width + x)
-        s0, s1 = _scramble(points, sample, path, 0), _scramble(points, sample, path, 1)
+        s0, s1 = _scramble(turned, sample, path, 0), _scramble(turned, sample, path, 1)
         fx = eye.frame[0] + (eye.frame[1] - eye.frame[0]) * ((x + s0) / eye.width)
         fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * ((y + s1) / eye.height)
         lx = ly = 0.0
         if eye.lens_radius > 0.0:
-            lx, ly = _lens_point(eye, _scramble(points, sample, path, 2), _scramble(points, sample, path, 3))
+            lx, ly = _lens_point(eye, _scramble(turned, sample, path, 2), _scramble(turned, sample, path, 3))
             lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
         if eye.kind == 0:
             ox, oy = lx, ly

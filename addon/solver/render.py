@@ -43,7 +43,8 @@ log = logging.getLogger(__name__)
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
 PIXEL_CHUNK = 256  # of several rays each; small, so that all threads are busy to the end
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
-_TRIAL_PHOTONS = (1024, 8192, 16384)  # a glance says whether a guide would help
+_TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
+_KNOWN = 512  # photons that mattered, after which no larger trial is made
 _ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
 _WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refined
 _ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
@@ -188,13 +189,17 @@ def learn_guide(
         trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, count, count, on_hits=add)
         numbers, density = chosen_numbers(emitters.guide, key, count)
         guide, gain = build_guide(numbers, score * density * count, density)
+        mattered = np.count_nonzero(score)
         log.info(
             "%d of %d trial photons matter to the image; guide of %d cells, gain %.2f",
-            np.count_nonzero(score), count, len(guide.density), gain,
+            mattered, count, len(guide.density), gain,
         )  # fmt: skip
-        if np.count_nonzero(score) > _ENOUGH * count or gain < _WORTHWHILE:
+        if mattered > _ENOUGH * count:
             break
-        emitters = emitters._replace(guide=guide)
+        if gain >= _WORTHWHILE:
+            emitters = emitters._replace(guide=guide)
+        if mattered > _KNOWN:
+            break
     return emitters
 
 
