@@ -61,7 +61,7 @@ def photon_map(points, surfaces, codes=0, power=None, batches=1, store=None):
     store = store or PhotonStore(power.shape[1], False)
     for part in np.array_split(np.arange(n), batches):
         store.append(Photons(position[part], codes[part], power[part], NO_DIRECTIONS))
-    return Map(build_photon_map(store.photons, surfaces.corners), surfaces)
+    return Map(build_photon_map(store.photons, surfaces.plane), surfaces)
 
 
 @njit
@@ -410,7 +410,7 @@ def test_photons_stay_together():
         number = part.astype(np.float32)[:, None]
         store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy()))
     surfaces = square()
-    photons = build_photon_map(store.photons, surfaces.corners).photons
+    photons = build_photon_map(store.photons, surfaces.plane).photons
     order = photons.power[:, 0].astype(int)
     assert np.array_equal(np.sort(order), np.arange(n))
     assert np.array_equal(photons.position, points[order])

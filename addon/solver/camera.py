@@ -58,8 +58,9 @@ def _reverse(x):
 def _scramble(reversed_points, sample, path, dimension):
     """Coordinate of the sequence in [0, 1), scrambled for every path on its own as Owen's nested permutations do.
 
-    reversed_points: with their bits from last to first. A digit is flipped or not by a hash of the digits before it (Burley 2020, "Practical hash-based Owen scrambling",
-    listing 2): stratified as before, and unlike a digital shift it also smooths edges along a pixel's diagonal.
+    reversed_points: with their bits from last to first. A digit is flipped or not by a hash of the digits before it
+    (Burley 2020, "Practical hash-based Owen scrambling", listing 2): stratified as before, and unlike a digital shift
+    it also smooths edges along a pixel's diagonal.
     """
     seed = np.uint32(uniform(path, dimension) * 4294967296.0)
     x = reversed_points[sample, dimension]  # numba widens products, so each is cut to 32 bits again

@@ -14,7 +14,7 @@ from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import FAST, basis, lobe_brdf, mirror, reflect_in_lobe, to_world, turn
-from .surfaces import PATCH_LIMIT, facing_side, normal, point, temperature_at
+from .surfaces import PATCH_LIMIT, facing_side, point, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
 
 # Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
@@ -155,7 +155,7 @@ def _hit(surfaces, rays, i, t, u, v):
     dx, dy, dz = float(rays.direction[i, 0]), float(rays.direction[i, 1]), float(rays.direction[i, 2])
     inverse = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
     dx, dy, dz = dx * inverse, dy * inverse, dz * inverse
-    nx, ny, nz, _ = normal(surfaces.corners, t)
+    nx, ny, nz = unit_normal(surfaces, t)
     cosine = -(dx * nx + dy * ny + dz * nz)
     side = 0
     if cosine < 0.0:
@@ -197,7 +197,7 @@ def meet(surfaces, radiometry, surroundings, key, bounce, first, triangle, u, v,
             continue
         if _largest(rays.throughput[i], radiometry.reflectance[material]) == 0.0:
             continue
-        sheet = surfaces.sheet[t, facing_side(surfaces.corners, t, rays.direction, i)]
+        sheet = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]
         g = newest
         while g < found and not (sheets[g - newest] == sheet and materials[g - newest] == material):
             g += 1
@@ -230,7 +230,7 @@ def start_feelers(surfaces, key, bounce, first, triangle, u, v, rays, gathers, f
     for g in range(found):
         i = gathers.ray[g]
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        clear = surfaces.clearance[hit.triangle]
+        clear = surfaces.plane[hit.triangle, 3]
         path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
         c, s = turn(uniform(path, _FEELING + bounce))
         for feeler in range(_FEELERS):
@@ -249,10 +249,10 @@ def shortest_feelers(surfaces, triangle, rays, gathers, blocker, u, v, origin, d
     for g in range(found):
         nearest2 = reach2
         t = triangle[gathers.ray[g]]
-        own = surfaces.sheet[t, facing_side(surfaces.corners, t, rays.direction, gathers.ray[g])]
+        own = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, gathers.ray[g])]
         for row in range(_FEELERS * g, _FEELERS * (g + 1)):
             t = blocker[row]
-            if t >= 0 and surfaces.sheet[t, facing_side(surfaces.corners, t, direction, row)] != own:
+            if t >= 0 and surfaces.sheet[t, facing_side(surfaces, t, direction, row)] != own:
                 x, y, z = point(surfaces.corners, t, u[row], v[row])
                 dx, dy, dz = x - origin[row, 0], y - origin[row, 1], z - origin[row, 2]
                 # a wall may stand 45 degrees away from the nearest feeler
@@ -375,7 +375,7 @@ def _follow(surfaces, radiometry, hit, path, bounce, i, alive, rays):
     survival = min(MAX_SURVIVAL if bounce >= _SURE else 1.0, left / _FULL)
     if left <= 0.0 or uniform(path, _DIMENSIONS * bounce + 2) >= survival:
         return 0
-    clear = surfaces.clearance[hit.triangle]
+    clear = surfaces.plane[hit.triangle, 3]
     rays.origin[alive, 0] = hit.x + clear * hit.nx
     rays.origin[alive, 1] = hit.y + clear * hit.ny
     rays.origin[alive, 2] = hit.z + clear * hit.nz

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from .point_tree import STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .surfaces import SAME_SURFACE, normal, point
+from .surfaces import SAME_SURFACE, point, unit_normal
 
 DIMENSIONS = 5
 CELLS = 1024
@@ -163,7 +163,7 @@ def add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score
         power = 0.0
         for b in range(wave.power.shape[1]):
             power += abs(wave.power[i, b]) * radiometry.reflectance[material, b]
-        nx, ny, nz, _ = normal(surfaces.corners, t)
+        nx, ny, nz = unit_normal(surfaces, t)
         if dx * nx + dy * ny + dz * nz > 0.0:
             nx, ny, nz = -nx, -ny, -nz
         x, y, z = point(surfaces.corners, t, pu, pv)

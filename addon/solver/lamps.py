@@ -26,7 +26,7 @@ from .point_tree import morton_ranks
 from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import basis, cone_direction, cosine_direction, lobe_brdf, to_world, triangle_point
-from .surfaces import Surfaces, normal, point, temperature_at
+from .surfaces import Surfaces, normal, point, temperature_at, unit_normal
 
 _MOST = 64  # surfaces that may become lamps: those of most power
 _RECEIVERS = 512  # points at which they are judged
@@ -150,12 +150,10 @@ def lamp_points(lamps, surfaces, key):
         if entry < lamps.code.size:
             code = lamps.code[entry]
             t = code >> 1
-            nx, ny, nz, _ = normal(surfaces.corners, t)
-            if code & 1 == 1:
-                nx, ny, nz = -nx, -ny, -nz
+            nx, ny, nz = unit_normal(surfaces, t, code & 1)
             u, v = triangle_point(s, w)
             x, y, z = point(surfaces.corners, t, u, v)
-            clear = surfaces.clearance[t]
+            clear = surfaces.plane[t, 3]
             points.position[i, 0], points.position[i, 1], points.position[i, 2] = (
                 x + clear * nx,
                 y + clear * ny,
@@ -264,7 +262,7 @@ def send_shadow(
     i = offset + stride * c
     chosen, u, v = points.entry[i], points.u[i], points.v[i]
     x, y, z = points.position[i]
-    clear = surfaces.clearance[hit.triangle]
+    clear = surfaces.plane[hit.triangle, 3]
     ox, oy, oz = hit.x + clear * hit.nx, hit.y + clear * hit.ny, hit.z + clear * hit.nz
     dx, dy, dz, reach = x - ox, y - oy, z - oz, 1.0
     probability = lamps.cumulative[chosen + 1] - lamps.cumulative[chosen]
@@ -315,7 +313,7 @@ def send_sky(surfaces, radiometry, surroundings, hit, throughput, share, path, d
 
 @njit(inline="always")
 def _start(surfaces, hit, dx, dy, dz, reach, pixel, shadows, count):
-    clear = surfaces.clearance[hit.triangle]
+    clear = surfaces.plane[hit.triangle, 3]
     shadows.origin[count, 0] = hit.x + clear * hit.nx
     shadows.origin[count, 1] = hit.y + clear * hit.ny
     shadows.origin[count, 2] = hit.z + clear * hit.nz

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from .point_tree import FAR, STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .surfaces import SAME_SURFACE, in_region, normal, patch_in_ball, region_area
+from .surfaces import SAME_SURFACE, in_region, normal, patch_in_ball, region_area, unit_normal
 
 _LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that a gather may use however close the walls
 MAX_PHOTONS = 2**31 - 1
@@ -79,16 +79,15 @@ class PhotonMap(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _fill_leaves(photons, corners, ranks, leaves):
+def _fill_leaves(photons, plane, ranks, leaves):
     """Put positions and normals to their places in the leaves."""
     for i in range(ranks.size):
         leaf, slot = ranks[i] // WIDTH, ranks[i] % WIDTH
         code = photons.surface[i]
-        nx, ny, nz, _ = normal(corners, code >> 1)
-        sign = 1.0 if code & 1 == 0 else -1.0
+        sign = np.float32(1.0 if code & 1 == 0 else -1.0)
         for axis in range(3):
             leaves[leaf, axis, slot] = photons.position[i, axis]
-        leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = sign * nx, sign * ny, sign * nz
+            leaves[leaf, 3 + axis, slot] = sign * plane[code >> 1, axis]
 
 
 @njit(cache=True, nogil=True)
@@ -130,15 +129,15 @@ def _permute(rows, walk):
             following = -1
 
 
-def build_photon_map(photons: Photons, corners: np.ndarray, run=map) -> PhotonMap:
-    """Photon map of photons, which are sorted in place. corners: of the surfaces they lie on. run: map, or a pool's."""
+def build_photon_map(photons: Photons, plane: np.ndarray, run=map) -> PhotonMap:
+    """Photon map of photons, which are sorted in place. plane: of the surfaces they lie on. run: map, or a pool's."""
     ranks = morton_ranks(photons.position)
     leaves = empty_leaves(len(ranks), 6)
     walk = _cycles(ranks)
 
     def sort(power: bool):  # two jobs of about equal length
         if not power:
-            _fill_leaves(photons, corners, ranks, leaves)
+            _fill_leaves(photons, plane, ranks, leaves)
         for rows in (photons.power,) if power else (photons.position, photons.surface[:, None], photons.incoming):
             if len(rows):
                 _permute(rows, walk)
@@ -278,9 +277,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, gu
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
     """
     corners = surfaces.corners
-    nx, ny, nz, _ = normal(corners, t)
-    if side == 1:
-        nx, ny, nz = -nx, -ny, -nz
+    nx, ny, nz = unit_normal(surfaces, t, side)
     limit = np.float32(reach2)
     smallest = np.float32(1e-12) * limit  # photons that all coincide still get an area
     bound = max(np.float32(min(guess, reach2)), smallest)

@@ -14,7 +14,7 @@ from .camera import Eye, eye_rays, sobol_points
 from .lamps import SKY_RAYS
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, mirror, triangle_point
-from .surfaces import Surfaces, Tracer, areas, facing_side, normal, point, start_ray
+from .surfaces import Surfaces, Tracer, areas, facing_side, point, start_ray, unit_normal
 
 _CAMERA_PATHS = 4096
 _BOUNCES = 8
@@ -219,7 +219,7 @@ def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, import
                 escaped[paths.label[i]] += 1.0
             paths.weight[i], paths.label[i] = 0.0, -1
             continue
-        side = facing_side(surfaces.corners, t, paths.direction, i)
+        side = facing_side(surfaces, t, paths.direction, i)
         label = surfaces.sheet[t, side]
         reached[label] = True
         if bounce > 0:
@@ -229,13 +229,11 @@ def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, import
         material = surfaces.material[t]
         paths.weight[i] *= reflectance[material]
         path = path_key(key, i)
-        nx, ny, nz, _ = normal(surfaces.corners, t)
-        if side == 1:
-            nx, ny, nz = -nx, -ny, -nz
+        nx, ny, nz = unit_normal(surfaces, t, side)
         if is_mirror[material] and uniform(path, 3 * bounce + 8) < specular[material]:
             dx, dy, dz = paths.direction[i]
             ox, oy, oz = mirror(dx, dy, dz, nx, ny, nz, -(dx * nx + dy * ny + dz * nz))
-            clear = surfaces.clearance[t]
+            clear = surfaces.plane[t, 3]
             x, y, z = point(surfaces.corners, t, u[i], v[i])
             paths.origin[i, 0], paths.origin[i, 1], paths.origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
             paths.direction[i, 0], paths.direction[i, 1], paths.direction[i, 2] = ox, oy, oz
@@ -253,7 +251,7 @@ def _reach_back(surfaces, sheet, codes, triangle, direction, reached):
     """A sheet from which a reached sheet is seen can send it photons, so it is reached too."""
     for i in range(codes.size):
         if triangle[i] >= 0:
-            side = facing_side(surfaces.corners, triangle[i], direction, i)
+            side = facing_side(surfaces, triangle[i], direction, i)
             if reached[sheet[triangle[i], side]]:
                 reached[sheet[codes[i] >> 1, codes[i] & 1]] = True
 

@@ -238,7 +238,7 @@ def render_pass(
             store.append(batch)
     if cancelled():
         return False
-    photon_map = build_photon_map(store.photons, m.surfaces.corners, pool.map)
+    photon_map = build_photon_map(store.photons, m.surfaces.plane, pool.map)
     estimate = Estimate(
         settings.neighbours,
         m.reach2,

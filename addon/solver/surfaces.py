@@ -28,7 +28,7 @@ class Surfaces(NamedTuple):
     neighbours: (m, 3) int32, code 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
         flip is 1 where the two triangles wind differently.
     sheet: (m, 2) int32, label of the connected surface without creases that each side belongs to.
-    clearance: (m,) float32, m, see `offset`.
+    plane: (m, 4) float32, unit normal and clearance (m, see `offset`): what every hit asks for lies in one place.
     mesh: tree over the triangles; its leaves hold centroid, normal, area and the sheets of both sides.
     """
 
@@ -38,7 +38,7 @@ class Surfaces(NamedTuple):
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
-    clearance: np.ndarray
+    plane: np.ndarray
 
 
 class Tracer:
@@ -77,7 +77,7 @@ def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
         neighbours=neighbours,
         sheet=sheet,
         mesh=build_tree(leaves),
-        clearance=_clearances(corners),
+        plane=_planes(corners),
     )
     return surfaces, Tracer(vertices, triangles), centre
 
@@ -122,10 +122,19 @@ def normal(corners, t):
 
 
 @njit(inline="always")
-def facing_side(corners, t, direction, i):
+def unit_normal(surfaces, t, side=0):
+    """Unit normal of a side of triangle t, float64 with the precision of float32."""
+    sign = 1.0 - 2.0 * side
+    plane = surfaces.plane
+    return sign * plane[t, 0], sign * plane[t, 1], sign * plane[t, 2]
+
+
+@njit(inline="always")
+def facing_side(surfaces, t, direction, i):
     """Side of triangle t that a ray meets."""
-    nx, ny, nz, _ = normal(corners, t)
-    return 1 if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0 else 0
+    plane = surfaces.plane
+    towards = direction[i, 0] * plane[t, 0] + direction[i, 1] * plane[t, 1] + direction[i, 2] * plane[t, 2]
+    return 1 if towards > 0.0 else 0
 
 
 @njit(inline="always")
@@ -170,22 +179,21 @@ def offset(corners, t):
 
 
 @njit(cache=True, nogil=True)
-def _clearances(corners):
-    clearance = np.empty(corners.shape[0], np.float32)
+def _planes(corners):
+    plane = np.empty((corners.shape[0], 4), np.float32)
     for t in range(corners.shape[0]):
-        clearance[t] = offset(corners, t)
-    return clearance
+        plane[t, 0], plane[t, 1], plane[t, 2], _ = normal(corners, t)
+        plane[t, 3] = offset(corners, t)
+    return plane
 
 
 @njit(inline="always")
 def start_ray(surfaces, code, u, v, lx, ly, lz, origin, direction, i):
     """Put ray i into origin and direction (n, 3): from a point of side `code` (2 t + side) in a local direction."""
     t = code >> 1
-    nx, ny, nz, _ = normal(surfaces.corners, t)
-    if code & 1 == 1:
-        nx, ny, nz = -nx, -ny, -nz
+    nx, ny, nz = unit_normal(surfaces, t, code & 1)
     x, y, z = point(surfaces.corners, t, u, v)
-    clear = surfaces.clearance[t]
+    clear = surfaces.plane[t, 3]
     origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
     direction[i, 0], direction[i, 1], direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
 

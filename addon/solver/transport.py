@@ -11,7 +11,7 @@ from .photon_map import Photons, photon_arrays
 from .radiometry import Radiometry
 from .rng import path_key, uniform
 from .sampling import FAST, cosine_direction, mirror, reflect_in_lobe, to_world
-from .surfaces import Surfaces, Tracer, normal, point
+from .surfaces import Surfaces, Tracer, point, unit_normal
 
 # No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
 MAX_SURVIVAL = 1.0 - 1.0 / 4096.0
@@ -80,7 +80,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
             dx, dy, dz = -dx, -dy, -dz
         elif t < 0:
             continue
-        nx, ny, nz, _ = normal(surfaces.corners, t)
+        nx, ny, nz = unit_normal(surfaces, t)
         cosine = -(dx * nx + dy * ny + dz * nz)
         side = 0
         if cosine < 0.0:
@@ -136,7 +136,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         else:
             lx, ly, lz = cosine_direction(s, w)
             ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
-        clear = surfaces.clearance[t]
+        clear = surfaces.plane[t, 3]
         wave.origin[alive, 0], wave.origin[alive, 1], wave.origin[alive, 2] = (
             x + clear * nx,
             y + clear * ny,

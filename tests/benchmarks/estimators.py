@@ -59,7 +59,7 @@ def _send_cosine_rays(surfaces, radiometry, key, bounce, first, triangle, u, v, 
         s, w = uniform(path, (1 << 20) + 4 * bounce), uniform(path, (1 << 20) + 4 * bounce + 1)
         lx, ly, lz = cosine_direction(s, w)
         normal = np.array((hit.nx, hit.ny, hit.nz))
-        shadows.origin[g] = np.array((hit.x, hit.y, hit.z)) + surfaces.clearance[hit.triangle] * normal
+        shadows.origin[g] = np.array((hit.x, hit.y, hit.z)) + surfaces.plane[hit.triangle, 3] * normal
         shadows.direction[g] = np.array(to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz))
         shadows.reach[g], shadows.pixel[g] = 1e37, rays.number[i] // CAMERA_SAMPLES
         material = surfaces.material[hit.triangle]
