@@ -262,7 +262,7 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
     return count, bound
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, guess, room, patch):
     """Find the photons around a point on one side of triangle t, and the surface area they fell on.
 
@@ -299,22 +299,28 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, gu
     sheet = surfaces.sheet[t, side]
     if members == 0:  # a mesh much finer than the disk
         area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, disk2, room.stack, room.near)
+    index, codes = room.index, photon_map.photons.surface
+    near = 0
+    for i in range(count):  # no branch here and below: the order is as good as random
+        index[near] = index[i]
+        near += 1 if room.distance2[i] < disk2 else 0
     kept = 0
-    for i in range(count):
-        if room.distance2[i] >= disk2:
-            continue
-        photon = room.index[i]
-        code = photon_map.photons.surface[photon]
-        inside = members > 0 and code == patch[0]
-        if not inside:
-            for j in range(1, members):
-                inside |= patch[j] == code
-            if members == 0 and surfaces.sheet[code >> 1, code & 1] == sheet:
-                p = photon_map.photons.position[photon]
-                height = (p[0] - x) * nx + (p[1] - y) * ny + (p[2] - z) * nz
-                inside = in_region(np.float32(0.5 * normal(corners, code >> 1)[3]), np.float32(height), disk2)
+    if members == 1:
+        for i in range(near):
+            index[kept] = index[i]
+            kept += 1 if codes[index[i]] == patch[0] else 0
+        return kept, area, next_guess
+    for i in range(near):
+        photon = index[i]
+        code, inside = codes[photon], False
+        for j in range(members):
+            inside |= patch[j] == code
+        if members == 0 and surfaces.sheet[code >> 1, code & 1] == sheet:
+            p = photon_map.photons.position[photon]
+            height = (p[0] - x) * nx + (p[1] - y) * ny + (p[2] - z) * nz
+            inside = in_region(np.float32(0.5 * normal(corners, code >> 1)[3]), np.float32(height), disk2)
         if inside:
-            room.index[kept] = photon
+            index[kept] = photon
             kept += 1
     return kept, area, next_guess
 

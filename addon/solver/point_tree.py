@@ -57,7 +57,7 @@ def build_tree(leaves: np.ndarray) -> PointTree:
 @njit(inline="always")
 def _spread(v):
     """Put two zero bits between the lower 21 bits of v."""
-    v &= np.uint64(0x1FFFFF)
+    v = np.uint64(v) & np.uint64(0x1FFFFF)
     v = (v | (v << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
     v = (v | (v << np.uint64(16))) & np.uint64(0x1F0000FF0000FF)
     v = (v | (v << np.uint64(8))) & np.uint64(0x100F00F00F00F00F)
@@ -68,19 +68,20 @@ def _spread(v):
 @njit(cache=True, nogil=True)
 def _morton_keys(position, keys):
     """Morton code of every point in the cube that holds them all."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    lx, ly, lz, hx, hy, hz = FAR, FAR, FAR, -FAR, -FAR, -FAR
     for i in range(position.shape[0]):
-        for axis in range(3):
-            low[axis] = min(low[axis], position[i, axis])
-            high[axis] = max(high[axis], position[i, axis])
-    top = float((1 << _MORTON_BITS) - 1)
-    scale = top / max(high[0] - low[0], high[1] - low[1], high[2] - low[2], 1e-30)
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        lx, ly, lz = min(lx, x), min(ly, y), min(lz, z)
+        hx, hy, hz = max(hx, x), max(hy, y), max(hz, z)
+    top = np.float32((1 << _MORTON_BITS) - 1)
+    scale = top / max(hx - lx, hy - ly, hz - lz, np.float32(1e-30))
     for i in range(position.shape[0]):
-        code = np.uint64(0)
-        for axis in range(3):
-            cell = np.uint64(min(top, max(0.0, (position[i, axis] - low[axis]) * scale)))
-            code |= _spread(cell) << np.uint64(axis)
-        keys[i] = code
+        x = np.uint32(min(top, (position[i, 0] - lx) * scale))
+        y = np.uint32(min(top, (position[i, 1] - ly) * scale))
+        z = np.uint32(min(top, (position[i, 2] - lz) * scale))
+        keys[i] = (
+            _spread(x) | (_spread(y) << np.uint64(1)) | (_spread(z) << np.uint64(2))
+        )
 
 
 @njit(cache=True, nogil=True)
