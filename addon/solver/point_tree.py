@@ -79,9 +79,7 @@ def _morton_keys(position, keys):
         x = np.uint32(min(top, (position[i, 0] - lx) * scale))
         y = np.uint32(min(top, (position[i, 1] - ly) * scale))
         z = np.uint32(min(top, (position[i, 2] - lz) * scale))
-        keys[i] = (
-            _spread(x) | (_spread(y) << np.uint64(1)) | (_spread(z) << np.uint64(2))
-        )
+        keys[i] = _spread(x) | (_spread(y) << np.uint64(1)) | (_spread(z) << np.uint64(2))
 
 
 @njit(cache=True, nogil=True)
