@@ -13,7 +13,7 @@ from addon.solver import Material
 from addon.solver.photon_map import Photons, PhotonStore, _search, build_photon_map, gather, irradiance, neighbours_room
 from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces
 
-NO_DIRECTIONS = np.empty((0, 3), np.float32)
+UNMARKED = np.empty((0, 3), np.float32), np.empty(0, bool)  # no directions, no caustics
 UP = (0.0, 0.0, 1.0)
 
 
@@ -58,9 +58,9 @@ def photon_map(points, surfaces, codes=0, power=None, batches=1, store=None):
     position = np.asarray(points, np.float32).reshape(n, 3)
     codes = np.broadcast_to(np.asarray(codes, np.int32), (n,))
     power = np.ones((n, 1), np.float32) if power is None else power
-    store = store or PhotonStore(power.shape[1], False)
+    store = store or PhotonStore(power.shape[1], False, False)
     for part in np.array_split(np.arange(n), batches):
-        store.append(Photons(position[part], codes[part], power[part], NO_DIRECTIONS))
+        store.append(Photons(position[part], codes[part], power[part], *UNMARKED))
     return Map(build_photon_map(store.photons, surfaces.plane), surfaces)
 
 
@@ -87,7 +87,7 @@ def gather_all(photon_map, surfaces, triangles, sides, points, k, reach2, free2,
     for i in range(len(points)):
         x, y, z = points[i]
         kept[i], area[i], _ = gather(
-            photon_map, surfaces, triangles[i], sides[i], x, y, z, k, reach2, free2, shrink2, guess, room, patch
+            photon_map, surfaces, triangles[i], sides[i], x, y, z, k, reach2, free2, shrink2, False, guess, room, patch
         )
     return kept, area
 
@@ -100,12 +100,26 @@ def gathers(built, triangles, points, k=50, reach2=1.0, shrink2=1.0, guess=1.0, 
     return gather_all(built.photons, built.surfaces, triangles, sides, points, k, reach2, free2, shrink2, guess)
 
 
-def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0):
+def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0, only_caustic=False):
     """Numbers (sorted) of the photons of one gather in the map's order, the area, and the next guess."""
     room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
     x, y, z = (float(c) for c in point)
     kept, area, following = gather(
-        built.photons, built.surfaces, triangle, side, x, y, z, k, reach2, reach2, shrink2, guess, room, patch
+        built.photons,
+        built.surfaces,
+        triangle,
+        side,
+        x,
+        y,
+        z,
+        k,
+        reach2,
+        reach2,
+        shrink2,
+        only_caustic,
+        guess,
+        room,
+        patch,
     )
     return np.sort(room.index[:kept]), area, following
 
@@ -201,7 +215,9 @@ def test_irradiance_is_power_over_area():
     points, power = rng.uniform(-0.1, 0.1, (30, 3)) * (1, 1, 0), rng.normal(size=(30, 3)).astype(np.float32)
     built = photon_map(points, square(), 2 * triangle_under(points, 1), power)
     room, patch = neighbours_room(50), np.empty(PATCH_LIMIT, np.int32)
-    kept, area, _ = gather(built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, 50, 0.16, 0.16, 1.0, 0.16, room, patch)
+    kept, area, _ = gather(
+        built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, 50, 0.16, 0.16, 1.0, False, 0.16, room, patch
+    )
     out = np.empty(3)
     irradiance(built.photons, room, kept, area, out)
     np.testing.assert_allclose(out, power.sum(axis=0, dtype=float) / (np.pi * 0.16), rtol=1e-6)
@@ -387,7 +403,7 @@ def test_result_depends_on_the_order_of_photons_alone():
     power = rng.normal(size=(4000, 2)).astype(np.float32)
     codes = 2 * triangle_under(points, 1)
     reference = photon_map(points, square(), codes, power)
-    used = PhotonStore(2, False)
+    used = PhotonStore(2, False, False)
     photon_map(points[:3000], square(), codes[:3000], power[:3000], store=used)
     used.clear()
     assert len(used.photons.surface) == 0
@@ -400,15 +416,15 @@ def test_result_depends_on_the_order_of_photons_alone():
 
 
 def test_photons_stay_together():
-    """Position, side, power and direction of a photon move as one."""
+    """Position, side, power, direction and mark of a photon move as one."""
     rng = np.random.default_rng(21)
     n = 1000
     points = (rng.uniform(-0.5, 0.5, (n, 3)) * (1, 1, 0)).astype(np.float32)
     codes = (2 * triangle_under(points, 1)).astype(np.int32)
-    store = PhotonStore(1, True)
+    store = PhotonStore(1, True, True)
     for part in np.array_split(np.arange(n), 9):
         number = part.astype(np.float32)[:, None]
-        store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy()))
+        store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy(), part % 3 == 0))
     surfaces = square()
     photons = build_photon_map(store.photons, surfaces.plane).photons
     order = photons.power[:, 0].astype(int)
@@ -416,3 +432,12 @@ def test_photons_stay_together():
     assert np.array_equal(photons.position, points[order])
     assert np.array_equal(photons.surface, codes[order])
     assert np.array_equal(photons.incoming, points[order, ::-1])
+    assert np.array_equal(photons.caustic, order % 3 == 0)
+    # a gather of caustics alone lists the marked ones of the same disk
+    built = Map(build_photon_map(store.photons, surfaces.plane), surfaces)
+    place = (0.1, 0.05, 0.0)
+    every, area, _ = gather_one(built, int(triangle_under(np.array([place]), 1)[0]), place)
+    marked, same_area, _ = gather_one(built, int(triangle_under(np.array([place]), 1)[0]), place, only_caustic=True)
+    caustic = built.photons.photons.caustic
+    assert same_area == area and 5 < len(marked) < len(every)
+    assert np.array_equal(marked, every[caustic[every]])

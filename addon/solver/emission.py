@@ -21,6 +21,7 @@ _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 _SKY_DEFENSIVE = 1.0 / 64.0
 
 POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
+LIT_BY_LIGHT, LIT_BY_LAMP = 1, 2
 
 
 class Emitters(NamedTuple):
@@ -172,17 +173,18 @@ class Wave(NamedTuple):
     """Rays in flight, n of them.
 
     origin, direction: (n, 3) float32. power: (n, b) float32. photon: (n,) int64 number in the pass.
-    straight: (n,) bool, only mirrors since a light. direct: (n,) bool, on the way from a lamp or light, whose direct
-    light is not the photons' task. arrival: (n,) int32, code of the side that a photon from the
-    surroundings arrives on if the way back to them (the ray) is free; -1 for photons on their way. u, v: where on it.
+    direct: (n,) bool, on the way from a lamp or light, whose direct light is not the photons' task. chain: (n,) int8,
+    LIT_BY_LIGHT or LIT_BY_LAMP where only specular reflections (of lights: only mirrors) lie between, else 0.
+    arrival: (n,) int32, code of the side that a photon from the surroundings arrives on if the way back to them (the
+    ray) is free; -1 for photons on their way. u, v: where on it.
     """
 
     origin: np.ndarray
     direction: np.ndarray
     power: np.ndarray
     photon: np.ndarray
-    straight: np.ndarray
     direct: np.ndarray
+    chain: np.ndarray
     arrival: np.ndarray
     u: np.ndarray
     v: np.ndarray
@@ -196,7 +198,7 @@ def empty_wave(count: int, bands: int) -> Wave:
         np.empty((count, bands), np.float32),
         np.empty(count, np.int64),
         np.empty(count, np.bool_),
-        np.empty(count, np.bool_),
+        np.empty(count, np.int8),
         np.empty(count, np.int32),
         np.empty(count, np.float32),
         np.empty(count, np.float32),
@@ -266,8 +268,9 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
         probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
         share = 1.0 / (total * probability * guide.density[cell])
         wave.photon[i] = photon
-        wave.straight[i] = entry >= sky_end
-        wave.direct[i] = entry >= sky_end or (entry < surface_end and emitters.lamp[entry])
+        lamp = entry < surface_end and emitters.lamp[entry]
+        wave.chain[i] = LIT_BY_LIGHT if entry >= sky_end else LIT_BY_LAMP if lamp else 0
+        wave.direct[i] = wave.chain[i] != 0
         wave.arrival[i] = -1
         if entry < sky_end:
             code = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]

@@ -13,21 +13,24 @@ from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_sha
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, lobe_brdf, mirror, reflect_in_lobe, to_world, turn
+from .sampling import FAST, basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world, turn
 from .surfaces import PATCH_LIMIT, facing_side, point, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
 
 # Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
 # silhouettes; rays of a pixel that meet one surface share a gather.
 CAMERA_SAMPLES = 16
-_SHARE = np.float32(1.0 / CAMERA_SAMPLES)
+SPLIT = 64  # rays of a final gather, _SIDE by _SIDE strata
+_SIDE = 8
 _DIMENSIONS = 4  # random numbers of one bounce
 _LAMPS = 1 << 20  # the random numbers of shadow rays lie behind all others
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
 _FEELING = 1 << 19  # and those that turn the feelers before them
+_SPLITTING = 1 << 21
 _FEELERS = 4
 _FEELER_SINE = 0.05  # they rise little, to feel low steps too
 _FEELER_COSINE = math.sqrt(1.0 - _FEELER_SINE**2)
+_SPARSE = 1.0  # photons expected, over k, below which a gather sends rays instead
 _FULL = 0.25  # roulette starts where less than this is left of a path: below it a path matters little
 
 
@@ -48,13 +51,28 @@ class Estimate(NamedTuple):
 class Rays(NamedTuple):
     """Camera paths on their way, n of them, those of a pixel one behind the other.
 
-    origin, direction: (n, 3) float32. throughput: (n, b) float32. number: (n,) int32 in the chunk, pixel by pixel.
+    origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32 in the chunk. path: (n,) uint64 key
+    of the random numbers. gathered: (n,) bool, whether it is part of a final gather.
     """
 
     origin: np.ndarray
     direction: np.ndarray
     throughput: np.ndarray
-    number: np.ndarray
+    pixel: np.ndarray
+    path: np.ndarray
+    gathered: np.ndarray
+
+
+def empty_rays(count: int, bands: int) -> Rays:
+    """Room for count rays."""
+    return Rays(
+        np.empty((count, 3), np.float32),
+        np.empty((count, 3), np.float32),
+        np.empty((count, bands), np.float32),
+        np.empty(count, np.int32),
+        np.empty(count, np.uint64),
+        np.empty(count, np.bool_),
+    )
 
 
 def render_pixels(
@@ -67,6 +85,7 @@ def render_pixels(
     eye,
     photon_map,
     estimate,
+    density,
     keys,
     index,
     first,
@@ -76,61 +95,61 @@ def render_pixels(
 ):
     """Estimate the excess radiance of pixels first..first+n-1 of the window in one pass into image (n, b) float32.
 
-    keys: of the camera stream (of the seed, of this pass). index: of the pass. seen: (n,) float32, filled with the part
-    of the radiance over all bands that the surfaces send straight into the camera.
+    density: (2 t,) float32, m-2, photons expected on each sheet, by label. keys: of the camera stream (of the seed, of
+    this pass). index: of the pass. seen: (n,) float32, filled with the part of the radiance over all bands that the
+    surfaces send straight into the camera.
     """
-    count = CAMERA_SAMPLES * len(image)
-    rays = Rays(
-        np.empty((count, 3), np.float32),
-        np.empty((count, 3), np.float32),
-        np.ones((count, image.shape[1]), np.float32),
-        np.arange(count, dtype=np.int32),
-    )
+    count, bands = CAMERA_SAMPLES * len(image), image.shape[1]
+    rays = empty_rays(count, bands)
     reach = np.empty(count, np.float32)
     points = sobol_points(CAMERA_SAMPLES * index, CAMERA_SAMPLES)
     eye_rays(eye, keys[0], points, np.arange(first, first + len(image)), rays.origin, rays.direction, reach)
-    shadows = empty_shadows((1 + SKY_RAYS) * count, image.shape[1])
-    gathers = Gathers(np.empty(count, np.int32), np.empty(count, np.float32))
+    start_paths(keys[1], first, rays)
     image[:] = 0.0
     bounce = 0
     while count and not cancelled():
-        hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach[:count])
-        found = meet(surfaces, radiometry, emitters.surroundings, keys[1], bounce, first, *hits, rays, image, gathers)
+        gathers = Gathers(np.empty(count, np.int32), np.empty(count, np.float32), np.zeros(count, np.float32))
+        hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
+        found = meet(surfaces, radiometry, emitters.surroundings, lamps.shines, bounce, *hits, rays, image, gathers)
         if bounce == 0:
             np.sum(image, axis=1, out=seen)
+        split = 0
         if estimate.photons:
-            free2 = _feel(tracer, surfaces, estimate, keys[1], bounce, first, hits, rays, gathers, found)
-            reflect(
-                surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, found, free2, image
-            )  # fmt: skip
+            free2 = _feel(tracer, surfaces, estimate, bounce, hits, rays, gathers, found)
+            split = choose_splits(surfaces, estimate, density, hits[0], rays, gathers, found, free2)
+            reflect(surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, found, free2, image)
+        shadows = empty_shadows((1 + SKY_RAYS) * found, bands)
         sent = send_shadows(
-            surfaces,
-            radiometry,
-            emitters,
-            lamps,
-            lamp_points,
-            keys[1],
-            bounce,
-            first,
-            *hits,
-            rays,
-            gathers,
-            found,
-            shadows,
+            surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, found, shadows
         )
         if sent:
             blocker, _, _ = tracer.trace(shadows.origin[:sent], shadows.direction[:sent], shadows.reach[:sent])
             add_unshadowed(blocker, shadows, image)
-        count = follow(surfaces, radiometry, keys[1], bounce, first, *hits, rays)
-        reach[:count] = 1e37
+        onward = empty_rays(count + SPLIT * split, bands)
+        count = follow(surfaces, radiometry, bounce, *hits, rays, gathers.split, onward)
+        rays = onward
+        reach = np.full(count, 1e37, np.float32)
         bounce += 1
 
 
+@njit(cache=True, nogil=True)
+def start_paths(key, first, rays):
+    """Camera rays carry an even share of their pixel."""
+    for i in range(rays.pixel.size):
+        rays.pixel[i] = i // CAMERA_SAMPLES
+        rays.path[i] = path_key(key, CAMERA_SAMPLES * first + i)
+        rays.gathered[i] = False
+        rays.throughput[i, :] = 1.0 / CAMERA_SAMPLES
+
+
 class Gathers(NamedTuple):
-    """Rays that gather: their indexes (n,) int32, and the share of their pixel that each stands for (n,) float32."""
+    """Rays that gather: their indexes (n,) int32, and a factor on the throughput of each, which stands for others too,
+    (n,) float32. split: (rays,) float32, that factor for rays that gather by rays of their own, else 0.
+    """
 
     ray: np.ndarray
-    share: np.ndarray
+    weight: np.ndarray
+    split: np.ndarray
 
 
 class Hit(NamedTuple):
@@ -165,74 +184,104 @@ def _hit(surfaces, rays, i, t, u, v):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def meet(surfaces, radiometry, surroundings, key, bounce, first, triangle, u, v, rays, image, gathers):
+def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, rays, image, gathers):
     """Add to the image what the surfaces that the rays meet emit; list the rays that gather what they reflect.
 
-    Rays of a pixel that meet one sheet of one material share a gather. Returns how many gather.
+    Rays of a pixel that meet one sheet of one material share a gather. Returns how many gather. shines: see Lamps.
     """
     bands = image.shape[1]
     emitted = np.empty(bands)
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
-    sheets, materials = np.empty(CAMERA_SAMPLES, np.int32), np.empty(CAMERA_SAMPLES, np.int32)
     found = newest = 0
     pixel = -1
     for i in range(triangle.size):
-        if rays.number[i] // CAMERA_SAMPLES != pixel:
-            pixel, newest = rays.number[i] // CAMERA_SAMPLES, found
+        if rays.pixel[i] != pixel:
+            pixel, newest = rays.pixel[i], found
         t = triangle[i]
         if t < 0:
             for b in range(bands):
-                image[pixel, b] += _SHARE * rays.throughput[i, b] * surroundings[b]
+                image[pixel, b] += rays.throughput[i, b] * surroundings[b]
             continue
         material = surfaces.material[t]
-        kelvin = temperature_at(surfaces.temperature, t, u[i], v[i])
+        side = facing_side(surfaces, t, rays.direction, i)
         rough = radiometry.alpha[material] > 0.0
-        if rough or material != known or kelvin != known_kelvin:
-            cosine = _hit(surfaces, rays, i, t, u[i], v[i]).cosine if rough else 1.0
-            excess(radiometry, material, kelvin, cosine, emitted)
-            known, known_kelvin = -1 if rough else material, kelvin
-        for b in range(bands):
-            image[pixel, b] += _SHARE * rays.throughput[i, b] * emitted[b]
+        if not (rays.gathered[i] and shines[t, side]):
+            kelvin = temperature_at(surfaces.temperature, t, u[i], v[i])
+            if rough or material != known or kelvin != known_kelvin:
+                cosine = _hit(surfaces, rays, i, t, u[i], v[i]).cosine if rough else 1.0
+                excess(radiometry, material, kelvin, cosine, emitted)
+                known, known_kelvin = -1 if rough else material, kelvin
+            for b in range(bands):
+                image[pixel, b] += rays.throughput[i, b] * emitted[b]
         if radiometry.specular[material] == 1.0 and not rough:
             continue
-        if _largest(rays.throughput[i], radiometry.reflectance[material]) == 0.0:
+        carried = _largest(rays.throughput[i], radiometry.reflectance[material])
+        if carried == 0.0:
             continue
-        sheet = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]
+        sheet = surfaces.sheet[t, side]
         g = newest
-        while g < found and not (sheets[g - newest] == sheet and materials[g - newest] == material):
+        while g < found:
+            other = gathers.ray[g]
+            if (
+                surfaces.sheet[triangle[other], facing_side(surfaces, triangle[other], rays.direction, other)] == sheet
+                and surfaces.material[triangle[other]] == material
+                and rays.gathered[other] == rays.gathered[i]
+            ):
+                break
             g += 1
         if g == found:
-            sheets[g - newest], materials[g - newest], gathers.share[g] = sheet, material, 0.0
+            gathers.weight[g] = 0.0
             found += 1
-        # each ray of a group stands for it with the same chance, so the mean is that of a gather for every ray
-        gathers.share[g] += _SHARE
-        choice = uniform(path_key(key, CAMERA_SAMPLES * first + rays.number[i]), _DIMENSIONS * bounce + 3)
-        if choice * gathers.share[g] < _SHARE:
+        # each ray of a group stands for it with a chance in proportion to what it carries: the mean is that of a gather
+        # for every ray. Until the end of this loop `weight` is the sum of what they carry.
+        gathers.weight[g] += carried
+        if uniform(rays.path[i], _DIMENSIONS * bounce + 3) * gathers.weight[g] < carried:
             gathers.ray[g] = i
+    for g in range(found):
+        i = gathers.ray[g]
+        gathers.weight[g] /= _largest(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
     return found
 
 
-def _feel(tracer, surfaces, estimate, key, bounce, first, hits, rays, gathers, found):
+@njit(cache=True, nogil=True)
+def choose_splits(surfaces, estimate, density, triangle, rays, gathers, found, free2):
+    """Mark the gathers around which too few photons are expected; they send rays instead. Returns their number.
+
+    What is expected is known before the pass, so the choice does not depend on its photons and leaves the mean alone.
+    """
+    split = 0
+    for g in range(found):
+        i = gathers.ray[g]
+        t = triangle[i]
+        if rays.gathered[i] or free2[g] >= np.float32(estimate.reach2):
+            continue
+        expected = density[surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]] * free2[g]
+        if expected < _SPARSE * estimate.neighbours:
+            gathers.split[i] = gathers.weight[g]
+            split += 1
+    return split
+
+
+def _feel(tracer, surfaces, estimate, bounce, hits, rays, gathers, found):
     """Squared radius (m2) of the free space around each gather, (found,) float32, at most that of the largest disk.
 
     Short rays along the surface feel for walls: a disk that reached beyond one would count light from its other side,
     and close to other surfaces light changes quickly (Ward's harmonic distance says the same).
     """
     origin, direction = np.empty((2, _FEELERS * found, 3), np.float32)
-    start_feelers(surfaces, key, bounce, first, *hits, rays, gathers, found, origin, direction)
+    start_feelers(surfaces, bounce, *hits, rays, gathers, found, origin, direction)
     length = math.sqrt(estimate.reach2) / _FEELER_COSINE
     blocker, u, v = tracer.trace(origin, direction, np.full(len(origin), length, np.float32))
     return shortest_feelers(surfaces, hits[0], rays, gathers, blocker, u, v, origin, direction, estimate.reach2, found)
 
 
 @njit(cache=True, nogil=True)
-def start_feelers(surfaces, key, bounce, first, triangle, u, v, rays, gathers, found, origin, direction):
+def start_feelers(surfaces, bounce, triangle, u, v, rays, gathers, found, origin, direction):
     for g in range(found):
         i = gathers.ray[g]
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
         clear = surfaces.plane[hit.triangle, 3]
-        path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
-        c, s = turn(uniform(path, _FEELING + bounce))
+        c, s = turn(uniform(rays.path[i], _FEELING + bounce))
         for feeler in range(_FEELERS):
             row = _FEELERS * g + feeler
             dx, dy, dz = to_world(_FEELER_COSINE * c, _FEELER_COSINE * s, _FEELER_SINE, hit.nx, hit.ny, hit.nz)
@@ -270,6 +319,9 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
     guess = estimate.reach2
     for g in range(found):
         i = gathers.ray[g]
+        split = gathers.split[i] > 0.0
+        if split and photon_map.photons.caustic.size == 0:
+            continue
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
         material = surfaces.material[hit.triangle]
         specular = float(radiometry.specular[material])
@@ -278,38 +330,24 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
             continue
         kept, area, guess = gather(
             photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
-            estimate.neighbours, estimate.reach2, float(free2[g]), estimate.shrink2, guess, room, patch,
+            estimate.neighbours, estimate.reach2, float(free2[g]), estimate.shrink2, split, guess, room, patch,
         )  # fmt: skip
         if kept == 0:
             continue
-        rho, out = radiometry.reflectance[material], image[rays.number[i] // CAMERA_SAMPLES]
+        rho, out = radiometry.reflectance[material], image[rays.pixel[i]]
         irradiance(photon_map, room, kept, area, value)
-        diffuse = gathers.share[g] * (1.0 - specular) / math.pi
+        diffuse = gathers.weight[g] * (1.0 - specular) / math.pi
         for b in range(value.size):
             out[b] += rays.throughput[i, b] * rho[b] * diffuse * value[b]
         if rough:
-            alpha, scale = float(radiometry.alpha[material]), gathers.share[g] * specular / area
+            alpha, scale = float(radiometry.alpha[material]), gathers.weight[g] * specular / area
             _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def send_shadows(
-    surfaces,
-    radiometry,
-    emitters,
-    lamps,
-    lamp_points,
-    key,
-    bounce,
-    first,
-    triangle,
-    u,
-    v,
-    rays,
-    gathers,
-    found,
-    shadows,
-):
+    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, found, shadows
+):  # fmt: skip
     """Shadow rays of the gathers, to lamps and, from open sides, to the surroundings; returns their number."""
     value, weight = np.empty(radiometry.reference.size), np.empty(CANDIDATES)
     sky = False
@@ -319,32 +357,65 @@ def send_shadows(
     for g in range(found):
         i = gathers.ray[g]
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
-        pixel = rays.number[i] // CAMERA_SAMPLES
-        if sky and emitters.open[hit.triangle, hit.side]:
+        if sky and emitters.open[hit.triangle, hit.side] and gathers.split[i] == 0.0:
             send_sky(
-                surfaces, radiometry, emitters.surroundings, hit, rays.throughput[i], gathers.share[g], path,
-                _LAMPS + 16 * bounce + 2, pixel, shadows, sent,
+                surfaces, radiometry, emitters.surroundings, hit, rays.throughput[i], gathers.weight[g], rays.path[i],
+                _LAMPS + 16 * bounce + 2, rays.pixel[i], shadows, sent,
             )  # fmt: skip
             sent += SKY_RAYS
         if lamps.power > 0.0:
             sent += send_shadow(
-                lamps, lamp_points, surfaces, radiometry, hit, rays.throughput[i], gathers.share[g], path,
-                _LAMPS + 16 * bounce, weight, value, pixel, shadows, sent,
+                lamps, lamp_points, surfaces, radiometry, hit, rays.throughput[i], gathers.weight[g], rays.path[i],
+                _LAMPS + 16 * bounce, weight, value, rays.pixel[i], shadows, sent,
             )  # fmt: skip
     return sent
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def follow(surfaces, radiometry, key, bounce, first, triangle, u, v, rays):
-    """Send on the rays that meet a specular surface, moved to the front; returns their number."""
-    alive = 0
+def follow(surfaces, radiometry, bounce, triangle, u, v, rays, split, onward):
+    """Send on the rays that meet a specular surface, and those of final gathers; returns their number."""
+    sent = 0
     for i in range(triangle.size):
-        if triangle[i] >= 0 and radiometry.specular[surfaces.material[triangle[i]]] > 0.0:
+        if triangle[i] < 0:
+            continue
+        is_specular = radiometry.specular[surfaces.material[triangle[i]]] > 0.0
+        if is_specular or split[i] > 0.0:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-            path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
-            alive += _follow(surfaces, radiometry, hit, path, bounce, i, alive, rays)
-    return alive
+            if is_specular:
+                sent += _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
+            if split[i] > 0.0:
+                _split(surfaces, radiometry, hit, split[i], i, rays, sent, onward)
+                sent += SPLIT
+    return sent
+
+
+@njit(inline="always")
+def _split(surfaces, radiometry, hit, weight, i, rays, sent, onward):
+    """Send the rays of a final gather, cosine-distributed and stratified."""
+    material = surfaces.material[hit.triangle]
+    rho = radiometry.reflectance[material]
+    scale = np.float32(weight * (1.0 - radiometry.specular[material]) / SPLIT)
+    for stratum in range(SPLIT):
+        row = sent + stratum
+        path = path_key(rays.path[i], _SPLITTING + stratum)
+        s = (stratum % _SIDE + uniform(path, 0)) / _SIDE
+        w = (stratum // _SIDE + uniform(path, 1)) / _SIDE
+        lx, ly, lz = cosine_direction(s, w)
+        dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
+        _leave(surfaces, hit, dx, dy, dz, rays.pixel[i], path, row, onward)
+        onward.gathered[row] = True
+        for b in range(rho.size):
+            onward.throughput[row, b] = rays.throughput[i, b] * rho[b] * scale
+
+
+@njit(inline="always")
+def _leave(surfaces, hit, dx, dy, dz, pixel, path, row, onward):
+    clear = surfaces.plane[hit.triangle, 3]
+    onward.origin[row, 0] = hit.x + clear * hit.nx
+    onward.origin[row, 1] = hit.y + clear * hit.ny
+    onward.origin[row, 2] = hit.z + clear * hit.nz
+    onward.direction[row, 0], onward.direction[row, 1], onward.direction[row, 2] = dx, dy, dz
+    onward.pixel[row], onward.path[row] = pixel, path
 
 
 @njit(inline="always")
@@ -357,8 +428,9 @@ def _largest(throughput, rho):
 
 
 @njit(inline="always")
-def _follow(surfaces, radiometry, hit, path, bounce, i, alive, rays):
-    """Send ray i on in one direction of the specular lobe, as ray `alive`; returns whether roulette let it live."""
+def _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
+    """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live."""
+    path = rays.path[i]
     material = surfaces.material[hit.triangle]
     rho = radiometry.reflectance[material]
     alpha = float(radiometry.alpha[material])
@@ -371,18 +443,14 @@ def _follow(surfaces, radiometry, hit, path, bounce, i, alive, rays):
             hit.dx, hit.dy, hit.dz, hit.nx, hit.ny, hit.nz, hit.cosine, alpha, s, w
         )  # fmt: skip
         scale *= weight
-    left = scale * _largest(rays.throughput[i], rho)
+    left = scale * CAMERA_SAMPLES * _largest(rays.throughput[i], rho)
     survival = min(MAX_SURVIVAL if bounce >= _SURE else 1.0, left / _FULL)
     if left <= 0.0 or uniform(path, _DIMENSIONS * bounce + 2) >= survival:
         return 0
-    clear = surfaces.plane[hit.triangle, 3]
-    rays.origin[alive, 0] = hit.x + clear * hit.nx
-    rays.origin[alive, 1] = hit.y + clear * hit.ny
-    rays.origin[alive, 2] = hit.z + clear * hit.nz
-    rays.direction[alive, 0], rays.direction[alive, 1], rays.direction[alive, 2] = ox, oy, oz
+    _leave(surfaces, hit, ox, oy, oz, rays.pixel[i], path, sent, onward)
+    onward.gathered[sent] = rays.gathered[i]
     for b in range(rho.size):
-        rays.throughput[alive, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
-    rays.number[alive] = rays.number[i]
+        onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
     return 1
 
 

@@ -43,7 +43,8 @@ class Lamps(NamedTuple):
     """What shadow rays are sent to, as entries of one discrete distribution, lights last.
 
     cumulative: (e + 1,) float64, from 0 to 1. code: (n,) int32, 2 triangle + side of entries 0..n-1.
-    light, light_power, radius: as in Emitters. power: W, of all entries.
+    light, light_power, radius: as in Emitters. power: W, of all entries. shines: (t, 2) bool, sides of triangles that
+    shadow rays are sent to.
     """
 
     cumulative: np.ndarray
@@ -52,6 +53,7 @@ class Lamps(NamedTuple):
     light_power: np.ndarray
     radius: float
     power: float
+    shines: np.ndarray
 
 
 def choose_lamps(
@@ -102,8 +104,8 @@ def _spheres(corners, sheet, labels):
     return centre, np.sqrt(squares)
 
 
-def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray) -> Lamps:
-    """The emitters that shadow rays are sent to: those marked as lamps, and all lights."""
+def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray, shines: np.ndarray) -> Lamps:
+    """The emitters that shadow rays are sent to: those marked as lamps, and all lights. shines: see Lamps."""
     code = emitters.surface[emitters.lamp]
     # in the order of a curve through space: points at equal steps along it lie all around a lamp
     code = code[np.argsort(morton_ranks(surfaces.corners[code >> 1].mean(axis=1)))]
@@ -114,7 +116,7 @@ def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray) 
     total = float(cumulative[-1])
     if total > 0:
         cumulative /= total
-    return Lamps(cumulative, code, emitters.light, emitters.light_power, emitters.radius, total)
+    return Lamps(cumulative, code, emitters.light, emitters.light_power, emitters.radius, total, shines)
 
 
 class LampPoints(NamedTuple):

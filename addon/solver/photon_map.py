@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The photon map: photons in a tree of points, and the density of the nearest of them."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -20,22 +21,24 @@ class Photons(NamedTuple):
     position: (n, 3) float32, m. surface: (n,) int32, code 2 triangle + side. power: (n, b) float32, W per band.
     incoming: (n, 3) float32 unit vector back along the path for photons straight from a light (mirrors between count
         as straight), zeros for others; (0, 3) where the scene has no use for it.
+    caustic: (n,) bool, whether it comes from a lamp or light by way of specular surfaces alone; (0,) without such.
     """
 
     position: np.ndarray
     surface: np.ndarray
     power: np.ndarray
     incoming: np.ndarray
+    caustic: np.ndarray
 
 
 class PhotonStore:
     """Room for the photons of one pass that grows as needed and is used again by the next pass."""
 
-    def __init__(self, bands: int, directed: bool):
-        """directed: whether photons carry the direction they came from."""
+    def __init__(self, bands: int, directed: bool, caustic: bool):
+        """directed, caustic: see photon_arrays."""
         self.count = 0
-        self._room = photon_arrays(0, bands, directed)
-        self._bands, self._directed = bands, directed
+        self._room = photon_arrays(0, bands, directed, caustic)
+        self._new = functools.partial(photon_arrays, bands=bands, directed=directed, caustic=caustic)
 
     @property
     def photons(self) -> Photons:
@@ -48,7 +51,7 @@ class PhotonStore:
         if end > MAX_PHOTONS:
             raise MemoryError(f"Over {MAX_PHOTONS} photons stored in one pass: lower the photons per pass")
         if end > len(self._room.surface):
-            larger = photon_arrays(end + end // 4, self._bands, self._directed)
+            larger = self._new(end + end // 4)
             for old, new in zip(self._room, larger, strict=True):
                 new[: min(self.count, len(new))] = old[: self.count]
             self._room = larger
@@ -61,13 +64,14 @@ class PhotonStore:
         self.count = 0
 
 
-def photon_arrays(count: int, bands: int, directed: bool) -> Photons:
-    """Room for count photons; directed: whether they carry the direction they came from."""
+def photon_arrays(count: int, bands: int, directed: bool, caustic: bool) -> Photons:
+    """Room for count photons. directed: whether they carry the direction they came from, caustic: whether that mark."""
     return Photons(
         np.empty((count, 3), np.float32),
         np.empty(count, np.int32),
         np.empty((count, bands), np.float32),
         np.empty((count if directed else 0, 3), np.float32),
+        np.empty(count if caustic else 0, np.bool_),
     )
 
 
@@ -138,7 +142,8 @@ def build_photon_map(photons: Photons, plane: np.ndarray, run=map) -> PhotonMap:
     def sort(power: bool):  # two jobs of about equal length
         if not power:
             _fill_leaves(photons, plane, ranks, leaves)
-        for rows in (photons.power,) if power else (photons.position, photons.surface[:, None], photons.incoming):
+        others = (photons.position, photons.surface[:, None], photons.incoming, photons.caustic[:, None])
+        for rows in (photons.power,) if power else others:
             if len(rows):
                 _permute(rows, walk)
 
@@ -263,7 +268,7 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
 
 
 @njit(inline="always")
-def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, guess, room, patch):
+def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, only_caustic, guess, room, patch):
     """Find the photons around a point on one side of triangle t, and the surface area they fell on.
 
     The disk is that of the k-th neighbour, or of radius sqrt(reach2) where fewer than k photons lie in it, and then
@@ -273,7 +278,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, gu
     is further away but still about this side of the walls; this is unbiased in the same way (docs/method.md).
     Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball).
 
-    guess: squared radius to try first; it changes the time, not the result.
+    only_caustic: list those of caustics alone. guess: squared radius to try first; it changes the time, not the result.
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
     """
     corners = surfaces.corners
@@ -304,6 +309,12 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, gu
     for i in range(count):  # no branch here and below: the order is as good as random
         index[near] = index[i]
         near += 1 if room.distance2[i] < disk2 else 0
+    if only_caustic:
+        marked = 0
+        for i in range(near):
+            index[marked] = index[i]
+            marked += 1 if photon_map.photons.caustic[index[i]] else 0
+        near = marked
     kept = 0
     if members == 1:
         for i in range(near):

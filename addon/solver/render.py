@@ -45,6 +45,7 @@ PIXEL_CHUNK = 256  # of several rays each; small, so that all threads are busy t
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
 _KNOWN = 512  # photons that mattered, after which no larger trial is made
+_DENSITY_PHOTONS = 8192
 _ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
 _WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refined
 _ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
@@ -63,6 +64,7 @@ class Model:
     eye: Eye
     reach2: float
     straight: bool
+    density: np.ndarray  # (2 t,) float32, photons expected in a disk of unit squared radius on each sheet, by label
     reference_temperature: float
     photons_per_pass: int
 
@@ -85,7 +87,7 @@ def render(
     film = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
     image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
     seen = np.empty(len(image), np.float32)
-    store = PhotonStore(scene.band_count, model.straight)
+    store = PhotonStore(scene.band_count, model.optics.keep_incoming, model.optics.keep_caustic)
     started = time.monotonic()
     next_check = 8
     with ThreadPoolExecutor(threads) as pool:
@@ -131,15 +133,16 @@ def prepare(scene: Scene, settings: Settings) -> Model:
     emitters = build_emitters(
         scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, power, lamp, pilot.open
     )
-    lamps = build_lamps(emitters, surfaces, power)
+    lamps = build_lamps(emitters, surfaces, power, lamp)
     reach2 = gather_reach(area, pilot, max(1, settings.photons_per_pass), settings.neighbours)
     used = np.unique(surfaces.material)
     rough = bool(np.any(radiometry.alpha[used] > 0))
+    caustic = lamps.power > 0 and bool(np.any(radiometry.specular[used] > 0))
     straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
     reflecting = bool(np.any(radiometry.reflectance[used] > 0))
     photons = settings.photons_per_pass if emitters.power > 0 and reflecting else 0
     widths = np.diff(scene.band_edges)
-    optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight)
+    optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight, caustic)
     log.info(
         "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
         len(surfaces.corners),
@@ -155,6 +158,9 @@ def prepare(scene: Scene, settings: Settings) -> Model:
     if photons and len(pilot.place):
         gathers = build_gathers(pilot.place, pilot.facing, reach2)
         emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers)
+    density = np.zeros(2 * len(area), np.float32)
+    if photons:
+        density = photon_density(tracer, surfaces, radiometry, emitters, optics, area, photons)
     return Model(
         surfaces,
         tracer,
@@ -165,9 +171,30 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         eye,
         reach2,
         straight,
+        density,
         reference,
         photons,
     )
+
+
+def photon_density(
+    tracer: Tracer,
+    surfaces: Surfaces,
+    radiometry: Radiometry,
+    emitters: Emitters,
+    optics: Optics,
+    area: np.ndarray,
+    photons: int,
+) -> np.ndarray:
+    """(2 t,) float32 photons of a pass that are expected in a disk of unit squared radius on each sheet, by label."""
+    key = pass_key(0, len(_TRIAL_PHOTONS), TRIAL)
+    batches = trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, _DENSITY_PHOTONS, _DENSITY_PHOTONS)
+    sheet = surfaces.sheet
+    count = np.zeros(sheet.size)
+    for batch in batches:
+        count += np.bincount(sheet[batch.surface >> 1, batch.surface & 1], minlength=sheet.size)
+    size = np.bincount(sheet.ravel(), np.repeat(area, 2), sheet.size)
+    return (math.pi * photons / _DENSITY_PHOTONS * count / np.maximum(size, 1e-30)).astype(np.float32)
 
 
 def learn_guide(
@@ -253,7 +280,8 @@ def render_pass(
         if cancelled():
             return
         render_pixels(
-            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate, keys,
+            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate,
+            m.density, keys,
             index, first, image[first : first + PIXEL_CHUNK], seen[first : first + PIXEL_CHUNK], cancelled,
         )  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .emission import Emitters, emit, empty_wave
+from .emission import LIT_BY_LAMP, LIT_BY_LIGHT, Emitters, emit, empty_wave
 from .photon_map import Photons, photon_arrays
 from .radiometry import Radiometry
 from .rng import path_key, uniform
@@ -21,12 +21,14 @@ _DIMENSIONS = 4  # random numbers of one bounce
 class Optics(NamedTuple):
     """What the walk needs to know beside the tables. band_share: (b,) float32, of a band's width in the range.
 
-    power_roulette: survival by power (else by the band average). keep_incoming: store directions of straight photons.
+    power_roulette: survival by power (else by the band average). keep_incoming: store directions of photons straight
+    from lights. keep_caustic: store which photons are part of a caustic.
     """
 
     band_share: np.ndarray
     power_roulette: bool
     keep_incoming: bool
+    keep_caustic: bool
 
 
 def trace_photons(
@@ -54,7 +56,7 @@ def trace_photons(
         triangle, u, v = tracer.trace(wave.origin[:count], wave.direction[:count])
         if on_hits:
             on_hits(triangle, u, v, wave)
-        stored = photon_arrays(count, radiometry.reference.size, optics.keep_incoming)
+        stored = photon_arrays(count, radiometry.reference.size, optics.keep_incoming, optics.keep_caustic)
         kept, count = scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored)
         if kept:
             batches.append(Photons(*(array[:kept] for array in stored)))
@@ -103,7 +105,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
                 reflected += optics.band_share[b] * rho[b]
         if not reflected > 0.0:
             continue
-        straight = wave.straight[i] and alpha > 0.0
+        straight = wave.chain[i] == LIT_BY_LIGHT and alpha > 0.0
         if (specular < 1.0 or straight) and not wave.direct[i]:
             stored.position[kept, 0], stored.position[kept, 1], stored.position[kept, 2] = x, y, z
             stored.surface[kept] = 2 * t + side
@@ -114,6 +116,8 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
                 stored.incoming[kept, 0] = sign * dx
                 stored.incoming[kept, 1] = sign * dy
                 stored.incoming[kept, 2] = sign * dz
+            if optics.keep_caustic:
+                stored.caustic[kept] = wave.chain[i] != 0
             kept += 1
         survival = min(MAX_SURVIVAL, reflected / arriving)
         path = path_key(key, wave.photon[i])
@@ -123,16 +127,17 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         s = uniform(path, _DIMENSIONS * bounce + 9)
         w = uniform(path, _DIMENSIONS * bounce + 10)
         scale = 1.0 / survival
-        is_mirror = False
+        chain = 0
         if choice < survival * specular:
             if alpha == 0.0:
-                is_mirror = True
+                chain = wave.chain[i]
                 ox, oy, oz = mirror(dx, dy, dz, nx, ny, nz, cosine)
             else:
                 ox, oy, oz, weight = reflect_in_lobe(dx, dy, dz, nx, ny, nz, max(1e-6, cosine), alpha, s, w)
                 if weight <= 0.0:
                     continue
                 scale *= weight
+                chain = wave.chain[i] if wave.chain[i] == LIT_BY_LAMP else 0
         else:
             lx, ly, lz = cosine_direction(s, w)
             ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
@@ -148,7 +153,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
             wave.power[alive, b] = wave.power[i, b] * rho[b] * factor
         wave.photon[alive] = wave.photon[i]
         wave.direct[alive] = False
-        wave.straight[alive] = wave.straight[i] and is_mirror
+        wave.chain[alive] = chain
         wave.arrival[alive] = -1
         alive += 1
     return kept, alive

@@ -76,7 +76,7 @@ def gather_all(photon_map, surfaces, triangle, side, place, k, reach2):
     for i in range(triangle.size):
         kept, area, guess = gather(
             photon_map, surfaces, triangle[i], side[i], place[i, 0], place[i, 1], place[i, 2],
-            k, reach2, reach2, 1.0, guess, room, patch,
+            k, reach2, reach2, 1.0, False, guess, room, patch,
         )  # fmt: skip
         density += kept / area
     return density
@@ -85,7 +85,7 @@ def gather_all(photon_map, surfaces, triangle, side, place, k, reach2):
 def room_case(count):
     """Photons and camera hits of one pass in the room."""
     m = prepare(room(BANDS), Settings(photons_per_pass=count, neighbours=NEIGHBOURS))
-    store, key = PhotonStore(BANDS, False), pass_key(0, 0, PHOTONS)
+    store, key = PhotonStore(BANDS, False, False), pass_key(0, 0, PHOTONS)
     for first in range(0, count, PHOTON_CHUNK):
         for batch in trace_photons(
             m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first,
@@ -126,7 +126,7 @@ def caustic_case(count):
     place[WIDTH * HEIGHT // 2 :] = near[np.lexsort((near[:, 0], (near[:, 1] * HEIGHT).round()))]
     photons = Photons(
         position, 2 * (position[:, 1] > position[:, 0]).astype(np.int32), np.ones((count, BANDS), np.float32),
-        np.empty((0, 3), np.float32),
+        np.empty((0, 3), np.float32), np.empty(0, bool),
     )  # fmt: skip
     return Case(
         "caustic",

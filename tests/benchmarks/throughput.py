@@ -96,7 +96,7 @@ def main():
             model.tracer.trace(origin, direction)
 
     with ThreadPoolExecutor(threads) as pool:
-        store = PhotonStore(16, False)
+        store = PhotonStore(16, False, False)
         times = {"trace": [], "embree": [], "index": [], "gather": [], "camera": []}
         for _ in range(REPETITIONS):
             store.clear()
@@ -116,7 +116,7 @@ def main():
                 m, rows = model, slice(first, first + PIXEL_CHUNK)
                 render_pixels(
                     m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate,
-                    camera_keys, 0, first, image[rows], seen[rows], lambda: False,
+                    m.density, camera_keys, 0, first, image[rows], seen[rows], lambda: False,
                 )  # fmt: skip
 
             gathers, reflect = [], eye_paths.reflect
