@@ -11,7 +11,6 @@ from scenes import box, look, make_scene, mean_and_error, sphere
 
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
 from addon.solver.spectrum import band_radiance
-from addon.solver.surfaces import facing_side
 
 eye_paths = importlib.import_module("addon.solver.eye_paths")
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -141,7 +140,6 @@ def test_final_gathers_stand_where_walls_are_near():
             i = gathers.ray[g]
             near = free2[g] < np.float32(estimate.reach2)
             assert not (gathers.split[i] and (rays.gathered[i] or not near))
-            assert facing_side.py_func(surfaces, triangle[i], rays.direction, i) in (0, 1)
         chosen.append((count, found))
         return count
 

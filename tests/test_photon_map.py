@@ -80,24 +80,23 @@ def search_all(photon_map, k, points, normal, bound):
 
 
 @njit
-def gather_all(photon_map, surfaces, triangles, sides, points, k, reach2, free2, shrink2, guess):
+def gather_all(photon_map, surfaces, triangles, sides, points, k, reach2, shrink2, guess):
     """Number of photons and area of a gather at every point, each starting from the same guess."""
     room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
     kept, area = np.empty(len(points), np.int64), np.empty(len(points))
     for i in range(len(points)):
         x, y, z = points[i]
         kept[i], area[i], _ = gather(
-            photon_map, surfaces, triangles[i], sides[i], x, y, z, k, reach2, free2, shrink2, False, guess, room, patch
+            photon_map, surfaces, triangles[i], sides[i], x, y, z, k, reach2, shrink2, False, guess, room, patch
         )
     return kept, area
 
 
-def gathers(built, triangles, points, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0, free2=None):
+def gathers(built, triangles, points, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0):
     points = np.atleast_2d(np.asarray(points, np.float32))
     triangles = np.broadcast_to(np.asarray(triangles, np.int32), (len(points),))
     sides = np.full(len(points), side, np.int32)
-    free2 = reach2 if free2 is None else free2
-    return gather_all(built.photons, built.surfaces, triangles, sides, points, k, reach2, free2, shrink2, guess)
+    return gather_all(built.photons, built.surfaces, triangles, sides, points, k, reach2, shrink2, guess)
 
 
 def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0, only_caustic=False):
@@ -113,7 +112,6 @@ def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0,
         y,
         z,
         k,
-        reach2,
         reach2,
         shrink2,
         only_caustic,
@@ -215,9 +213,7 @@ def test_irradiance_is_power_over_area():
     points, power = rng.uniform(-0.1, 0.1, (30, 3)) * (1, 1, 0), rng.normal(size=(30, 3)).astype(np.float32)
     built = photon_map(points, square(), 2 * triangle_under(points, 1), power)
     room, patch = neighbours_room(50), np.empty(PATCH_LIMIT, np.int32)
-    kept, area, _ = gather(
-        built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, 50, 0.16, 0.16, 1.0, False, 0.16, room, patch
-    )
+    kept, area, _ = gather(built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, 50, 0.16, 1.0, False, 0.16, room, patch)
     out = np.empty(3)
     irradiance(built.photons, room, kept, area, out)
     np.testing.assert_allclose(out, power.sum(axis=0, dtype=float) / (np.pi * 0.16), rtol=1e-6)
@@ -280,22 +276,20 @@ def test_photons_round_the_corner_do_not_count():
 # Density
 
 
-def density_ratio(region, cells, k, reach_share, shrink2, free_share=None, maps=1200, mean_photons=1000, queries=8):
+def density_ratio(region, cells, k, reach_share, shrink2, maps=1200, mean_photons=1000, queries=8):
     """Mean of (estimated / true density) over independent maps of Poisson points on a square, and its standard error.
 
-    region(rng, n): points (n, 2) in the unit square. reach_share: area of the largest disk over that of k photons;
-    free_share: that of the free space.
+    region(rng, n): points (n, 2) in the unit square. reach_share: area of the largest disk over that of k photons.
     """
     rng = np.random.default_rng(18)
     surfaces = square(cells)
     reach2 = reach_share * k / (np.pi * mean_photons)
-    free2 = None if free_share is None else free_share * k / (np.pi * mean_photons)
     ratios = []
     for _ in range(maps):
         points = rng.random((rng.poisson(mean_photons), 3)) * (1, 1, 0) - (0.5, 0.5, 0)
         built = photon_map(points, surfaces, 2 * triangle_under(points, cells))
         places = np.column_stack((region(rng, queries) - 0.5, np.zeros(queries)))
-        kept, area = gathers(built, triangle_under(places, cells), places, k, reach2, shrink2, reach2, free2=free2)
+        kept, area = gathers(built, triangle_under(places, cells), places, k, reach2, shrink2, reach2)
         ratios.append(np.mean(kept / area) / mean_photons)
     return np.mean(ratios), np.std(ratios, ddof=1) / np.sqrt(maps)
 
@@ -322,37 +316,6 @@ def test_density_estimate_is_unbiased(region, cells, k, reach_share, shrink2):
     mean, error = density_ratio(region, cells, k, reach_share, shrink2)
     assert error < 0.025
     assert abs(mean - 1) < 3 * error
-
-
-@pytest.mark.parametrize("free_share", [0.02, 0.15, 0.25, 0.4, 0.7, 1.0, 2.0])
-@pytest.mark.parametrize("k, reach_share, shrink2", [(20, 9.0, 1.0), (20, 1.0, 1.0), (20, 9.0, 0.5), (50, 2.0, 0.5)])
-def test_density_estimate_in_free_space_is_unbiased(k, reach_share, shrink2, free_share):
-    """Free disks smaller than k / 4 photons (at 1/4 of the area of k), between that and k, and larger; 4 standard
-    errors. With j photons over the area of the j-th, j = 5, it would be 25 % too high where space is tight.
-    """
-    mean, error = density_ratio(anywhere, 1, k, reach_share, shrink2, free_share, maps=800, queries=16)
-    print(f"{mean - 1:+.2%} +- {error:.2%}")
-    assert error < 0.02
-    assert abs(mean - 1) < 4 * error
-
-
-def test_disk_is_the_free_space_between_its_bounds():
-    """max(free, that of the k/4-th), at most that of the k-th; all shrunk but the free space."""
-    rng = np.random.default_rng(22)
-    points = rng.uniform(-0.5, 0.5, (3000, 3)) * (1, 1, 0)
-    built = photon_map(points, square(), 2 * triangle_under(points, 1))
-    position = built.photons.photons.position.astype(float)
-    for query in (rng.uniform(-0.3, 0.3, (10, 3)) * (1, 1, 0)).astype(np.float32):
-        square_of = np.sort(np.sum((position - query) ** 2, axis=1))
-        for shrink2 in (1.0, 0.5):
-            low, high = shrink2 * square_of[9], shrink2 * square_of[39]  # of the 10th and 40th
-            for free2 in (0.0, 0.5 * low, 0.5 * (low + high), 2 * high):
-                kept, area = gathers(
-                    built, triangle_under(query[None], 1), query, 40, 1.0, shrink2, free2=np.float32(free2)
-                )  # fmt: skip
-                disk2 = min(max(free2, low), high)
-                assert area[0] == pytest.approx(np.pi * disk2, rel=1e-5)
-                assert kept[0] == np.sum(square_of < disk2 * (1 - 1e-6))
 
 
 # Degenerate sets

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera paths: what a ray meets emits exactly, its diffuse reflection comes from the photon map, its specular lobe is
-followed to the next surface."""
+"""Camera paths: what a ray meets emits exactly, its specular lobe is followed to the next surface, and its diffuse
+reflection comes from the photon map or, beside walls, from a final gather whose rays ask the map one bounce later."""
 
 import math
 from typing import NamedTuple
@@ -20,17 +20,17 @@ from .transport import MAX_SURVIVAL
 # Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
 # silhouettes; rays of a pixel that meet one surface share a gather.
 CAMERA_SAMPLES = 16
-SPLIT = 64  # rays of a final gather, _SIDE by _SIDE strata
-_SIDE = 8
+_SIDE = 6
+_SPLIT = _SIDE * _SIDE  # rays of a final gather, stratified
 _DIMENSIONS = 4  # random numbers of one bounce
-_LAMPS = 1 << 20  # the random numbers of shadow rays lie behind all others
+_GATHERING, _FEELING, _LAMPS, _SPLITTING = 1 << 18, 1 << 19, 1 << 20, 1 << 21  # where others start
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
-_FEELING = 1 << 19  # and those that turn the feelers before them
-_SPLITTING = 1 << 21
 _FEELERS = 4
 _FEELER_SINE = 0.05  # they rise little, to feel low steps too
 _FEELER_COSINE = math.sqrt(1.0 - _FEELER_SINE**2)
-_SPARSE = 1.0  # photons expected, over k, below which a gather sends rays instead
+_LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that photons may fill however close the walls
+_FEWEST = 8  # neighbours at the ends of a final gather, whose noise is the mean of many
+_LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FULL = 0.25  # roulette starts where less than this is left of a path: below it a path matters little
 
 
@@ -125,7 +125,7 @@ def render_pixels(
         if sent:
             blocker, _, _ = tracer.trace(shadows.origin[:sent], shadows.direction[:sent], shadows.reach[:sent])
             add_unshadowed(blocker, shadows, image)
-        onward = empty_rays(count + SPLIT * split, bands)
+        onward = empty_rays(count + _SPLIT * split, bands)
         count = follow(surfaces, radiometry, bounce, *hits, rays, gathers.split, onward)
         rays = onward
         reach = np.full(count, 1e37, np.float32)
@@ -187,7 +187,8 @@ def _hit(surfaces, rays, i, t, u, v):
 def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, rays, image, gathers):
     """Add to the image what the surfaces that the rays meet emit; list the rays that gather what they reflect.
 
-    Rays of a pixel that meet one sheet of one material share a gather. Returns how many gather. shines: see Lamps.
+    Rays of a pixel that meet one sheet of one material share a gather, and roulette decides on those that would carry
+    little. Returns how many gather. shines: see Lamps; final gathers leave lamps to shadow rays.
     """
     bands = image.shape[1]
     emitted = np.empty(bands)
@@ -237,10 +238,15 @@ def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, ray
         gathers.weight[g] += carried
         if uniform(rays.path[i], _DIMENSIONS * bounce + 3) * gathers.weight[g] < carried:
             gathers.ray[g] = i
+    kept = 0
     for g in range(found):
         i = gathers.ray[g]
-        gathers.weight[g] /= _largest(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
-    return found
+        chance = min(1.0, gathers.weight[g] / _LITTLE)
+        if uniform(rays.path[i], _GATHERING + bounce) < chance:
+            carried = _largest(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
+            gathers.ray[kept], gathers.weight[kept] = i, gathers.weight[g] / (carried * chance)
+            kept += 1
+    return kept
 
 
 @njit(cache=True, nogil=True)
@@ -256,7 +262,7 @@ def choose_splits(surfaces, estimate, density, triangle, rays, gathers, found, f
         if rays.gathered[i] or free2[g] >= np.float32(estimate.reach2):
             continue
         expected = density[surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]] * free2[g]
-        if expected < _SPARSE * estimate.neighbours:
+        if expected < estimate.neighbours:
             gathers.split[i] = gathers.weight[g]
             split += 1
     return split
@@ -328,9 +334,11 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
         rough = specular > 0.0 and radiometry.alpha[material] > 0.0 and estimate.straight
         if specular == 1.0 and not rough:
             continue
+        k = max(_FEWEST, estimate.neighbours // 4) if rays.gathered[i] else estimate.neighbours
+        reach2 = min(estimate.reach2, max(free2[g] / estimate.shrink2, _LEAST_FREE * estimate.reach2))
         kept, area, guess = gather(
             photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
-            estimate.neighbours, estimate.reach2, float(free2[g]), estimate.shrink2, split, guess, room, patch,
+            k, reach2, estimate.shrink2, split, guess, room, patch,
         )  # fmt: skip
         if kept == 0:
             continue
@@ -385,7 +393,7 @@ def follow(surfaces, radiometry, bounce, triangle, u, v, rays, split, onward):
                 sent += _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
             if split[i] > 0.0:
                 _split(surfaces, radiometry, hit, split[i], i, rays, sent, onward)
-                sent += SPLIT
+                sent += _SPLIT
     return sent
 
 
@@ -394,8 +402,8 @@ def _split(surfaces, radiometry, hit, weight, i, rays, sent, onward):
     """Send the rays of a final gather, cosine-distributed and stratified."""
     material = surfaces.material[hit.triangle]
     rho = radiometry.reflectance[material]
-    scale = np.float32(weight * (1.0 - radiometry.specular[material]) / SPLIT)
-    for stratum in range(SPLIT):
+    scale = np.float32(weight * (1.0 - radiometry.specular[material]) / _SPLIT)
+    for stratum in range(_SPLIT):
         row = sent + stratum
         path = path_key(rays.path[i], _SPLITTING + stratum)
         s = (stratum % _SIDE + uniform(path, 0)) / _SIDE

@@ -10,7 +10,6 @@ from numba import njit
 from .point_tree import FAR, STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
 from .surfaces import SAME_SURFACE, in_region, normal, patch_in_ball, region_area, unit_normal
 
-_LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that a gather may use however close the walls
 MAX_PHOTONS = 2**31 - 1
 _GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
 
@@ -268,14 +267,12 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
 
 
 @njit(inline="always")
-def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, only_caustic, guess, room, patch):
+def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caustic, guess, room, patch):
     """Find the photons around a point on one side of triangle t, and the surface area they fell on.
 
     The disk is that of the k-th neighbour, or of radius sqrt(reach2) where fewer than k photons lie in it, and then
     shrunk: r^2 = shrink2 r_k^2. Of k neighbours the k-th is left out. Both together estimate the density without bias:
     for k neighbours E[(k - 1) / (density area)] = 1, and the fixed disk adds exactly what the limit cuts off that mean.
-    Where walls stand within the disk it shrinks to the free space, sqrt(free2), or to the k / 4-th neighbour where that
-    is further away but still about this side of the walls; this is unbiased in the same way (docs/method.md).
     Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball).
 
     only_caustic: list those of caustics alone. guess: squared radius to try first; it changes the time, not the result.
@@ -292,14 +289,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, free2, shrink2, on
             break
         bound = min(np.float32(4.0) * bound, limit)
     next_guess = _GUESS * r2
-    disk2 = np.float32(shrink2 * r2)
-    if free2 < disk2:
-        few, least2 = max(4, k // 4), np.float32(np.inf)
-        if count >= few:
-            least2 = np.float32(shrink2) * _kth_smallest(room.distance2, count, few, bound, room.edge)
-        widest2 = max(2.0 * free2, _LEAST_FREE * shrink2 * reach2)
-        disk2 = min(disk2, max(np.float32(free2), min(least2, np.float32(widest2))))
-    disk2 = max(disk2, smallest)
+    disk2 = max(np.float32(shrink2 * r2), smallest)
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, float(disk2), patch)
     sheet = surfaces.sheet[t, side]
     if members == 0:  # a mesh much finer than the disk

@@ -25,7 +25,7 @@ _OPEN = 0.95  # share of the paths from a sheet that leave the scene above which
 _TYPICAL_PHOTONS = 50  # of a gather
 _LEAST_ERROR = 0.1  # weight of surroundings that seem to be free of everything: a few paths cannot tell
 _LEAST_OPEN = 16  # paths that must have been sent from it
-_LEAST_DENSITY = 1.0 / 8.0  # of sides that matter, over their mean
+_LEAST_DENSITY = 1.0 / 4.0  # of sides that matter, over their mean
 _PRIOR = 4.0  # paths that the mean density is worth on a sheet
 
 

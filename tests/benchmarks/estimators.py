@@ -35,13 +35,8 @@ HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
 from speed_scenes import SCENES  # noqa: E402
 
-from addon.solver import Settings, eye_paths, render  # noqa: E402
-from addon.solver.eye_paths import CAMERA_SAMPLES  # noqa: E402
+from addon.solver import Settings, render  # noqa: E402
 from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
-from addon.solver.radiometry import excess  # noqa: E402
-from addon.solver.rng import path_key, uniform  # noqa: E402
-from addon.solver.sampling import cosine_direction, to_world  # noqa: E402
-from addon.solver.surfaces import temperature_at  # noqa: E402
 
 WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
 REFERENCE = {"passes": 64, "photons_per_pass": 500_000}
@@ -50,53 +45,21 @@ KEPT = 0.98  # share of the pixels in the trimmed error
 
 
 @njit(nogil=True)
-def _send_cosine_rays(surfaces, radiometry, key, bounce, first, triangle, u, v, rays, gathers, found, shadows):
-    """One ray a gather in a cosine-distributed direction; its radiance is the factor on what it meets."""
+def split_all(surfaces, estimate, density, triangle, rays, gathers, found, free2):
+    """Every gather sends rays, whose ends ask the photon map."""
+    split = 0
     for g in range(found):
-        i = gathers.ray[g]
-        hit = eye_paths._hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        path = path_key(key, CAMERA_SAMPLES * first + rays.number[i])
-        s, w = uniform(path, (1 << 20) + 4 * bounce), uniform(path, (1 << 20) + 4 * bounce + 1)
-        lx, ly, lz = cosine_direction(s, w)
-        normal = np.array((hit.nx, hit.ny, hit.nz))
-        shadows.origin[g] = np.array((hit.x, hit.y, hit.z)) + surfaces.plane[hit.triangle, 3] * normal
-        shadows.direction[g] = np.array(to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz))
-        shadows.reach[g], shadows.pixel[g] = 1e37, rays.number[i] // CAMERA_SAMPLES
-        material = surfaces.material[hit.triangle]
-        scale = gathers.share[g] * (1.0 - radiometry.specular[material])
-        shadows.radiance[g] = rays.throughput[i] * radiometry.reflectance[material] * scale
-    return found
+        if not rays.gathered[gathers.ray[g]]:
+            gathers.split[gathers.ray[g]] = gathers.weight[g]
+            split += 1
+    return split
 
 
-@njit(nogil=True)
-def _add_met(surfaces, radiometry, surroundings, triangle, shadows, image):
-    """Add what the cosine rays meet: surfaces of one temperature each, or the surroundings."""
-    value = np.empty(surroundings.size)
-    for i in range(triangle.size):
-        t = triangle[i]
-        value[:] = surroundings
-        if t >= 0:
-            excess(radiometry, surfaces.material[t], temperature_at(surfaces.temperature, t, 0.3, 0.3), 1.0, value)
-        for b in range(value.size):
-            image[shadows.pixel[i], b] += shadows.radiance[i, b] * value[b]
+def split_none(*_):
+    return 0
 
 
-class FinalGather:
-    """All direct light by one cosine ray a gather, photons for the rest (Jensen 2001); without lights."""
-
-    def send(self, surfaces, radiometry, emitters, lamps, lamp_points, *others):
-        self.scene = surfaces, radiometry, emitters.surroundings  # the same in all calls
-        return _send_cosine_rays(surfaces, radiometry, *others)
-
-    def add(self, triangle, shadows, image):
-        _add_met(*self.scene, triangle, shadows, image)
-
-
-def all_sides(surfaces, *_):
-    return np.ones((len(surfaces.corners), 2), bool)
-
-
-def no_walls(tracer, surfaces, estimate, key, bounce, first, hits, rays, gathers, found):
+def no_walls(tracer, surfaces, estimate, bounce, hits, rays, gathers, found):
     return np.full(found, np.inf, np.float32)
 
 
@@ -106,10 +69,9 @@ def by_area(count, sheet, area, matters):
 
 
 def camera_samples(count):
-    return {"eye_paths.CAMERA_SAMPLES": count, "eye_paths._SHARE": np.float32(1.0 / count)}
+    return {"eye_paths.CAMERA_SAMPLES": count}
 
 
-_GATHER = FinalGather()
 _OPEN = {"pilot._OPEN": -1.0, "pilot._LEAST_OPEN": 0}
 # What each variant changes: "module.name" in addon.solver, or a field of Settings (a value, or a function of the name
 # and the scene).
@@ -122,12 +84,11 @@ VARIANTS = {
     "everything a lamp": {"lamps._MOST": 10**6, "lamps._COMPACT": 1e9, "lamps._MATTERS": 0.0, "lamps._TOGETHER": -1.0},
     "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},
     "lamps in mesh order": {"lamps.morton_ranks": lambda points: np.arange(len(points))},
-    "final gather": {
-        "render.choose_lamps": all_sides,
-        **_OPEN,
-        "eye_paths.send_shadows": _GATHER.send,
-        "eye_paths.add_unshadowed": _GATHER.add,
-    },
+    "no final gathers": {"eye_paths.choose_splits": split_none},
+    "final gathers everywhere": {"eye_paths.choose_splits": split_all},
+    "16 rays a final gather": {"eye_paths._SIDE": 4, "eye_paths._SPLIT": 16},
+    "64 rays a final gather": {"eye_paths._SIDE": 8, "eye_paths._SPLIT": 64},
+    "no roulette on gathers": {"eye_paths._LITTLE": 1e-30},
     "no sky rays": {"pilot._OPEN": 2.0},
     "sky rays everywhere": _OPEN,
     "no guide": {"render._ENOUGH": -1.0},

@@ -76,7 +76,7 @@ def gather_all(photon_map, surfaces, triangle, side, place, k, reach2):
     for i in range(triangle.size):
         kept, area, guess = gather(
             photon_map, surfaces, triangle[i], side[i], place[i, 0], place[i, 1], place[i, 2],
-            k, reach2, reach2, 1.0, False, guess, room, patch,
+            k, reach2, 1.0, False, guess, room, patch,
         )  # fmt: skip
         density += kept / area
     return density
