@@ -118,7 +118,7 @@ def choose_settings(scene) -> None:
     scene.render.filepath = "//render/demo"
     scene.view_settings.view_transform = "Standard"  # shows the thermal palette as it is
     infrared = scene.infrared
-    infrared.passes = 100
+    infrared.passes = 20
     infrared.photons_per_pass = 200_000
     infrared.band_mode = "UNIFORM"
     infrared.wavelength_min, infrared.wavelength_max, infrared.band_count = 7.5, 13.5, 15
