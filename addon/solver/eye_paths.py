@@ -19,7 +19,7 @@ from .transport import MAX_SURVIVAL
 
 # Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
 # silhouettes; rays of a pixel that meet one surface share a gather.
-CAMERA_SAMPLES = 8
+CAMERA_SAMPLES = 16
 _SIDE = 6
 _SPLIT = _SIDE * _SIDE  # rays of a final gather, stratified
 _DIMENSIONS = 4  # random numbers of one bounce
