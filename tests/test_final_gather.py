@@ -129,6 +129,12 @@ def test_final_gathers_and_photons_agree(kind, monkeypatch):
     assert abs(gathered - photons) < 4 * error
 
 
+@pytest.mark.parametrize("k", [2, 7, 8, 9, 50, 1000])
+def test_ends_of_final_gathers_have_room_for_their_neighbours(k):
+    """A search writes into room for k; more neighbours would be written beyond it."""
+    assert 2 <= eye_paths.end_neighbours.py_func(k) <= k
+
+
 def test_final_gathers_stand_where_walls_are_near():
     """And nowhere else: in the open they would cost time for nothing."""
     chosen = []

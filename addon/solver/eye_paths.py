@@ -316,6 +316,12 @@ def shortest_feelers(surfaces, triangle, rays, gathers, blocker, u, v, origin, d
     return free2
 
 
+@njit(inline="always")
+def end_neighbours(k):
+    """Neighbours that the ends of a final gather ask for: no more than k, which a search has room for."""
+    return min(k, max(_FEWEST, k // 4))
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
 def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, gathers, found, free2, image):
     """Add to the image what the photons around the hits reflect. free2: (found,) m2, free space around."""
@@ -334,7 +340,7 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
         rough = specular > 0.0 and radiometry.alpha[material] > 0.0 and estimate.straight
         if specular == 1.0 and not rough:
             continue
-        k = max(_FEWEST, estimate.neighbours // 4) if rays.gathered[i] else estimate.neighbours
+        k = end_neighbours(estimate.neighbours) if rays.gathered[i] else estimate.neighbours
         reach2 = min(estimate.reach2, max(free2[g] / estimate.shrink2, _LEAST_FREE * estimate.reach2))
         kept, area, guess = gather(
             photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
