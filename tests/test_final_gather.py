@@ -72,7 +72,7 @@ def test_floor_beside_a_hot_wall_is_exact():
 
 
 @njit
-def split_all(surfaces, estimate, density, triangle, rays, gathers, found, free2):
+def split_all(surfaces, estimate, triangle, rays, gathers, found, free2):
     split = 0
     for g in range(found):
         i = gathers.ray[g]
@@ -135,13 +135,13 @@ def test_ends_of_final_gathers_have_room_for_their_neighbours(k):
     assert 2 <= eye_paths.end_neighbours.py_func(k) <= k
 
 
-def test_final_gathers_stand_where_walls_are_near():
+def test_final_gathers_stand_where_walls_are_near(monkeypatch):
     """And nowhere else: in the open they would cost time for nothing."""
     chosen = []
     choose = eye_paths.choose_splits
 
-    def watch(surfaces, estimate, density, triangle, rays, gathers, found, free2):
-        count = choose(surfaces, estimate, density, triangle, rays, gathers, found, free2)
+    def watch(surfaces, estimate, triangle, rays, gathers, found, free2):
+        count = choose(surfaces, estimate, triangle, rays, gathers, found, free2)
         for g in range(found):
             i = gathers.ray[g]
             near = free2[g] < np.float32(estimate.reach2)
@@ -149,10 +149,7 @@ def test_final_gathers_stand_where_walls_are_near():
         chosen.append((count, found))
         return count
 
-    eye_paths.choose_splits = watch
-    try:
-        render(corner("closed"), Settings(passes=1, photons_per_pass=20_000))
-    finally:
-        eye_paths.choose_splits = choose
+    monkeypatch.setattr(eye_paths, "choose_splits", watch)
+    render(corner("closed"), Settings(passes=1, photons_per_pass=20_000))
     split, found = np.sum(chosen, axis=0)
     assert 0 < split < 0.5 * found

@@ -13,8 +13,8 @@ from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_sha
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world, turn
-from .surfaces import PATCH_LIMIT, facing_side, point, temperature_at, unit_normal
+from .sampling import FAST, basis, cosine_stratum, lobe_brdf, mirror, reflect_in_lobe, to_world, turn
+from .surfaces import PATCH_LIMIT, facing_side, point, put_ray, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
 
 # Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
@@ -39,6 +39,7 @@ class Estimate(NamedTuple):
 
     neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on r^2 in this pass.
     photons: whether the map holds any. straight: whether rough lobes need photons straight from lights.
+    density: (2 t,) float32, m-2, photons expected in a disk of unit squared radius on each sheet, by label.
     """
 
     neighbours: int
@@ -46,6 +47,7 @@ class Estimate(NamedTuple):
     shrink2: float
     photons: bool
     straight: bool
+    density: np.ndarray
 
 
 class Rays(NamedTuple):
@@ -85,7 +87,6 @@ def render_pixels(
     eye,
     photon_map,
     estimate,
-    density,
     keys,
     index,
     first,
@@ -95,9 +96,8 @@ def render_pixels(
 ):
     """Estimate the excess radiance of pixels first..first+n-1 of the window in one pass into image (n, b) float32.
 
-    density: (2 t,) float32, m-2, photons expected on each sheet, by label. keys: of the camera stream (of the seed, of
-    this pass). index: of the pass. seen: (n,) float32, filled with the part of the radiance over all bands that the
-    surfaces send straight into the camera.
+    keys: of the camera stream (of the seed, of this pass). index: of the pass. seen: (n,) float32, filled with the part
+    of the radiance over all bands that the surfaces send straight into the camera.
     """
     count, bands = CAMERA_SAMPLES * len(image), image.shape[1]
     rays = empty_rays(count, bands)
@@ -116,7 +116,7 @@ def render_pixels(
         split = 0
         if estimate.photons:
             free2 = _feel(tracer, surfaces, estimate, bounce, hits, rays, gathers, found)
-            split = choose_splits(surfaces, estimate, density, hits[0], rays, gathers, found, free2)
+            split = choose_splits(surfaces, estimate, hits[0], rays, gathers, found, free2)
             reflect(surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, found, free2, image)
         shadows = empty_shadows((1 + SKY_RAYS) * found, bands)
         sent = send_shadows(
@@ -250,7 +250,7 @@ def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, ray
 
 
 @njit(cache=True, nogil=True)
-def choose_splits(surfaces, estimate, density, triangle, rays, gathers, found, free2):
+def choose_splits(surfaces, estimate, triangle, rays, gathers, found, free2):
     """Mark the gathers around which too few photons are expected; they send rays instead. Returns their number.
 
     What is expected is known before the pass, so the choice does not depend on its photons and leaves the mean alone.
@@ -261,7 +261,7 @@ def choose_splits(surfaces, estimate, density, triangle, rays, gathers, found, f
         t = triangle[i]
         if rays.gathered[i] or free2[g] >= np.float32(estimate.reach2):
             continue
-        expected = density[surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]] * free2[g]
+        expected = estimate.density[surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]] * free2[g]
         if expected < estimate.neighbours:
             gathers.split[i] = gathers.weight[g]
             split += 1
@@ -286,15 +286,14 @@ def start_feelers(surfaces, bounce, triangle, u, v, rays, gathers, found, origin
     for g in range(found):
         i = gathers.ray[g]
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        clear = surfaces.plane[hit.triangle, 3]
         c, s = turn(uniform(rays.path[i], _FEELING + bounce))
         for feeler in range(_FEELERS):
             row = _FEELERS * g + feeler
             dx, dy, dz = to_world(_FEELER_COSINE * c, _FEELER_COSINE * s, _FEELER_SINE, hit.nx, hit.ny, hit.nz)
             c, s = -s, c
-            origin[row, 0], origin[row, 1] = hit.x + clear * hit.nx, hit.y + clear * hit.ny
-            origin[row, 2] = hit.z + clear * hit.nz
-            direction[row, 0], direction[row, 1], direction[row, 2] = dx, dy, dz
+            put_ray(
+                surfaces, hit.triangle, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz, dx, dy, dz, origin, direction, row
+            )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
@@ -412,9 +411,7 @@ def _split(surfaces, radiometry, hit, weight, i, rays, sent, onward):
     for stratum in range(_SPLIT):
         row = sent + stratum
         path = path_key(rays.path[i], _SPLITTING + stratum)
-        s = (stratum % _SIDE + uniform(path, 0)) / _SIDE
-        w = (stratum // _SIDE + uniform(path, 1)) / _SIDE
-        lx, ly, lz = cosine_direction(s, w)
+        lx, ly, lz = cosine_stratum(stratum, _SIDE, uniform(path, 0), uniform(path, 1))
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
         _leave(surfaces, hit, dx, dy, dz, rays.pixel[i], path, row, onward)
         onward.gathered[row] = True
@@ -424,11 +421,10 @@ def _split(surfaces, radiometry, hit, weight, i, rays, sent, onward):
 
 @njit(inline="always")
 def _leave(surfaces, hit, dx, dy, dz, pixel, path, row, onward):
-    clear = surfaces.plane[hit.triangle, 3]
-    onward.origin[row, 0] = hit.x + clear * hit.nx
-    onward.origin[row, 1] = hit.y + clear * hit.ny
-    onward.origin[row, 2] = hit.z + clear * hit.nz
-    onward.direction[row, 0], onward.direction[row, 1], onward.direction[row, 2] = dx, dy, dz
+    put_ray(
+        surfaces, hit.triangle, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz, dx, dy, dz,
+        onward.origin, onward.direction, row,
+    )  # fmt: skip
     onward.pixel[row], onward.path[row] = pixel, path
 
 

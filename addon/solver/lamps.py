@@ -25,8 +25,8 @@ from .emission import (
 from .point_tree import morton_ranks
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import basis, cone_direction, cosine_direction, lobe_brdf, to_world, triangle_point
-from .surfaces import Surfaces, normal, point, temperature_at, unit_normal
+from .sampling import basis, cone_direction, cosine_stratum, lobe_brdf, to_world, triangle_point
+from .surfaces import Surfaces, clear_of, normal, point, put_ray, temperature_at, unit_normal
 
 _MOST = 64  # surfaces that may become lamps: those of most power
 _RECEIVERS = 512  # points at which they are judged
@@ -155,12 +155,8 @@ def lamp_points(lamps, surfaces, key):
             nx, ny, nz = unit_normal(surfaces, t, code & 1)
             u, v = triangle_point(s, w)
             x, y, z = point(surfaces.corners, t, u, v)
-            clear = surfaces.plane[t, 3]
-            points.position[i, 0], points.position[i, 1], points.position[i, 2] = (
-                x + clear * nx,
-                y + clear * ny,
-                z + clear * nz,
-            )
+            x, y, z = clear_of(surfaces, t, x, y, z, nx, ny, nz)
+            points.position[i, 0], points.position[i, 1], points.position[i, 2] = x, y, z
             points.normal[i, 0], points.normal[i, 1], points.normal[i, 2] = nx, ny, nz
             points.u[i], points.v[i] = u, v
             continue
@@ -264,8 +260,7 @@ def send_shadow(
     i = offset + stride * c
     chosen, u, v = points.entry[i], points.u[i], points.v[i]
     x, y, z = points.position[i]
-    clear = surfaces.plane[hit.triangle, 3]
-    ox, oy, oz = hit.x + clear * hit.nx, hit.y + clear * hit.ny, hit.z + clear * hit.nz
+    ox, oy, oz = clear_of(surfaces, hit.triangle, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz)
     dx, dy, dz, reach = x - ox, y - oy, z - oz, 1.0
     probability = lamps.cumulative[chosen + 1] - lamps.cumulative[chosen]
     factor = share * total / (CANDIDATES * probability)
@@ -304,9 +299,8 @@ def send_sky(surfaces, radiometry, surroundings, hit, throughput, share, path, d
     rho = radiometry.reflectance[material]
     scale = share * (1.0 - radiometry.specular[material]) / SKY_RAYS
     for stratum in range(SKY_RAYS):
-        s = (stratum % _SIDE + uniform(path, dimension + 2 * stratum)) / _SIDE
-        w = (stratum // _SIDE + uniform(path, dimension + 2 * stratum + 1)) / _SIDE
-        lx, ly, lz = cosine_direction(s, w)
+        s, w = uniform(path, dimension + 2 * stratum), uniform(path, dimension + 2 * stratum + 1)
+        lx, ly, lz = cosine_stratum(stratum, _SIDE, s, w)
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
         _start(surfaces, hit, dx, dy, dz, 1e37, pixel, shadows, count + stratum)
         for b in range(rho.size):
@@ -315,11 +309,10 @@ def send_sky(surfaces, radiometry, surroundings, hit, throughput, share, path, d
 
 @njit(inline="always")
 def _start(surfaces, hit, dx, dy, dz, reach, pixel, shadows, count):
-    clear = surfaces.plane[hit.triangle, 3]
-    shadows.origin[count, 0] = hit.x + clear * hit.nx
-    shadows.origin[count, 1] = hit.y + clear * hit.ny
-    shadows.origin[count, 2] = hit.z + clear * hit.nz
-    shadows.direction[count, 0], shadows.direction[count, 1], shadows.direction[count, 2] = dx, dy, dz
+    put_ray(
+        surfaces, hit.triangle, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz, dx, dy, dz,
+        shadows.origin, shadows.direction, count,
+    )  # fmt: skip
     shadows.reach[count] = reach
     shadows.pixel[count] = pixel
 

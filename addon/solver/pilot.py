@@ -14,7 +14,7 @@ from .camera import Eye, eye_rays, sobol_points
 from .lamps import SKY_RAYS
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, mirror, triangle_point
-from .surfaces import Surfaces, Tracer, areas, facing_side, point, start_ray, unit_normal
+from .surfaces import Surfaces, Tracer, areas, facing_side, point, put_ray, start_ray, unit_normal
 
 _CAMERA_PATHS = 4096
 _BOUNCES = 8
@@ -233,10 +233,8 @@ def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, import
         if is_mirror[material] and uniform(path, 3 * bounce + 8) < specular[material]:
             dx, dy, dz = paths.direction[i]
             ox, oy, oz = mirror(dx, dy, dz, nx, ny, nz, -(dx * nx + dy * ny + dz * nz))
-            clear = surfaces.plane[t, 3]
             x, y, z = point(surfaces.corners, t, u[i], v[i])
-            paths.origin[i, 0], paths.origin[i, 1], paths.origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
-            paths.direction[i, 0], paths.direction[i, 1], paths.direction[i, 2] = ox, oy, oz
+            put_ray(surfaces, t, x, y, z, nx, ny, nz, ox, oy, oz, paths.origin, paths.direction, i)
             continue
         if not paths.scattered[i]:
             paths.scattered[i] = True

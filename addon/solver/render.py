@@ -63,8 +63,7 @@ class Model:
     optics: Optics
     eye: Eye
     reach2: float
-    straight: bool
-    density: np.ndarray  # (2 t,) float32, photons expected in a disk of unit squared radius on each sheet, by label
+    density: np.ndarray  # see Estimate
     reference_temperature: float
     photons_per_pass: int
 
@@ -170,7 +169,6 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         optics,
         eye,
         reach2,
-        straight,
         density,
         reference,
         photons,
@@ -186,7 +184,7 @@ def photon_density(
     area: np.ndarray,
     photons: int,
 ) -> np.ndarray:
-    """(2 t,) float32 photons of a pass that are expected in a disk of unit squared radius on each sheet, by label."""
+    """(2 t,) float32 photons that a pass should store in a disk of unit squared radius on each sheet, by label."""
     key = pass_key(0, len(_TRIAL_PHOTONS), TRIAL)
     batches = trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, _DENSITY_PHOTONS, _DENSITY_PHOTONS)
     sheet = surfaces.sheet
@@ -271,7 +269,8 @@ def render_pass(
         m.reach2,
         shrink_factor(index) if settings.shrink else 1.0,
         store.count > 0,
-        m.straight,
+        m.optics.keep_incoming,
+        m.density,
     )
     shining = lamp_points(m.lamps, m.surfaces, pass_key(settings.seed, index, LAMPS))
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
@@ -280,8 +279,7 @@ def render_pass(
         if cancelled():
             return
         render_pixels(
-            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate,
-            m.density, keys,
+            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate, keys,
             index, first, image[first : first + PIXEL_CHUNK], seen[first : first + PIXEL_CHUNK], cancelled,
         )  # fmt: skip
 

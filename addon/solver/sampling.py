@@ -52,6 +52,12 @@ def cosine_direction(u, v):
 
 
 @njit(inline="always")
+def cosine_stratum(stratum, side, u, v):
+    """cosine_direction in one of side by side strata of equal chance, numbered from 0."""
+    return cosine_direction((stratum % side + u) / side, (stratum // side + v) / side)
+
+
+@njit(inline="always")
 def cone_direction(u, v, cos_min):
     """Local direction uniform in the cone around +z with cosine above cos_min."""
     z = 1.0 - u * (1.0 - cos_min)

@@ -188,14 +188,27 @@ def _planes(corners):
 
 
 @njit(inline="always")
+def clear_of(surfaces, t, x, y, z, nx, ny, nz):
+    """Point of triangle t, moved along the normal of one side to where a ray may start or end (see `offset`)."""
+    clear = surfaces.plane[t, 3]
+    return x + clear * nx, y + clear * ny, z + clear * nz
+
+
+@njit(inline="always")
+def put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, origin, direction, i):
+    """Put ray i into origin and direction (n, 3): from a point of triangle t, clear of the side with the normal."""
+    origin[i, 0], origin[i, 1], origin[i, 2] = clear_of(surfaces, t, x, y, z, nx, ny, nz)
+    direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
+
+
+@njit(inline="always")
 def start_ray(surfaces, code, u, v, lx, ly, lz, origin, direction, i):
     """Put ray i into origin and direction (n, 3): from a point of side `code` (2 t + side) in a local direction."""
     t = code >> 1
     nx, ny, nz = unit_normal(surfaces, t, code & 1)
     x, y, z = point(surfaces.corners, t, u, v)
-    clear = surfaces.plane[t, 3]
-    origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
-    direction[i, 0], direction[i, 1], direction[i, 2] = to_world(lx, ly, lz, nx, ny, nz)
+    dx, dy, dz = to_world(lx, ly, lz, nx, ny, nz)
+    put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, origin, direction, i)
 
 
 @njit(cache=True, nogil=True)

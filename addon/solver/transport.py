@@ -11,7 +11,7 @@ from .photon_map import Photons, photon_arrays
 from .radiometry import Radiometry
 from .rng import path_key, uniform
 from .sampling import FAST, cosine_direction, mirror, reflect_in_lobe, to_world
-from .surfaces import Surfaces, Tracer, point, unit_normal
+from .surfaces import Surfaces, Tracer, point, put_ray, unit_normal
 
 # No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
 MAX_SURVIVAL = 1.0 - 1.0 / 4096.0
@@ -141,13 +141,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         else:
             lx, ly, lz = cosine_direction(s, w)
             ox, oy, oz = to_world(lx, ly, lz, nx, ny, nz)
-        clear = surfaces.plane[t, 3]
-        wave.origin[alive, 0], wave.origin[alive, 1], wave.origin[alive, 2] = (
-            x + clear * nx,
-            y + clear * ny,
-            z + clear * nz,
-        )
-        wave.direction[alive, 0], wave.direction[alive, 1], wave.direction[alive, 2] = ox, oy, oz
+        put_ray(surfaces, t, x, y, z, nx, ny, nz, ox, oy, oz, wave.origin, wave.direction, alive)
         factor = np.float32(scale)
         for b in range(bands):
             wave.power[alive, b] = wave.power[i, b] * rho[b] * factor

@@ -45,7 +45,7 @@ KEPT = 0.98  # share of the pixels in the trimmed error
 
 
 @njit(nogil=True)
-def split_all(surfaces, estimate, density, triangle, rays, gathers, found, free2):
+def split_all(surfaces, estimate, triangle, rays, gathers, found, free2):
     """Every gather sends rays, whose ends ask the photon map."""
     split = 0
     for g in range(found):

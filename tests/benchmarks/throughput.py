@@ -111,13 +111,13 @@ def main():
             times["embree"].append(seconds(lambda: list(pool.map(embree_chunk, chunks)))[0])
             spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.surfaces.plane, pool.map))
             times["index"].append(spent)
-            estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False)
+            estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False, model.density)
 
             def camera(first, photon_map=photon_map, estimate=estimate):
                 m, rows = model, slice(first, first + PIXEL_CHUNK)
                 render_pixels(
                     m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate,
-                    m.density, camera_keys, 0, first, image[rows], seen[rows], lambda: False,
+                    camera_keys, 0, first, image[rows], seen[rows], lambda: False,
                 )  # fmt: skip
 
             gathers, reflect = [], eye_paths.reflect
