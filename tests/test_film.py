@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from addon.solver import Camera, Film
-from addon.solver.camera import build_eye, eye_rays, sobol_points
-from addon.solver.eye_paths import CAMERA_SAMPLES
+from addon.solver.camera import CAMERA_SAMPLES, build_eye, eye_rays, sobol_points
 from addon.solver.rng import CAMERA, pass_key
 from addon.solver.spectrum import apparent_temperature, band_radiance
 

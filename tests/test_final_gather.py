@@ -72,14 +72,14 @@ def test_floor_beside_a_hot_wall_is_exact():
 
 
 @njit
-def split_all(surfaces, estimate, triangle, rays, gathers, found, free2):
-    split = 0
-    for g in range(found):
-        i = gathers.ray[g]
-        if not rays.gathered[i]:
-            gathers.split[i] = gathers.weight[g]
-            split += 1
-    return split
+def split_all(surfaces, radiometry, estimate, code, rays, gathers, free2):
+    """Every gather sends rays."""
+    sent = 0
+    for g in range(gathers.ray.size):
+        if not rays.gathered[gathers.ray[g]]:
+            gathers.side[g], gathers.of[gathers.ray[g]] = 6, g
+            sent += 36
+    return sent
 
 
 def split_none(*_):

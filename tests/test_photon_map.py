@@ -61,7 +61,7 @@ def photon_map(points, surfaces, codes=0, power=None, batches=1, store=None):
     store = store or PhotonStore(power.shape[1], False, False)
     for part in np.array_split(np.arange(n), batches):
         store.append(Photons(position[part], codes[part], power[part], *UNMARKED))
-    return Map(build_photon_map(store.photons, surfaces.plane), surfaces)
+    return Map(build_photon_map(store.photons, surfaces), surfaces)
 
 
 @njit
@@ -71,7 +71,7 @@ def search_all(photon_map, k, points, normal, bound):
     distance2, within = np.empty(len(points), np.float32), np.empty(len(points), np.int64)
     for i in range(len(points)):
         x, y, z = points[i]
-        count, r2 = _search(photon_map, k, x, y, z, normal[0], normal[1], normal[2], bound, room)
+        count, r2 = _search(photon_map, 0, k, x, y, z, normal[0], normal[1], normal[2], bound, room)
         distance2[i] = r2
         within[i] = 0
         for j in range(count):
@@ -389,7 +389,7 @@ def test_photons_stay_together():
         number = part.astype(np.float32)[:, None]
         store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy(), part % 3 == 0))
     surfaces = square()
-    photons = build_photon_map(store.photons, surfaces.plane).photons
+    photons = build_photon_map(store.photons, surfaces).photons
     order = photons.power[:, 0].astype(int)
     assert np.array_equal(np.sort(order), np.arange(n))
     assert np.array_equal(photons.position, points[order])
@@ -397,7 +397,7 @@ def test_photons_stay_together():
     assert np.array_equal(photons.incoming, points[order, ::-1])
     assert np.array_equal(photons.caustic, order % 3 == 0)
     # a gather of caustics alone lists the marked ones of the same disk
-    built = Map(build_photon_map(store.photons, surfaces.plane), surfaces)
+    built = Map(build_photon_map(store.photons, surfaces), surfaces)
     place = (0.1, 0.05, 0.0)
     every, area, _ = gather_one(built, int(triangle_under(np.array([place]), 1)[0]), place)
     marked, same_area, _ = gather_one(built, int(triangle_under(np.array([place]), 1)[0]), place, only_caustic=True)

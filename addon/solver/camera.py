@@ -11,6 +11,9 @@ from .rng import path_key, uniform
 from .sampling import triangle_point, turn
 from .scene import Camera, SceneError
 
+# Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
+# silhouettes; rays of a pixel that meet one surface share a gather.
+CAMERA_SAMPLES = 16
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
 # Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).

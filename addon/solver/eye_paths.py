@@ -8,29 +8,25 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .camera import eye_rays, sobol_points
+from .camera import CAMERA_SAMPLES, eye_rays, sobol_points
+from .free_space import LEAST_FREE, free_space, largest_disk
+from .irradiance_cache import recalled
 from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, cosine_stratum, lobe_brdf, mirror, reflect_in_lobe, to_world, turn
+from .sampling import FAST, basis, cosine_stratum, lobe_brdf, mirror, reflect_in_lobe, to_world
+from .splitting import Splitting, rays_beside
 from .surfaces import PATCH_LIMIT, facing_side, point, put_ray, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
 
-# Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
-# silhouettes; rays of a pixel that meet one surface share a gather.
-CAMERA_SAMPLES = 16
-_SIDE = 6
-_SPLIT = _SIDE * _SIDE  # rays of a final gather, stratified
 _DIMENSIONS = 4  # random numbers of one bounce
-_GATHERING, _FEELING, _LAMPS, _SPLITTING = 1 << 18, 1 << 19, 1 << 20, 1 << 21  # where others start
+_RECALLING, _GATHERING, _FEELING, _LAMPS, _SPLITTING = 1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21  # where others start
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
-_FEELERS = 4
-_FEELER_SINE = 0.05  # they rise little, to feel low steps too
-_FEELER_COSINE = math.sqrt(1.0 - _FEELER_SINE**2)
-_LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that photons may fill however close the walls
-_FEWEST = 8  # neighbours at the ends of a final gather, whose noise is the mean of many
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
+_FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
+_LEAST = 1.0 / 512.0  # the same of ends that recall
+_BESIDE_WALLS = 6  # least rays on each side of the square of strata where there is no room for photons
 _FULL = 0.25  # roulette starts where less than this is left of a path: below it a path matters little
 
 
@@ -39,7 +35,7 @@ class Estimate(NamedTuple):
 
     neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on r^2 in this pass.
     photons: whether the map holds any. straight: whether rough lobes need photons straight from lights.
-    density: (2 t,) float32, m-2, photons expected in a disk of unit squared radius on each sheet, by label.
+    splitting: what decides between photons and rays.
     """
 
     neighbours: int
@@ -47,7 +43,7 @@ class Estimate(NamedTuple):
     shrink2: float
     photons: bool
     straight: bool
-    density: np.ndarray
+    splitting: Splitting
 
 
 class Rays(NamedTuple):
@@ -86,6 +82,7 @@ def render_pixels(
     lamp_points,
     eye,
     photon_map,
+    cache,
     estimate,
     keys,
     index,
@@ -108,25 +105,27 @@ def render_pixels(
     image[:] = 0.0
     bounce = 0
     while count and not cancelled():
-        gathers = Gathers(np.empty(count, np.int32), np.empty(count, np.float32), np.zeros(count, np.float32))
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
-        found = meet(surfaces, radiometry, emitters.surroundings, lamps.shines, bounce, *hits, rays, image, gathers)
+        gathers = meet(surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, image)
         if bounce == 0:
             np.sum(image, axis=1, out=seen)
         split = 0
         if estimate.photons:
-            free2 = _feel(tracer, surfaces, estimate, bounce, hits, rays, gathers, found)
-            split = choose_splits(surfaces, estimate, hits[0], rays, gathers, found, free2)
-            reflect(surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, found, free2, image)
-        shadows = empty_shadows((1 + SKY_RAYS) * found, bands)
-        sent = send_shadows(
-            surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, found, shadows
-        )
+            found = len(gathers.ray)
+            place, code, turns = np.empty((found, 3)), np.empty(found, np.int32), np.empty(found)
+            locate(surfaces, bounce, *hits, rays, gathers, place, code, turns)
+            free2 = free_space(tracer, surfaces, estimate.reach2, place, code, turns)
+            split = choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2)
+            reflect(surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, free2, image)
+            if bounce > 0:
+                recall(surfaces, radiometry, photon_map, cache, estimate, bounce, *hits, rays, image)
+        shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
+        sent = send_shadows(surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, shadows)
         if sent:
             blocker, _, _ = tracer.trace(shadows.origin[:sent], shadows.direction[:sent], shadows.reach[:sent])
             add_unshadowed(blocker, shadows, image)
-        onward = empty_rays(count + _SPLIT * split, bands)
-        count = follow(surfaces, radiometry, bounce, *hits, rays, gathers.split, onward)
+        onward = empty_rays(count + split, bands)
+        count = follow(surfaces, radiometry, bounce, *hits, rays, gathers, onward)
         rays = onward
         reach = np.full(count, 1e37, np.float32)
         bounce += 1
@@ -144,12 +143,22 @@ def start_paths(key, first, rays):
 
 class Gathers(NamedTuple):
     """Rays that gather: their indexes (n,) int32, and a factor on the throughput of each, which stands for others too,
-    (n,) float32. split: (rays,) float32, that factor for rays that gather by rays of their own, else 0.
+    (n,) float32. side: (n,) int32, rays on each side of the square of strata where it sends rays, 0 where it asks
+    photons. of: (rays,) int32, the gather that a ray makes, or -1.
     """
 
     ray: np.ndarray
     weight: np.ndarray
-    split: np.ndarray
+    side: np.ndarray
+    of: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def empty_gathers(count):
+    """Room for the gathers of count rays."""
+    return Gathers(
+        np.empty(count, np.int32), np.empty(count, np.float32), np.zeros(count, np.int32), np.full(count, -1, np.int32)
+    )
 
 
 class Hit(NamedTuple):
@@ -184,12 +193,15 @@ def _hit(surfaces, rays, i, t, u, v):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, rays, image, gathers):
-    """Add to the image what the surfaces that the rays meet emit; list the rays that gather what they reflect.
+def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, image):
+    """Add to the image what the surfaces that the rays meet emit; return the rays that gather what they reflect.
 
     Rays of a pixel that meet one sheet of one material share a gather, and roulette decides on those that would carry
-    little. Returns how many gather. shines: see Lamps; final gathers leave lamps to shadow rays.
+    little. Rays of final gathers leave lamps to shadow rays. straight: see Estimate.
     """
+    gathers = empty_gathers(triangle.size)
+    shadowed = lamps.power > 0.0 or straight
+    surroundings = emitters.surroundings
     bands = image.shape[1]
     emitted = np.empty(bands)
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
@@ -206,7 +218,7 @@ def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, ray
         material = surfaces.material[t]
         side = facing_side(surfaces, t, rays.direction, i)
         rough = radiometry.alpha[material] > 0.0
-        if not (rays.gathered[i] and shines[t, side]):
+        if not (rays.gathered[i] and lamps.shines[t, side]):
             kelvin = temperature_at(surfaces.temperature, t, u[i], v[i])
             if rough or material != known or kelvin != known_kelvin:
                 cosine = _hit(surfaces, rays, i, t, u[i], v[i]).cosine if rough else 1.0
@@ -215,6 +227,8 @@ def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, ray
             for b in range(bands):
                 image[pixel, b] += rays.throughput[i, b] * emitted[b]
         if radiometry.specular[material] == 1.0 and not rough:
+            continue
+        if rays.gathered[i] and not (shadowed or emitters.open[t, side]):  # all that it reflects is recalled
             continue
         carried = _largest(rays.throughput[i], radiometry.reflectance[material])
         if carried == 0.0:
@@ -246,120 +260,129 @@ def meet(surfaces, radiometry, surroundings, shines, bounce, triangle, u, v, ray
             carried = _largest(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
             gathers.ray[kept], gathers.weight[kept] = i, gathers.weight[g] / (carried * chance)
             kept += 1
-    return kept
+    return Gathers(gathers.ray[:kept], gathers.weight[:kept], gathers.side[:kept], gathers.of)
 
 
 @njit(cache=True, nogil=True)
-def choose_splits(surfaces, estimate, triangle, rays, gathers, found, free2):
-    """Mark the gathers around which too few photons are expected; they send rays instead. Returns their number.
-
-    What is expected is known before the pass, so the choice does not depend on its photons and leaves the mean alone.
-    """
-    split = 0
-    for g in range(found):
+def locate(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
+    """Where gathers are, place (n, 3) and code (n,), and where their feelers start, turns (n,): see free_space."""
+    for g in range(gathers.ray.size):
         i = gathers.ray[g]
-        t = triangle[i]
-        if rays.gathered[i] or free2[g] >= np.float32(estimate.reach2):
+        place[g, 0], place[g, 1], place[g, 2] = point(surfaces.corners, triangle[i], u[i], v[i])
+        code[g] = 2 * triangle[i] + facing_side(surfaces, triangle[i], rays.direction, i)
+        turns[g] = uniform(rays.path[i], _FEELING + bounce)
+
+
+@njit(cache=True, nogil=True)
+def choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2):
+    """Choose the gathers that send rays, and how many. Returns the number of rays.
+
+    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone.
+    """
+    rays_sent = 0
+    for g in range(gathers.ray.size):
+        i = gathers.ray[g]
+        material = surfaces.material[code[g] >> 1]
+        specular = radiometry.specular[material]
+        if rays.gathered[i] or specular == 1.0:
             continue
-        expected = estimate.density[surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]] * free2[g]
-        if expected < estimate.neighbours:
-            gathers.split[i] = gathers.weight[g]
-            split += 1
-    return split
-
-
-def _feel(tracer, surfaces, estimate, bounce, hits, rays, gathers, found):
-    """Squared radius (m2) of the free space around each gather, (found,) float32, at most that of the largest disk.
-
-    Short rays along the surface feel for walls: a disk that reached beyond one would count light from its other side,
-    and close to other surfaces light changes quickly (Ward's harmonic distance says the same).
-    """
-    origin, direction = np.empty((2, _FEELERS * found, 3), np.float32)
-    start_feelers(surfaces, bounce, *hits, rays, gathers, found, origin, direction)
-    length = math.sqrt(estimate.reach2) / _FEELER_COSINE
-    blocker, u, v = tracer.trace(origin, direction, np.full(len(origin), length, np.float32))
-    return shortest_feelers(surfaces, hits[0], rays, gathers, blocker, u, v, origin, direction, estimate.reach2, found)
-
-
-@njit(cache=True, nogil=True)
-def start_feelers(surfaces, bounce, triangle, u, v, rays, gathers, found, origin, direction):
-    for g in range(found):
-        i = gathers.ray[g]
-        hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        c, s = turn(uniform(rays.path[i], _FEELING + bounce))
-        for feeler in range(_FEELERS):
-            row = _FEELERS * g + feeler
-            dx, dy, dz = to_world(_FEELER_COSINE * c, _FEELER_COSINE * s, _FEELER_SINE, hit.nx, hit.ny, hit.nz)
-            c, s = -s, c
-            put_ray(
-                surfaces, hit.triangle, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz, dx, dy, dz, origin, direction, row
-            )  # fmt: skip
-
-
-@njit(cache=True, nogil=True)
-def shortest_feelers(surfaces, triangle, rays, gathers, blocker, u, v, origin, direction, reach2, found):
-    """Of a hollow surface feelers meet itself: that is no wall."""
-    free2 = np.empty(found, np.float32)
-    for g in range(found):
-        nearest2 = reach2
-        t = triangle[gathers.ray[g]]
-        own = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, gathers.ray[g])]
-        for row in range(_FEELERS * g, _FEELERS * (g + 1)):
-            t = blocker[row]
-            if t >= 0 and surfaces.sheet[t, facing_side(surfaces, t, direction, row)] != own:
-                x, y, z = point(surfaces.corners, t, u[row], v[row])
-                dx, dy, dz = x - origin[row, 0], y - origin[row, 1], z - origin[row, 2]
-                # a wall may stand 45 degrees away from the nearest feeler
-                nearest2 = min(nearest2, 0.5 * _FEELER_COSINE * _FEELER_COSINE * (dx * dx + dy * dy + dz * dz))
-        free2[g] = nearest2
-    return free2
-
-
-@njit(inline="always")
-def end_neighbours(k):
-    """Neighbours that the ends of a final gather ask for: no more than k, which a search has room for."""
-    return min(k, max(_FEWEST, k // 4))
+        carried = gathers.weight[g] * _largest(rays.throughput[i], radiometry.reflectance[material]) * (1.0 - specular)
+        sheet = surfaces.sheet[code[g] >> 1, code[g] & 1]
+        side, _ = rays_beside(
+            estimate.splitting, sheet, carried, float(free2[g]), estimate.neighbours, estimate.shrink2
+        )
+        if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
+            side = max(side, _BESIDE_WALLS)
+        if side > 0:
+            gathers.side[g], gathers.of[i] = side, g
+            rays_sent += side * side
+    return rays_sent
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, gathers, found, free2, image):
-    """Add to the image what the photons around the hits reflect. free2: (found,) m2, free space around."""
+def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, gathers, free2, image):
+    """Add to the image what the photons around the gathers reflect. free2: (n,) m2, free space around."""
     room = neighbours_room(estimate.neighbours)
     patch = np.empty(PATCH_LIMIT, np.int32)
     value = np.empty(image.shape[1])
     guess = estimate.reach2
-    for g in range(found):
+    for g in range(gathers.ray.size):
         i = gathers.ray[g]
-        split = gathers.split[i] > 0.0
+        split = gathers.side[g] > 0
         if split and photon_map.photons.caustic.size == 0:
             continue
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
         material = surfaces.material[hit.triangle]
         specular = float(radiometry.specular[material])
         rough = specular > 0.0 and radiometry.alpha[material] > 0.0 and estimate.straight
-        if specular == 1.0 and not rough:
+        if (specular == 1.0 or rays.gathered[i]) and not rough:  # ends recall their irradiance
             continue
-        k = end_neighbours(estimate.neighbours) if rays.gathered[i] else estimate.neighbours
-        reach2 = min(estimate.reach2, max(free2[g] / estimate.shrink2, _LEAST_FREE * estimate.reach2))
+        reach2 = largest_disk(free2[g], estimate)
         kept, area, guess = gather(
             photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
-            k, reach2, estimate.shrink2, split, guess, room, patch,
+            estimate.neighbours, reach2, estimate.shrink2, split, guess, room, patch,
         )  # fmt: skip
         if kept == 0:
             continue
         rho, out = radiometry.reflectance[material], image[rays.pixel[i]]
-        irradiance(photon_map, room, kept, area, value)
-        diffuse = gathers.weight[g] * (1.0 - specular) / math.pi
-        for b in range(value.size):
-            out[b] += rays.throughput[i, b] * rho[b] * diffuse * value[b]
+        if not rays.gathered[i]:
+            irradiance(photon_map, room, kept, area, value)
+            diffuse = gathers.weight[g] * (1.0 - specular) / math.pi
+            for b in range(value.size):
+                out[b] += rays.throughput[i, b] * rho[b] * diffuse * value[b]
         if rough:
             alpha, scale = float(radiometry.alpha[material]), gathers.weight[g] * specular / area
             _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
+def recall(surfaces, radiometry, photon_map, cache, estimate, bounce, triangle, u, v, rays, image):
+    """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
+
+    Far from its points there are few photons to count, and they are counted.
+    """
+    room = neighbours_room(estimate.neighbours)
+    patch = np.empty(PATCH_LIMIT, np.int32)
+    value = np.empty(image.shape[1])
+    guess = estimate.reach2
+    for i in range(triangle.size):
+        t = triangle[i]
+        if t < 0 or not rays.gathered[i]:
+            continue
+        material = surfaces.material[t]
+        diffuse = (1.0 - float(radiometry.specular[material])) / math.pi
+        rho = radiometry.reflectance[material]
+        carried = diffuse * _largest(rays.throughput[i], rho)
+        chance, choice = min(1.0, carried / _LEAST), uniform(rays.path[i], _RECALLING + bounce)
+        if choice >= chance:
+            continue
+        hit = _hit(surfaces, rays, i, t, u[i], v[i])
+        known = recalled(
+            cache, surfaces.sheet[t, hit.side], hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz,
+            _FAR * estimate.shrink2 * estimate.reach2, room,
+        )  # fmt: skip
+        out = image[rays.pixel[i]]
+        if known >= 0:
+            scale = np.float32(diffuse / chance)
+            for b in range(rho.size):
+                out[b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, b])
+            continue
+        chance = min(1.0, carried / _LITTLE)
+        if choice >= chance:
+            continue
+        kept, area, guess = gather(
+            photon_map, surfaces, t, hit.side, hit.x, hit.y, hit.z,
+            estimate.neighbours, estimate.reach2, estimate.shrink2, False, guess, room, patch,
+        )  # fmt: skip
+        if kept > 0:
+            irradiance(photon_map, room, kept, area, value)
+            for b in range(rho.size):
+                out[b] += rays.throughput[i, b] * rho[b] * (diffuse / chance * value[b])
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
 def send_shadows(
-    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, found, shadows
+    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, shadows
 ):  # fmt: skip
     """Shadow rays of the gathers, to lamps and, from open sides, to the surroundings; returns their number."""
     value, weight = np.empty(radiometry.reference.size), np.empty(CANDIDATES)
@@ -367,10 +390,10 @@ def send_shadows(
     for b in range(value.size):
         sky |= emitters.surroundings[b] != 0.0
     sent = 0
-    for g in range(found):
+    for g in range(gathers.ray.size):
         i = gathers.ray[g]
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        if sky and emitters.open[hit.triangle, hit.side] and gathers.split[i] == 0.0:
+        if sky and emitters.open[hit.triangle, hit.side] and gathers.side[g] == 0:
             send_sky(
                 surfaces, radiometry, emitters.surroundings, hit, rays.throughput[i], gathers.weight[g], rays.path[i],
                 _LAMPS + 16 * bounce + 2, rays.pixel[i], shadows, sent,
@@ -385,33 +408,34 @@ def send_shadows(
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def follow(surfaces, radiometry, bounce, triangle, u, v, rays, split, onward):
+def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward):
     """Send on the rays that meet a specular surface, and those of final gathers; returns their number."""
     sent = 0
     for i in range(triangle.size):
         if triangle[i] < 0:
             continue
         is_specular = radiometry.specular[surfaces.material[triangle[i]]] > 0.0
-        if is_specular or split[i] > 0.0:
+        g = gathers.of[i]
+        if is_specular or g >= 0:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
             if is_specular:
                 sent += _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
-            if split[i] > 0.0:
-                _split(surfaces, radiometry, hit, split[i], i, rays, sent, onward)
-                sent += _SPLIT
+            if g >= 0:
+                _split(surfaces, radiometry, hit, gathers.weight[g], gathers.side[g], i, rays, sent, onward)
+                sent += gathers.side[g] * gathers.side[g]
     return sent
 
 
 @njit(inline="always")
-def _split(surfaces, radiometry, hit, weight, i, rays, sent, onward):
-    """Send the rays of a final gather, cosine-distributed and stratified."""
+def _split(surfaces, radiometry, hit, weight, side, i, rays, sent, onward):
+    """Send the rays of a final gather, cosine-distributed, one in each of side by side strata."""
     material = surfaces.material[hit.triangle]
     rho = radiometry.reflectance[material]
-    scale = np.float32(weight * (1.0 - radiometry.specular[material]) / _SPLIT)
-    for stratum in range(_SPLIT):
+    scale = np.float32(weight * (1.0 - radiometry.specular[material]) / (side * side))
+    for stratum in range(side * side):
         row = sent + stratum
         path = path_key(rays.path[i], _SPLITTING + stratum)
-        lx, ly, lz = cosine_stratum(stratum, _SIDE, uniform(path, 0), uniform(path, 1))
+        lx, ly, lz = cosine_stratum(stratum, side, uniform(path, 0), uniform(path, 1))
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
         _leave(surfaces, hit, dx, dy, dz, rays.pixel[i], path, row, onward)
         onward.gathered[row] = True

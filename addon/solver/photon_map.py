@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from .point_tree import FAR, STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .surfaces import SAME_SURFACE, in_region, normal, patch_in_ball, region_area, unit_normal
+from .surfaces import SAME_SURFACE, Surfaces, in_region, normal, patch_in_ball, region_area, unit_normal
 
 MAX_PHOTONS = 2**31 - 1
 _GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
@@ -75,15 +75,18 @@ def photon_arrays(count: int, bands: int, directed: bool, caustic: bool) -> Phot
 
 
 class PhotonMap(NamedTuple):
-    """Photons in Morton order; the tree's leaves hold their positions and oriented normals."""
+    """Photons in Morton order; the tree's leaves hold positions, oriented normals and labels of sheets.
+
+    As float32 the labels above 2^24 are shared with a neighbour: that costs neighbours, not correctness.
+    """
 
     tree: PointTree
     photons: Photons
 
 
 @njit(cache=True, nogil=True)
-def _fill_leaves(photons, plane, ranks, leaves):
-    """Put positions and normals to their places in the leaves."""
+def _fill_leaves(photons, plane, sheet, ranks, leaves):
+    """Put positions, normals and sheets to their places in the leaves."""
     for i in range(ranks.size):
         leaf, slot = ranks[i] // WIDTH, ranks[i] % WIDTH
         code = photons.surface[i]
@@ -91,6 +94,7 @@ def _fill_leaves(photons, plane, ranks, leaves):
         for axis in range(3):
             leaves[leaf, axis, slot] = photons.position[i, axis]
             leaves[leaf, 3 + axis, slot] = sign * plane[code >> 1, axis]
+        leaves[leaf, 6, slot] = sheet[code >> 1, code & 1]
 
 
 @njit(cache=True, nogil=True)
@@ -132,15 +136,15 @@ def _permute(rows, walk):
             following = -1
 
 
-def build_photon_map(photons: Photons, plane: np.ndarray, run=map) -> PhotonMap:
-    """Photon map of photons, which are sorted in place. plane: of the surfaces they lie on. run: map, or a pool's."""
+def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap:
+    """Photon map of photons on the surfaces, which are sorted in place. run: map, or a pool's."""
     ranks = morton_ranks(photons.position)
-    leaves = empty_leaves(len(ranks), 6)
+    leaves = empty_leaves(len(ranks), 7)
     walk = _cycles(ranks)
 
     def sort(power: bool):  # two jobs of about equal length
         if not power:
-            _fill_leaves(photons, plane, ranks, leaves)
+            _fill_leaves(photons, surfaces.plane, surfaces.sheet, ranks, leaves)
         others = (photons.position, photons.surface[:, None], photons.incoming, photons.caustic[:, None])
         for rows in (photons.power,) if power else others:
             if len(rows):
@@ -225,8 +229,8 @@ def _kth_smallest(values, count, k, top, edge):
 
 
 @njit(inline="always")
-def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
-    """List the photons nearer than sqrt(bound) that face the normal's way, and some more, in room.
+def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
+    """List the photons of a sheet nearer than sqrt(bound) that face the normal's way, and some more, in room.
 
     Returns how many, and the squared distance within which all are known: that of the k-th, or bound if fewer.
     """
@@ -237,7 +241,7 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
     stack[0] = tree.starts[tree.starts.size - 2]
     depth = 1
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
-    nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
+    nx, ny, nz, sheet = np.float32(nx), np.float32(ny), np.float32(nz), np.float32(sheet)
     while depth > 0:
         depth, children = open_node(tree, stack, depth, x, y, z, bound, near)
         for c in range(children - 1, -1, -1):
@@ -247,7 +251,7 @@ def _search(photon_map, k, x, y, z, nx, ny, nz, bound, room):
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
                 cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
                 d2 = dx * dx + dy * dy + dz * dz
-                near[j] = d2 if cosine > np.float32(SAME_SURFACE) else FAR
+                near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (p[6, j] == sheet) else FAR
             for j in range(WIDTH):  # no branch: which photons lie inside is as good as random
                 index[count] = leaf * WIDTH + j
                 distance2[count] = near[j]
@@ -280,18 +284,18 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caus
     """
     corners = surfaces.corners
     nx, ny, nz = unit_normal(surfaces, t, side)
+    sheet = surfaces.sheet[t, side]
     limit = np.float32(reach2)
     smallest = np.float32(1e-12) * limit  # photons that all coincide still get an area
     bound = max(np.float32(min(guess, reach2)), smallest)
     while True:
-        count, r2 = _search(photon_map, k, x, y, z, nx, ny, nz, bound, room)
+        count, r2 = _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room)
         if count >= k or bound >= limit:
             break
         bound = min(np.float32(4.0) * bound, limit)
     next_guess = _GUESS * r2
     disk2 = max(np.float32(shrink2 * r2), smallest)
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, float(disk2), patch)
-    sheet = surfaces.sheet[t, side]
     if members == 0:  # a mesh much finer than the disk
         area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, disk2, room.stack, room.near)
     index, codes = room.index, photon_map.photons.surface

@@ -40,7 +40,11 @@ class Pilot(NamedTuple):
         bright; sky: how much comes from the surroundings, less where open sides see them. Together at most 1.
     openness: share of cosine-distributed directions from the sides that matter that leave the scene, 0 if none does.
     view: m, width of the frame where the camera's rays meet the scene (median); infinite if they meet nothing.
-    place, facing: (r, 3) float64, points where camera paths gather and the normals there.
+    gathering: share of camera rays whose paths gather.
+    place, facing: (r, 3) float64, points where camera paths gather and the normals there. code: (r,) int32, 2 triangle
+        + side. carried: (r,) float64, share of a pixel that their reflected light makes up.
+    left, met: (p,) int32, label of the sheet that camera paths left in a random direction, and triangle that they met,
+        -1 for the surroundings.
     """
 
     matters: np.ndarray
@@ -51,8 +55,13 @@ class Pilot(NamedTuple):
     sky: float
     openness: float
     view: float
+    gathering: float
     place: np.ndarray
     facing: np.ndarray
+    code: np.ndarray
+    carried: np.ndarray
+    left: np.ndarray
+    met: np.ndarray
 
 
 def explore(
@@ -74,16 +83,19 @@ def explore(
     eye_rays(eye, key, sobol_points(0, 1), np.arange(count) * pixels // count, origin, direction, reach)
     paths = _Paths(
         origin, direction, np.ones(count), np.full(count, -1), np.zeros(count, np.bool_),
-        np.empty((count, 3)), np.zeros((count, 3)),
+        np.empty((count, 3)), np.zeros((count, 3)), np.empty(count, np.int32), np.empty(count),
     )  # fmt: skip
     importance = np.zeros(len(sheet) + 1)
     sources, escapes = np.zeros((2, 2 * len(sheet)))  # by label of the sheet
     left, escaped = np.zeros((2, 2 * len(sheet)))
     looks = (reflectance, specular, is_mirror)
+    sights = []
     for bounce in range(_BOUNCES):
         triangle, u, v = tracer.trace(origin, direction, reach)
         if bounce == 0:
             view = _view_width(surfaces, eye, triangle, u, v)
+        on_way = paths.label >= 0
+        sights.append((paths.label[on_way], triangle[on_way]))
         _bounce(
             surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance, sources, escapes, left, escaped
         )
@@ -123,15 +135,19 @@ def explore(
         float(importance[-1] * hidden),
         openness,
         view,
+        float(gathers.mean()),
         paths.place[gathers],
         paths.facing[gathers],
+        paths.code[gathers],
+        paths.carried[gathers],
+        *map(np.concatenate, zip(*sights, strict=True)),
     )
 
 
 class _Paths(NamedTuple):
     """Camera paths: rays (n, 3) float32; weight (n,); label (n,) of the sheet they left,
     -1 for the camera; whether they have been reflected other than by mirrors (n,) bool;
-    where that was first, place and facing (n, 3), zeros where it was not.
+    where that was first, place and facing (n, 3), zeros where it was not, code (n,) and what it carried (n,).
     """
 
     origin: np.ndarray
@@ -141,6 +157,8 @@ class _Paths(NamedTuple):
     scattered: np.ndarray
     place: np.ndarray
     facing: np.ndarray
+    code: np.ndarray
+    carried: np.ndarray
 
 
 def _density(count: np.ndarray, sheet: np.ndarray, area: np.ndarray, matters: np.ndarray) -> np.ndarray:
@@ -240,6 +258,7 @@ def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, import
             paths.scattered[i] = True
             paths.place[i] = point(surfaces.corners, t, u[i], v[i])
             paths.facing[i, 0], paths.facing[i, 1], paths.facing[i, 2] = nx, ny, nz
+            paths.code[i], paths.carried[i] = 2 * t + side, paths.weight[i]
         x, y, z = cosine_direction(uniform(path, 3 * bounce + 9), uniform(path, 3 * bounce + 10))
         start_ray(surfaces, 2 * t + side, u[i], v[i], x, y, z, paths.origin, paths.direction, i)
 

@@ -25,15 +25,18 @@ from .camera import Eye, build_eye
 from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
 from .film import Film
+from .free_space import free_space
 from .guide import Gathers, add_scores, build_gathers, build_guide
+from .irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points
 from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
-from .photon_map import PhotonStore, build_photon_map
+from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import choose_reference
-from .rng import CAMERA, LAMPS, PHOTONS, TRIAL, pass_key
+from .rng import CACHE, CAMERA, LAMPS, PHOTONS, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .settings import Settings
+from .splitting import Splitting, Trial, plan_splitting
 from .surfaces import Surfaces, Tracer, areas, build_surfaces
 from .transport import Optics, trace_photons
 
@@ -45,7 +48,7 @@ PIXEL_CHUNK = 256  # of several rays each; small, so that all threads are busy t
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
 _KNOWN = 512  # photons that mattered, after which no larger trial is made
-_DENSITY_PHOTONS = 8192
+_PLAN_PHOTONS = 8192
 _ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
 _WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refined
 _ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
@@ -63,7 +66,7 @@ class Model:
     optics: Optics
     eye: Eye
     reach2: float
-    density: np.ndarray  # see Estimate
+    splitting: Splitting | None  # None without photons
     reference_temperature: float
     photons_per_pass: int
 
@@ -157,9 +160,14 @@ def prepare(scene: Scene, settings: Settings) -> Model:
     if photons and len(pilot.place):
         gathers = build_gathers(pilot.place, pilot.facing, reach2)
         emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers)
-    density = np.zeros(2 * len(area), np.float32)
+    splitting = None
     if photons:
-        density = photon_density(tracer, surfaces, radiometry, emitters, optics, area, photons)
+        x0, y0, x1, y1 = scene.camera.pixels
+        trial = trial_pass(tracer, surfaces, radiometry, emitters, optics)
+        splitting = plan_splitting(
+            surfaces, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2, settings.neighbours,
+            photons, (x1 - x0) * (y1 - y0),
+        )  # fmt: skip
     return Model(
         surfaces,
         tracer,
@@ -169,30 +177,21 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         optics,
         eye,
         reach2,
-        density,
+        splitting,
         reference,
         photons,
     )
 
 
-def photon_density(
-    tracer: Tracer,
-    surfaces: Surfaces,
-    radiometry: Radiometry,
-    emitters: Emitters,
-    optics: Optics,
-    area: np.ndarray,
-    photons: int,
-) -> np.ndarray:
-    """(2 t,) float32 photons that a pass should store in a disk of unit squared radius on each sheet, by label."""
+def trial_pass(tracer: Tracer, surfaces: Surfaces, radiometry: Radiometry, emitters: Emitters, optics: Optics) -> Trial:
+    """What a pass of _PLAN_PHOTONS stores, to plan splitting by."""
     key = pass_key(0, len(_TRIAL_PHOTONS), TRIAL)
-    batches = trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, _DENSITY_PHOTONS, _DENSITY_PHOTONS)
-    sheet = surfaces.sheet
-    count = np.zeros(sheet.size)
-    for batch in batches:
-        count += np.bincount(sheet[batch.surface >> 1, batch.surface & 1], minlength=sheet.size)
-    size = np.bincount(sheet.ravel(), np.repeat(area, 2), sheet.size)
-    return (math.pi * photons / _DENSITY_PHOTONS * count / np.maximum(size, 1e-30)).astype(np.float32)
+    store = PhotonStore(radiometry.reference.size, optics.keep_incoming, optics.keep_caustic)
+    for batch in trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, _PLAN_PHOTONS, _PLAN_PHOTONS):
+        store.append(batch)
+    hits = store.photons
+    caustic = hits.caustic if optics.keep_caustic else np.zeros(store.count, np.bool_)
+    return Trial(_PLAN_PHOTONS, hits.surface, hits.power.sum(axis=1, dtype=np.float64), caustic)
 
 
 def learn_guide(
@@ -263,15 +262,18 @@ def render_pass(
             store.append(batch)
     if cancelled():
         return False
-    photon_map = build_photon_map(store.photons, m.surfaces.plane, pool.map)
+    photon_map = build_photon_map(store.photons, m.surfaces, pool.map)
     estimate = Estimate(
         settings.neighbours,
         m.reach2,
         shrink_factor(index) if settings.shrink else 1.0,
         store.count > 0,
         m.optics.keep_incoming,
-        m.density,
+        m.splitting,
     )
+    cache = None
+    if estimate.photons:
+        cache = cache_irradiance(m, photon_map, estimate, pass_key(settings.seed, index, CACHE), pool, cancelled)
     shining = lamp_points(m.lamps, m.surfaces, pass_key(settings.seed, index, LAMPS))
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
 
@@ -279,10 +281,39 @@ def render_pass(
         if cancelled():
             return
         render_pixels(
-            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate, keys,
+            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, cache, estimate, keys,
             index, first, image[first : first + PIXEL_CHUNK], seen[first : first + PIXEL_CHUNK], cancelled,
         )  # fmt: skip
 
     for _ in pool.map(gather, range(0, len(image), PIXEL_CHUNK)):
         pass
     return not cancelled()
+
+
+def cache_irradiance(
+    m: Model,
+    photon_map: PhotonMap,
+    estimate: Estimate,
+    key: np.uint64,
+    pool: ThreadPoolExecutor,
+    cancelled: Callable[[], bool],
+) -> IrradianceCache:
+    """What the ends of final gathers will ask for in this pass. key: of the photons that say where."""
+    total = cache_points(m.photons_per_pass, estimate.shrink2)
+
+    def trace(first: int):
+        count = min(PHOTON_CHUNK, total - first)
+        return trace_photons(
+            m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first, count, total, cancelled
+        )
+
+    batches = [batch for chunk in pool.map(trace, range(0, total, PHOTON_CHUNK)) for batch in chunk]
+    place = np.concatenate([np.empty((0, 3), np.float32), *(batch.position for batch in batches)])
+    code = np.concatenate([np.empty(0, np.int32), *(batch.surface for batch in batches)])
+
+    def feel(place, code, first):
+        return free_space(
+            m.tracer, m.surfaces, m.reach2, place.astype(np.float64), code, uniforms(key, first, len(code))
+        )
+
+    return build_irradiance_cache(photon_map, m.surfaces, estimate, place, code, feel, pool.map, cancelled)

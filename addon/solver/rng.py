@@ -8,7 +8,7 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _TO_UNIT = 2.0**-53
 
 # Streams of one pass: photons and camera paths never share a number.
-PHOTONS, CAMERA, PILOT, TRIAL, LAMPS = range(5)
+PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE = range(6)
 
 
 @njit(inline="always")
@@ -41,3 +41,12 @@ def path_key(key, path):
 def uniform(key, dimension):
     """Number in [0, 1) for one dimension of a path, float64."""
     return float(_mix(key + _GOLDEN * np.uint64(dimension + 1)) >> np.uint64(11)) * _TO_UNIT
+
+
+@njit(cache=True, nogil=True)
+def uniforms(key, first, count):
+    """Numbers in [0, 1), (count,) float64, one for each of the paths first, first + 1, ..."""
+    numbers = np.empty(count)
+    for i in range(count):
+        numbers[i] = uniform(path_key(key, first + i), 0)
+    return numbers

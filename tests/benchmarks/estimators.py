@@ -45,14 +45,14 @@ KEPT = 0.98  # share of the pixels in the trimmed error
 
 
 @njit(nogil=True)
-def split_all(surfaces, estimate, triangle, rays, gathers, found, free2):
-    """Every gather sends rays, whose ends ask the photon map."""
-    split = 0
-    for g in range(found):
+def split_all(surfaces, radiometry, estimate, code, rays, gathers, free2):
+    """Every gather sends rays."""
+    sent = 0
+    for g in range(gathers.ray.size):
         if not rays.gathered[gathers.ray[g]]:
-            gathers.split[gathers.ray[g]] = gathers.weight[g]
-            split += 1
-    return split
+            gathers.side[g], gathers.of[gathers.ray[g]] = 6, g
+            sent += 36
+    return sent
 
 
 def split_none(*_):

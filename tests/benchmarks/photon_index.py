@@ -146,7 +146,7 @@ def measure(case):
     reach = math.sqrt(case.reach2)
     for _ in range(REPETITIONS):
         photons = Photons(*(array.copy() for array in case.photons))
-        build, photon_map = seconds(lambda p=photons: build_photon_map(p, case.surfaces.plane))
+        build, photon_map = seconds(lambda p=photons: build_photon_map(p, case.surfaces))
         query, _ = seconds(
             lambda m=photon_map: gather_all(
                 m, case.surfaces, case.triangle, case.side, case.place, NEIGHBOURS, case.reach2

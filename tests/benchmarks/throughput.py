@@ -109,7 +109,7 @@ def main():
 
             times["trace"].append(seconds(trace)[0])
             times["embree"].append(seconds(lambda: list(pool.map(embree_chunk, chunks)))[0])
-            spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.surfaces.plane, pool.map))
+            spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.surfaces, pool.map))
             times["index"].append(spent)
             estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False, model.density)
 

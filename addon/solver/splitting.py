@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a camera path asks the photons around it, and where it sends rays of its own, and how many.
+
+Both have a noise and a time that can be told beforehand. What lowers noise times time is best, and at that optimum a
+further ray saves the same variance anywhere: the noise of the image over its time (Rath et al. 2022 split paths by this
+rule). So rays go in number as the spread of what they bring, and photons serve where they are better than those.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .pilot import Pilot
+from .point_tree import STACK, WIDTH
+from .radiometry import Radiometry, excess
+from .surfaces import PATCH_LIMIT, Surfaces, patch_in_ball, region_area, temperature_at, unit_normal
+
+# Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
+_GATHER = 12.0  # of k photons
+_FIXED = 24.0  # of a gather's share of camera rays
+_PHOTON = 1.0  # traced and sorted
+_FEWEST, _MOST = 4, 12  # rays on each side of the square of strata
+_STRATIFIED = 0.7  # variance of so many rays in strata, over that of as many at random
+_PRIOR = 4.0  # samples that the mean of all sheets is worth on each
+_PRICES = np.geomspace(1e-3, 1e1, 25)  # tried, over that of photons alone
+_SPANS = 1024  # places at which the extent of sheets is measured
+
+
+class Splitting(NamedTuple):
+    """What is known beforehand of the noise of gathers, by label of the sheet, (2 t,) float32 each.
+
+    density: m-2, photons of a pass expected. photon_noise: W2 sr-2 m-2, variance of the radiance (of all bands) that a
+    perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
+    the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk.
+    price: W2 sr-2 m-4, variance that a ray should save.
+    """
+
+    density: np.ndarray
+    photon_noise: np.ndarray
+    ray_noise: np.ndarray
+    span: np.ndarray
+    price: float
+
+
+class Trial(NamedTuple):
+    """What a trial pass of so many photons stored, n hits: code (n,) int32, 2 triangle + side; power (n,) float64, W
+    over all bands; caustic (n,) bool, see Photons."""
+
+    photons: int
+    code: np.ndarray
+    power: np.ndarray
+    caustic: np.ndarray
+
+
+@njit(inline="always")
+def rays_beside(splitting, sheet, carried, free2, k, shrink2):
+    """Rays on each side of the square of strata that a gather should send, 0 if photons are better; and the variance.
+
+    carried: share of a pixel that its reflected light makes up. free2: m2, squared radius of the free space around. k,
+    shrink2: see Estimate.
+    """
+    area = min(math.pi * free2, splitting.span[sheet])
+    if splitting.density[sheet] * area > k:
+        area = k / splitting.density[sheet]
+    area = max(area * shrink2, 1e-30)
+    by_photons = carried * carried * splitting.photon_noise[sheet] / area
+    by_ray = _STRATIFIED * carried * carried * splitting.ray_noise[sheet]
+    side = int(min(float(_MOST), math.sqrt(math.sqrt(by_ray / splitting.price)) + 0.5))
+    side = max(_FEWEST, side)
+    rays = side * side
+    if by_photons + _GATHER * splitting.price > by_ray / rays + rays * splitting.price:
+        return side, by_ray / rays
+    return 0, by_photons
+
+
+def plan_splitting(
+    surfaces: Surfaces,
+    radiometry: Radiometry,
+    surroundings: np.ndarray,
+    shines: np.ndarray,
+    pilot: Pilot,
+    trial: Trial,
+    area: np.ndarray,
+    reach2: float,
+    neighbours: int,
+    photons: int,
+    pixels: int,
+) -> Splitting:
+    """Find the price at which rays and photons together lower noise times time most.
+
+    surroundings: (b,) float64, their excess radiance. shines: (t, 2) bool, lamps, which rays leave to shadow rays.
+    area: (t,) m2. reach2, neighbours: see Estimate. photons, pixels: of a pass.
+    """
+    sheet, labels = surfaces.sheet, surfaces.sheet.size
+    size = np.maximum(np.bincount(sheet.ravel(), np.repeat(area, 2), labels), 1e-30)
+    hit = sheet[trial.code >> 1, trial.code & 1]
+    density = np.bincount(hit, minlength=labels) / size * (photons / trial.photons)
+    squares = trial.power**2 * (trial.photons / photons) / math.pi**2
+    photon_noise = np.bincount(hit, squares * ~trial.caustic, labels) / size
+    caustic_noise = np.bincount(hit, squares * trial.caustic, labels) / size
+    radiance = np.append(_radiance(surfaces, radiometry), surroundings.sum())
+    radiance[:-1][shines.any(axis=1)] = 0.0
+    met = radiance[pilot.met]
+    mean = _means(pilot.left, met, labels, met.mean() if met.size else 0.0)
+    ray_noise = _means(pilot.left, (met - mean[pilot.left]) ** 2, labels, met.var() if met.size else 0.0)
+    places = sheet[pilot.code >> 1, pilot.code & 1]
+    some = slice(None, None, max(1, len(places) // _SPANS))
+    span = _spans(surfaces, pilot.code[some], pilot.place[some], reach2)
+    span = _means(places[some], span, labels, math.pi * reach2, 1e-9)
+    tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span))
+    splitting = Splitting(*tables, math.inf)
+    # photons of caustics are gathered whatever is chosen
+    disk = np.minimum(span, neighbours / np.maximum(density, 1e-30))
+    rest = float(np.mean(pilot.carried**2 * (caustic_noise / disk)[places])) if len(places) else 0.0
+    fixed = _FIXED + _PHOTON * photons / max(1.0, pilot.gathering * pixels)
+    noise, _ = _mean_of(splitting, places, pilot.carried, reach2, neighbours)
+    tried = []
+    for price in max(noise + rest, 1e-30) / fixed * _PRICES:
+        noise, time = _mean_of(splitting._replace(price=price), places, pilot.carried, reach2, neighbours)
+        tried.append(((noise + rest) * (fixed + time), price))
+    return splitting._replace(price=min(tried)[1])
+
+
+def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, worth: float = _PRIOR) -> np.ndarray:
+    """Mean value (labels,) of each label; where there are few it is drawn to the prior, which is worth some samples."""
+    return (np.bincount(label, value, labels) + worth * prior) / (np.bincount(label, minlength=labels) + worth)
+
+
+@njit(cache=True, nogil=True)
+def _radiance(surfaces, radiometry):
+    """(t,) float64 excess radiance of all bands, W m-2 sr-1, that triangles emit at their centroids."""
+    radiance, value = np.empty(surfaces.material.size), np.empty(radiometry.reference.size)
+    for t in range(radiance.size):
+        kelvin = temperature_at(surfaces.temperature, t, 1.0 / 3.0, 1.0 / 3.0)
+        excess(radiometry, surfaces.material[t], kelvin, 2.0 / 3.0, value)
+        radiance[t] = value.sum()
+    return radiance
+
+
+@njit(cache=True, nogil=True)
+def _spans(surfaces, code, place, reach2):
+    """(n,) float64 areas, m2, of the sheets around places (n, 3) within the largest disk."""
+    spans, patch = np.empty(code.size), np.empty(PATCH_LIMIT, np.int32)
+    stack, near = np.empty(STACK, np.int64), np.empty(WIDTH, np.float32)
+    for i in range(code.size):
+        t, side = code[i] >> 1, code[i] & 1
+        x, y, z = place[i]
+        members, area = patch_in_ball(surfaces.corners, surfaces.neighbours, t, side, x, y, z, reach2, patch)
+        if members == 0:
+            nx, ny, nz = unit_normal(surfaces, t, side)
+            area = region_area(surfaces, surfaces.sheet[t, side], x, y, z, nx, ny, nz, reach2, stack, near)
+        spans[i] = area
+    return spans
+
+
+@njit(cache=True, nogil=True)
+def _mean_of(splitting, sheets, carried, reach2, k):
+    """Mean variance and time of gathers on sheets that carry so much of a pixel, (n,) each, in free space."""
+    noise = time = 0.0
+    for i in range(sheets.size):
+        side, variance = rays_beside(splitting, sheets[i], carried[i], reach2, k, 1.0)
+        noise += variance
+        time += side * side if side else _GATHER
+    return noise / max(1, sheets.size), time / max(1, sheets.size)
