@@ -37,6 +37,22 @@ def box(size=(1.0, 1.0, 1.0)):
     return vertices, np.array(triangles, np.int32)
 
 
+def join(*parts):
+    """Vertices, triangles, temperatures and material indices of (vertices, triangles, temperature, material) parts."""
+    firsts = np.cumsum([0] + [len(points) for points, *_ in parts])
+    triangles = [np.asarray(corners) + first for (_, corners, *_), first in zip(parts, firsts, strict=False)]
+    temperature = np.concatenate([np.full(len(corners), kelvin) for _, corners, kelvin, _ in parts])
+    material = np.concatenate([np.full(len(corners), index) for _, corners, _, index in parts])
+    vertices = np.concatenate([np.asarray(points, float) for points, *_ in parts])
+    return vertices, np.concatenate(triangles).astype(np.int32), temperature, material
+
+
+def quad(centre, half_u, half_v):
+    """Vertices and triangles of a rectangle whose front looks along cross(half_u, half_v)."""
+    c, u, v = (np.asarray(a, float) for a in (centre, half_u, half_v))
+    return np.array([c - u - v, c + u - v, c + u + v, c - u + v]), np.array([(0, 1, 2), (0, 2, 3)])
+
+
 def sphere(subdivisions, radius=1.0):
     """Icosphere: vertices (n, 3) and triangles (m, 3), m = 20 * 4^subdivisions."""
     g = (1 + 5**0.5) / 2

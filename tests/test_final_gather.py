@@ -1,36 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Final gathers beside walls: exact where photon disks would blur, and the same mean as photons wherever they stand."""
+"""Final gathers: exact where photon disks would blur, the same mean as photons wherever they stand, well chosen."""
 
+import dataclasses
 import importlib
 import math
 
 import numpy as np
 import pytest
 from numba import njit
-from scenes import box, look, make_scene, mean_and_error, sphere
+from scenes import box, join, look, make_scene, mean_and_error, quad, sphere
+from scipy.stats import t as student
 
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
+from addon.solver.free_space import LEAST_FREE
 from addon.solver.spectrum import band_radiance
+from addon.solver.splitting import _STRATIFIED, _mean_of, plan_splitting
 
-eye_paths = importlib.import_module("addon.solver.eye_paths")
+eye_paths, render_module = (importlib.import_module(f"addon.solver.{name}") for name in ("eye_paths", "render"))
 EDGES = np.array([8.0, 10.0, 12.0])
 GREY, BLACK = Material("grey", 0.5), Material("black", 1.0)
 MIRROR = Material("mirror", 0.1, specular=1.0)
 ROUGH = Material("rough", 0.2, specular=0.7, roughness=0.4)
-
-
-def join(*parts):
-    """Vertices, triangles, temperatures and materials of (vertices, triangles, temperature, material) parts."""
-    firsts = np.cumsum([0] + [len(points) for points, *_ in parts])
-    triangles = [corners + first for (_, corners, *_), first in zip(parts, firsts, strict=False)]
-    temperature = np.concatenate([np.full(len(corners), kelvin) for _, corners, kelvin, _ in parts])
-    material = np.concatenate([np.full(len(corners), index) for _, corners, _, index in parts])
-    return np.concatenate([p[0] for p in parts]), np.concatenate(triangles).astype(np.int32), temperature, material
-
-
-def quad(a, u, v):
-    a, u, v = (np.asarray(value, float) for value in (a, u, v))
-    return np.array([a, a + u, a + u + v, a + v]), np.array([(0, 1, 2), (0, 2, 3)])
 
 
 def wall_factor(distance, width, height):
@@ -50,13 +40,13 @@ def test_floor_beside_a_hot_wall_is_exact():
     The wall is black, floor and surroundings have the reference temperature: what the floor reflects of the wall is all
     the excess, E / pi times 0.5. 4 standard errors a column of pixels, which are themselves below 4 %.
     """
-    wall = quad((0, -1, 0), (0, 2, 0), (0, 0, 0.2))
-    floor = quad((-2, -2, 0), (4, 0, 0), (0, 4, 0))
+    wall = quad((0, 0, 0.1), (0, 1, 0), (0, 0, 0.1))
+    floor = quad((0, 0, 0), (2, 0, 0), (0, 2, 0))
     camera = Camera(32, 12, look((0.16, 0, 1), (0.16, 0, 0)).matrix, "ORTHOGRAPHIC", frame=(-0.16, 0.16, -0.3, 0.3))
     *parts, material = join((*floor, 300.0, 0), (*wall, 400.0, 1))
     scene = make_scene(*parts, (GREY, BLACK), camera, EDGES, material, world_temperature=300.0)
     images = np.array(
-        [render(scene, Settings(passes=16, photons_per_pass=50_000, seed=seed)).radiance() for seed in range(8)]
+        [render(scene, Settings(passes=16, photons_per_pass=50_000, seed=seed)).radiance() for seed in range(16)]
     ).mean(axis=1)  # over the rows, along the wall
     background = band_radiance(EDGES, 300.0).sum()
     excess = 0.5 * (band_radiance(EDGES, 400.0).sum() - background)
@@ -68,7 +58,8 @@ def test_floor_beside_a_hot_wall_is_exact():
     error = images.std(axis=0, ddof=1) / math.sqrt(len(images))
     print(np.column_stack((value / truth - 1, error / truth)).round(4))
     assert np.all(error < 0.04 * truth)
-    assert np.all(np.abs(value - truth) < 4 * error)
+    # 32 columns, 15 degrees of freedom: by chance alone one test in 1000 fails
+    assert np.all(np.abs(value - truth) < student.ppf(1 - 5e-4 / 32, 15) * error)
 
 
 @njit
@@ -88,6 +79,8 @@ def split_none(*_):
 
 def corner(kind):
     """A corner of floor and walls with things in it that light it in every way there is."""
+    if kind == "outside":
+        return outside()
     vertices, triangles = box((2.0, 2.0, 1.5))
     kelvin = np.repeat([290.0, 300.0, 310.0, 295.0, 285.0, 305.0], 2)
     parts = [(vertices, triangles[2 * f : 2 * f + 2], kelvin[2 * f], 0) for f in range(6 if kind != "open" else 5)]
@@ -96,9 +89,9 @@ def corner(kind):
     if "lamp" in kind:
         parts.append((ball_points + (0.6, 0.9, 0.5), ball, 900.0, 1))
     if "mirror" in kind:
-        parts.append((*quad((0.1, 0.2, 0.05), (0, 1.5, 0), (0.1, 0, 1.2)), 290.0, 2))
+        parts.append((*quad((0.15, 0.95, 0.65), (0, 0.75, 0), (0.05, 0, 0.6)), 290.0, 2))
     if "rough" in kind:
-        parts.append((*quad((0.1, 0.2, 0.05), (0, 1.5, 0), (0.1, 0, 1.2)), 290.0, 3))
+        parts.append((*quad((0.15, 0.95, 0.65), (0, 0.75, 0), (0.05, 0, 0.6)), 290.0, 3))
     if "light" in kind:
         lights = (PointLight(np.array([0.7, 1.1, 0.6]), 3000.0, 0.05),)
     if "sun" in kind:
@@ -111,13 +104,35 @@ def corner(kind):
     )  # fmt: skip
 
 
+def outside():
+    """A box on a wide plain under the sky: what its sides see of the sky they see directly, and by way of the plain,
+    which looks for the sky with rays of its own."""
+    vertices, triangles = box((0.5, 0.5, 0.5))
+    plain = quad((0, 0, 0), (3, 0, 0), (0, 3, 0))
+    *parts, material = join((vertices, triangles, 290.0, 0), (*plain, 290.0, 0))
+    camera = look((2.0, -1.5, 0.5), (0.3, 0.2, 0.25), 8, 6, 0.12)
+    return make_scene(*parts, (GREY,), camera, EDGES, material, world_temperature=250.0)
+
+
 @pytest.mark.parametrize(
-    "kind", ["closed", "open", "lamp", "lamp mirror", "light mirror", "lamp rough", "light rough", "light mirror rough"]
+    "kind",
+    [
+        "closed",
+        "open",
+        "outside",
+        "lamp",
+        "lamp mirror",
+        "light mirror",
+        "lamp rough",
+        "light rough",
+        "light mirror rough",
+    ],
 )
 def test_final_gathers_and_photons_agree(kind, monkeypatch):
-    """Every path of light is counted once, by a ray or by a photon. 4 standard errors, which are below 0.5 %."""
+    """Every path of light is counted once, by a ray or by a photon. 4 standard errors, which are below 0.5 % (outside 1 %:
+    the sky is noisy that ends see by rays of their own)."""
     scene = corner(kind)
-    settings = Settings(passes=96, photons_per_pass=20_000, reference_temperature=290.0)
+    settings = Settings(passes=500 if kind == "outside" else 96, photons_per_pass=20_000, reference_temperature=290.0)
     results = []
     for choose in (split_all, split_none):
         monkeypatch.setattr(eye_paths, "choose_splits", choose)
@@ -125,31 +140,52 @@ def test_final_gathers_and_photons_agree(kind, monkeypatch):
     (gathered, gathered_error), (photons, photons_error) = results
     error = math.hypot(gathered_error, photons_error)
     print(f"{kind}: {gathered / photons - 1:+.3%} +- {error / photons:.3%}")
-    assert error < 0.005 * photons
+    assert error < (0.01 if kind == "outside" else 0.005) * photons
     assert abs(gathered - photons) < 4 * error
 
 
-@pytest.mark.parametrize("k", [2, 7, 8, 9, 50, 1000])
-def test_ends_of_final_gathers_have_room_for_their_neighbours(k):
-    """A search writes into room for k; more neighbours would be written beyond it."""
-    assert 2 <= eye_paths.end_neighbours.py_func(k) <= k
+def test_rays_go_out_where_walls_leave_no_room_for_photons(monkeypatch):
+    """There a disk of photons that is not too small to hold any would reach behind the wall."""
+    beside, choose = [], eye_paths.choose_splits
 
-
-def test_final_gathers_stand_where_walls_are_near(monkeypatch):
-    """And nowhere else: in the open they would cost time for nothing."""
-    chosen = []
-    choose = eye_paths.choose_splits
-
-    def watch(surfaces, estimate, triangle, rays, gathers, found, free2):
-        count = choose(surfaces, estimate, triangle, rays, gathers, found, free2)
-        for g in range(found):
-            i = gathers.ray[g]
-            near = free2[g] < np.float32(estimate.reach2)
-            assert not (gathers.split[i] and (rays.gathered[i] or not near))
-        chosen.append((count, found))
-        return count
+    def watch(surfaces, radiometry, estimate, code, rays, gathers, free2):
+        sent = choose(surfaces, radiometry, estimate, code, rays, gathers, free2)
+        for g, ray in enumerate(gathers.ray):
+            if not rays.gathered[ray] and free2[g] < np.float32(LEAST_FREE * estimate.reach2):
+                beside.append(gathers.side[g])
+        assert sent == np.sum(gathers.side**2)
+        return sent
 
     monkeypatch.setattr(eye_paths, "choose_splits", watch)
     render(corner("closed"), Settings(passes=1, photons_per_pass=20_000))
-    split, found = np.sum(chosen, axis=0)
-    assert 0 < split < 0.5 * found
+    assert len(beside) > 0 and min(beside) >= 6
+
+
+@pytest.mark.parametrize("kind", ["closed", "open"])
+def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
+    """To a factor of 1.5 in the standard deviation: rays in number as a spread that is wrong by that take 8 % more time
+    for the same noise, (1.5 + 1 / 1.5) / 2. The camera sees nothing but floor, so no edges add to the noise.
+    """
+    scene = dataclasses.replace(corner(kind), camera=look((1.0, 1.0, 1.4), (1.1, 0.9, 0.0), 8, 6, 0.3))
+    plans = []
+
+    def photons_alone(*inputs):
+        plans.append((plan_splitting(*inputs)._replace(price=math.inf), inputs))
+        return plans[-1][0]
+
+    def variance():
+        settings = Settings(passes=1, photons_per_pass=20_000, reference_temperature=290.0)
+        images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(24)]
+        return np.mean(np.var(images, axis=0, ddof=1))
+
+    monkeypatch.setattr(render_module, "plan_splitting", photons_alone)
+    by_photons = variance()
+    monkeypatch.setattr(eye_paths, "choose_splits", split_all)
+    by_rays = variance()
+    splitting, (surfaces, _, _, _, pilot, *_, reach2, neighbours, _, _) = plans[0]
+    places = surfaces.sheet[pilot.code >> 1, pilot.code & 1]
+    foreseen_by_photons, _ = _mean_of(splitting, places, pilot.carried, reach2, neighbours)
+    foreseen_by_rays = _STRATIFIED * np.mean(pilot.carried**2 * splitting.ray_noise[places]) / 36
+    for name, found, foreseen in (("photons", by_photons, foreseen_by_photons), ("rays", by_rays, foreseen_by_rays)):
+        print(f"{kind}, {name}: foreseen over found {math.sqrt(foreseen / found):.2f}")
+        assert 1.5**-2 < foreseen / found < 1.5**2

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 import pytest
-from scenes import box, look, make_scene, mean_and_error, sphere
+from scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
 from addon.solver.emission import light_spectrum
@@ -27,23 +27,6 @@ MIRROR = Material("mirror", 0.2, specular=1.0)
 HOT = 900.0  # K
 LINEAR = 0.001
 DOWN = np.array([0.0, 0.0, -1.0])
-
-
-def join(*parts):
-    """Vertices, triangles, temperatures and material indices of (vertices, triangles, temperature, material) parts."""
-    vertices, triangles, temperature, material = [], [], [], []
-    for points, corners, kelvin, index in parts:
-        triangles.append(np.asarray(corners) + sum(len(v) for v in vertices))
-        vertices.append(np.asarray(points, float))
-        temperature += [kelvin] * len(corners)
-        material += [index] * len(corners)
-    return np.concatenate(vertices), np.concatenate(triangles).astype(np.int32), temperature, material
-
-
-def quad(centre, half_u, half_v):
-    """Vertices and triangles of a rectangle whose front looks along cross(half_u, half_v)."""
-    c, u, v = (np.asarray(a, float) for a in (centre, half_u, half_v))
-    return np.array([c - u - v, c + u - v, c + u + v, c - u + v]), np.array([(0, 1, 2), (0, 2, 3)])
 
 
 def ball(centre, radius):

@@ -7,7 +7,7 @@ n = 60; pixels of one render share photons, so the mean over the image is known 
 
 import numpy as np
 import pytest
-from scenes import box, look, make_scene, sphere
+from scenes import box, join, look, make_scene, sphere
 
 from addon.solver import Material, PointLight, Settings, render
 
@@ -27,13 +27,7 @@ def placed(mesh, at, turn=0.0, tilt=0.0):
 
 def assemble(parts, materials, camera, **options):
     """Scene of (mesh, temperature, material index) parts."""
-    vertices, triangles, temperature, material = [], [], [], []
-    for (points, corners), kelvin, index in parts:
-        triangles.append(corners + sum(map(len, vertices)))
-        vertices.append(points)
-        temperature += [kelvin] * len(corners)
-        material += [index] * len(corners)
-    vertices, triangles = np.concatenate(vertices), np.concatenate(triangles).astype(np.int32)
+    vertices, triangles, temperature, material = join(*((*mesh, kelvin, index) for mesh, kelvin, index in parts))
     return make_scene(vertices, triangles, temperature, materials, camera, EDGES, material, **options)
 
 

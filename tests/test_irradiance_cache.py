@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The irradiance cache: the nearest point on a sheet answers, and the answer is right in the mean."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numba import njit
+from test_photon_map import photon_map, square, triangle_under
+
+from addon.solver.irradiance_cache import build_irradiance_cache, cache_points, recalled
+from addon.solver.photon_map import neighbours_room
+
+
+class Choices(NamedTuple):
+    """The part of an estimate that the cache reads."""
+
+    neighbours: int
+    reach2: float
+    shrink2: float
+
+
+@njit
+def recall_all(cache, sheet, points, reach2):
+    room = neighbours_room(20)
+    index = np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        index[i] = recalled(cache, sheet, points[i, 0], points[i, 1], points[i, 2], 0.0, 0.0, 1.0, reach2, room)
+    return index
+
+
+def free(reach2):
+    return lambda place, code, first: np.full(len(code), reach2, np.float32)
+
+
+def scattered(rng, count):
+    return (rng.random((count, 3)) * (1, 1, 0) - (0.5, 0.5, 0)).astype(np.float32)
+
+
+@pytest.mark.parametrize("mean_photons", [60, 1000])
+def test_what_is_recalled_is_unbiased(mean_photons):
+    """Against the density of Poisson points; at points among those counted themselves it would be 5 % too high at 20
+    neighbours, and more where fewer are within reach (60). 3 standard errors."""
+    rng = np.random.default_rng(4)
+    surfaces = square(10)
+    choices = Choices(20, 9.0 / 1000, 0.5)
+    ratios = []
+    for _ in range(600):
+        points = scattered(rng, rng.poisson(mean_photons))
+        built = photon_map(points, surfaces, 2 * triangle_under(points, 10))
+        place = scattered(rng, 64)
+        code = 2 * triangle_under(place, 10).astype(np.int32)
+        cache = build_irradiance_cache(built.photons, surfaces, choices, place, code, free(choices.reach2))
+        chosen = recall_all(cache, surfaces.sheet[0, 0], scattered(rng, 8), 1.0)
+        assert np.all(chosen >= 0)
+        ratios.append(cache.value[chosen, 0].mean() / mean_photons)
+    mean, error = np.mean(ratios), np.std(ratios, ddof=1) / math.sqrt(len(ratios))
+    assert error < 0.02
+    assert abs(mean - 1) < 3 * error
+
+
+def test_the_nearest_point_of_the_sheet_answers():
+    """Brute force finds the same; beyond the reach, from the other side and on another sheet there is none."""
+    rng = np.random.default_rng(5)
+    surfaces = square()
+    place = scattered(rng, 300)
+    code = (2 * triangle_under(place, 1)).astype(np.int32)
+    built = photon_map(place, surfaces, code)
+    cache = build_irradiance_cache(built.photons, surfaces, Choices(20, 0.01, 1.0), place, code, free(0.01))
+    kept = np.swapaxes(cache.tree.leaves[:, :3], 1, 2).reshape(-1, 3)[:300]
+    queries = scattered(rng, 200)
+    distance2 = ((queries[:, None] - kept) ** 2).sum(axis=2)
+    front, back = surfaces.sheet[0]
+    assert np.array_equal(recall_all(cache, front, queries, 1.0), distance2.argmin(axis=1))
+    within = distance2.min(axis=1) < 1e-4
+    assert 0 < within.sum() < 200
+    assert np.array_equal(recall_all(cache, front, queries, 1e-4) >= 0, within)
+    assert np.all(recall_all(cache, back, queries, 1.0) == -1)
+
+
+def test_points_come_closer_as_disks_shrink():
+    """Else the blur between them would stay when that of the disks is gone."""
+    counts = [cache_points(100_000, shrink2) for shrink2 in (1.0, 0.25, 0.01)]
+    assert counts == sorted(counts) and counts[-1] >= 10 * counts[0] * 0.99
+    assert cache_points(100, 1e-6) == 100 and cache_points(1, 1.0) == 1
