@@ -129,8 +129,7 @@ def outside():
     ],
 )
 def test_final_gathers_and_photons_agree(kind, monkeypatch):
-    """Every path of light is counted once, by a ray or by a photon. 4 standard errors, which are below 0.5 % (outside 1 %:
-    the sky is noisy that ends see by rays of their own)."""
+    """Every path of light is counted once, by ray or photon. 4 standard errors; these are below 0.5 %, outside 1 %."""
     scene = corner(kind)
     settings = Settings(passes=500 if kind == "outside" else 96, photons_per_pass=20_000, reference_temperature=290.0)
     results = []

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Camera paths: what a ray meets emits exactly, its specular lobe is followed to the next surface, and its diffuse
-reflection comes from the photon map or, beside walls, from a final gather whose rays ask the map one bounce later."""
+reflection comes from the photon map or from a final gather, whose rays ask for photons one bounce later."""
 
 import math
 from typing import NamedTuple

@@ -5,6 +5,7 @@ look at the scene: what can matter, reference temperature, tables, emitters
 for every pass:
     emit photons, trace them, store their hits          (emission, transport)
     sort them into a photon map                         (photon_map)
+    estimate the irradiance at some points              (irradiance_cache)
     follow camera paths and gather photons at their ends (eye_paths)
     add the image to the running mean                   (film)
 """
