@@ -14,7 +14,7 @@ from addon.solver import Material, Settings, render
 from addon.solver.spectrum import band_radiance, planck
 from addon.solver.surfaces import areas
 
-PASSES, PHOTONS = 300, 30_000
+PASSES, PHOTONS = 150, 30_000
 NARROW = np.array([9.99, 10.01])  # um: one narrow band, so that the closed forms for one wavelength hold to 1e-6
 SUBTRACTION = [
     pytest.param({}, id="subtraction"),

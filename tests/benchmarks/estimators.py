@@ -59,8 +59,8 @@ def split_none(*_):
     return 0
 
 
-def no_walls(tracer, surfaces, estimate, bounce, hits, rays, gathers, found):
-    return np.full(found, np.inf, np.float32)
+def no_walls(tracer, surfaces, reach2, place, code, turns):
+    return np.full(len(code), reach2, np.float32)
 
 
 def by_area(count, sheet, area, matters):
@@ -69,7 +69,7 @@ def by_area(count, sheet, area, matters):
 
 
 def camera_samples(count):
-    return {"eye_paths.CAMERA_SAMPLES": count}
+    return {"camera.CAMERA_SAMPLES": count, "eye_paths.CAMERA_SAMPLES": count}
 
 
 _OPEN = {"pilot._OPEN": -1.0, "pilot._LEAST_OPEN": 0}
@@ -84,17 +84,18 @@ VARIANTS = {
     "everything a lamp": {"lamps._MOST": 10**6, "lamps._COMPACT": 1e9, "lamps._MATTERS": 0.0, "lamps._TOGETHER": -1.0},
     "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},
     "lamps in mesh order": {"lamps.morton_ranks": lambda points: np.arange(len(points))},
-    "no final gathers": {"eye_paths.choose_splits": split_none},
-    "final gathers everywhere": {"eye_paths.choose_splits": split_all},
-    "16 rays a final gather": {"eye_paths._SIDE": 4, "eye_paths._SPLIT": 16},
-    "64 rays a final gather": {"eye_paths._SIDE": 8, "eye_paths._SPLIT": 64},
-    "no roulette on gathers": {"eye_paths._LITTLE": 1e-30},
+    "photons alone": {"eye_paths.choose_splits": split_none},
+    "36 rays everywhere": {"eye_paths.choose_splits": split_all},
+    "at most 64 rays": {"splitting._MOST": 8},
+    "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
+    "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
+    "no roulette on gathers": {"eye_paths._LITTLE": 1e-30, "eye_paths._LEAST": 1e-30},
     "no sky rays": {"pilot._OPEN": 2.0},
     "sky rays everywhere": _OPEN,
     "no guide": {"render._ENOUGH": -1.0},
     "guide always": {"render._ENOUGH": 2.0, "render._WORTHWHILE": 0.0},
     "emission by power alone": {"pilot._density": by_area},
-    "no feelers": {"eye_paths._feel": no_walls},
+    "no feelers": {"eye_paths.free_space": no_walls, "render.free_space": no_walls},
     "20 neighbours": {"neighbours": 20},
     "150 neighbours": {"neighbours": 150},
     "fixed radius": {"shrink": False},

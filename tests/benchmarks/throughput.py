@@ -4,12 +4,14 @@
     python tests/benchmarks/throughput.py [threads]
 
 Prints (1) the rate of rays while photons are traced, stored and scattered over the rate of Embree alone on the same
-rays, and (2) the time for the photon index and the gathers at what the camera meets over the time for tracing. Beside
-them what else there is: gathers at the ends of final gathers, and all that is done for the camera (its rays, what they
-see, feelers, and both kinds of gathers). 16 bands, 100,000 photons, 128x96 pixels, 81,932 triangles: a room with a ball
-in the middle. Best of several repetitions, interleaved.
+rays, and (2) the time for the photon index and the gathers at what the camera meets over the time for tracing, if no
+final gathers are made where photons can be asked. Beside them what else there is: the irradiance cache, what is done
+for the camera without gathers (its rays, what they see, feelers), and the same with final gathers as planned. The last
+line backs the times in splitting.py. 16 bands, 100,000 photons, 128x96 pixels, 81,932 triangles: a room with a ball in
+the middle. Best of several repetitions, interleaved.
 """
 
+import math
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -28,7 +30,7 @@ from addon.solver import (  # noqa: E402
 from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
 from addon.solver.lamps import lamp_points  # noqa: E402
 from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
-from addon.solver.render import PHOTON_CHUNK, PIXEL_CHUNK, prepare  # noqa: E402
+from addon.solver.render import PHOTON_CHUNK, PIXEL_CHUNK, cache_irradiance, prepare  # noqa: E402
 from addon.solver.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
 from addon.solver.transport import trace_photons  # noqa: E402
 
@@ -98,7 +100,7 @@ def main():
 
     with ThreadPoolExecutor(threads) as pool:
         store = PhotonStore(16, False, False)
-        times = {"trace": [], "embree": [], "index": [], "gather": [], "second gather": [], "camera": []}
+        times = {"trace": [], "embree": [], "index": [], "gather": [], "cache": [], "camera": [], "final gathers": []}
         for _ in range(REPETITIONS):
             store.clear()
 
@@ -111,23 +113,36 @@ def main():
             times["embree"].append(seconds(lambda: list(pool.map(embree_chunk, chunks)))[0])
             spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.surfaces, pool.map))
             times["index"].append(spent)
-            estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False, model.density)
+            photons_alone = model.splitting._replace(price=math.inf)
+            estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False, photons_alone)
+            spent, cache = seconds(
+                lambda p=photon_map, e=estimate: cache_irradiance(model, p, e, camera_keys[1], pool, lambda: False)
+            )
+            times["cache"].append(spent)
 
-            def camera(first, photon_map=photon_map, estimate=estimate):
+            def camera(first, photon_map=photon_map, cache=cache, estimate=estimate):
                 m, rows = model, slice(first, first + PIXEL_CHUNK)
                 render_pixels(
-                    m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, estimate,
-                    camera_keys, 0, first, image[rows], seen[rows], lambda: False,
+                    m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, cache,
+                    estimate, camera_keys, 0, first, image[rows], seen[rows], lambda: False,
                 )  # fmt: skip
 
-            gathers, reflect = [], eye_paths.reflect
-            eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
             pixels = range(0, len(image), PIXEL_CHUNK)
+            gathers, reflect, choose = [], eye_paths.reflect, eye_paths.choose_splits
+            eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
             times["camera"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
-            eye_paths.reflect = reflect
-            for name, is_second in (("gather", False), ("second gather", True)):
-                chosen = [a for a in gathers if a[9] and a[7].gathered[a[8].ray[0]] == is_second]
-                times[name].append(seconds(lambda g=chosen, r=reflect: list(pool.map(lambda call: r(*call), g)))[0])
+            chosen = [a for a in gathers if len(a[8].ray) and not a[7].gathered[a[8].ray[0]]]
+            times["gather"].append(seconds(lambda g=chosen, r=reflect: list(pool.map(lambda call: r(*call), g)))[0])
+            asked = sum(len(a[8].ray) for a in chosen)
+            sent = []
+
+            def planned(surfaces, radiometry, estimate, *rest, kept=sent, choose=choose):
+                kept.append(choose(surfaces, radiometry, estimate._replace(splitting=model.splitting), *rest))
+                return kept[-1]
+
+            eye_paths.choose_splits = planned
+            times["final gathers"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
+            eye_paths.reflect, eye_paths.choose_splits = reflect, choose
     best = {name: min(values[1:]) for name, values in times.items()}
     print(f"{threads} threads, {rays} rays, {store.count} photons stored, {settings.neighbours} neighbours")
     print("  ".join(f"{name} {1e3 * value:.1f} ms" for name, value in best.items()))
@@ -136,6 +151,12 @@ def main():
     )
     ratio = (best["index"] + best["gather"]) / best["trace"]
     print(f"index and gather / tracing: {ratio:.2f}  (target 1.00)")
+    ray = (best["final gathers"] - best["camera"]) / sum(sent)
+    photon = (best["trace"] + best["index"]) / PHOTONS_PER_PASS
+    print(
+        f"in the time of one of {sum(sent)} rays of final gathers: a gather {best['gather'] / asked / ray:.1f}, its "
+        f"camera rays {best['camera'] / asked / ray:.1f}, a photon {photon / ray:.1f}"
+    )
 
 
 if __name__ == "__main__":
