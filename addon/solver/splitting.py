@@ -18,9 +18,9 @@ from .radiometry import Radiometry, excess
 from .surfaces import PATCH_LIMIT, Surfaces, patch_in_ball, region_area, temperature_at, unit_normal
 
 # Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
-_GATHER = 12.0  # of k photons
-_FIXED = 24.0  # of a gather's share of camera rays
-_PHOTON = 1.0  # traced and sorted
+_GATHER = 6.0  # of k photons
+_FIXED = 16.0  # of a gather's share of camera rays
+_PHOTON = 2.0  # traced, sorted, and its share of the cache
 _FEWEST, _MOST = 4, 12  # rays on each side of the square of strata
 _STRATIFIED = 0.7  # variance of so many rays in strata, over that of as many at random
 _PRIOR = 4.0  # samples that the mean of all sheets is worth on each
