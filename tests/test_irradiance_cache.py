@@ -2,23 +2,23 @@
 """The irradiance cache: the nearest point on a sheet answers, and the answer is right in the mean."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numba import njit
 from test_photon_map import photon_map, square, triangle_under
 
+from addon.solver.eye_paths import Estimate
 from addon.solver.irradiance_cache import build_irradiance_cache, cache_points, recalled
 from addon.solver.photon_map import neighbours_room
+from addon.solver.splitting import Splitting
+
+NO_RAYS = Splitting(*np.zeros((4, 1), np.float32), math.inf)
 
 
-class Choices(NamedTuple):
-    """The part of an estimate that the cache reads."""
-
-    neighbours: int
-    reach2: float
-    shrink2: float
+def choices(neighbours, reach2, shrink2):
+    """Of the solver's own types: kernels are kept for them, and others that load the kernels must know them."""
+    return Estimate(neighbours, reach2, shrink2, True, False, NO_RAYS)
 
 
 @njit
@@ -44,14 +44,14 @@ def test_what_is_recalled_is_unbiased(mean_photons):
     neighbours, and more where fewer are within reach (60). 3 standard errors."""
     rng = np.random.default_rng(4)
     surfaces = square(10)
-    choices = Choices(20, 9.0 / 1000, 0.5)
+    estimate = choices(20, 9.0 / 1000, 0.5)
     ratios = []
     for _ in range(600):
         points = scattered(rng, rng.poisson(mean_photons))
         built = photon_map(points, surfaces, 2 * triangle_under(points, 10))
         place = scattered(rng, 64)
         code = 2 * triangle_under(place, 10).astype(np.int32)
-        cache = build_irradiance_cache(built.photons, surfaces, choices, place, code, free(choices.reach2))
+        cache = build_irradiance_cache(built.photons, surfaces, estimate, place, code, free(estimate.reach2))
         chosen = recall_all(cache, surfaces.sheet[0, 0], scattered(rng, 8), 1.0)
         assert np.all(chosen >= 0)
         ratios.append(cache.value[chosen, 0].mean() / mean_photons)
@@ -67,7 +67,7 @@ def test_the_nearest_point_of_the_sheet_answers():
     place = scattered(rng, 300)
     code = (2 * triangle_under(place, 1)).astype(np.int32)
     built = photon_map(place, surfaces, code)
-    cache = build_irradiance_cache(built.photons, surfaces, Choices(20, 0.01, 1.0), place, code, free(0.01))
+    cache = build_irradiance_cache(built.photons, surfaces, choices(20, 0.01, 1.0), place, code, free(0.01))
     kept = np.swapaxes(cache.tree.leaves[:, :3], 1, 2).reshape(-1, 3)[:300]
     queries = scattered(rng, 200)
     distance2 = ((queries[:, None] - kept) ** 2).sum(axis=2)
