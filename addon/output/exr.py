@@ -12,7 +12,6 @@ ones): `bandEdges` (um, space separated, float64 to the last digit), `wavelength
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -20,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+from ..solver.files import replacing
 from ..solver.spectrum import band_names
 
 UNITS = "bands: W m-2 sr-1 um-1; Radiance: W m-2 sr-1; Temperature: K; Noise: K; bandEdges, wavelengthRange: um"
@@ -57,24 +57,12 @@ def write_band_exr(
     # EXR stores the top row first.
     channels = {channel_name(name): np.ascontiguousarray(image[::-1], np.float32) for name, image in images.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    _replace(path, OpenEXR.File(header | _attributes(band_edges, metadata or {}), channels))
+    file = OpenEXR.File(header | _attributes(band_edges, metadata or {}), channels)
+    with replacing(path, "the band images") as unfinished:
+        file.write(str(unfinished))
 
 
 def _attributes(band_edges: np.ndarray, metadata: Mapping[str, object]) -> dict[str, str]:
     edges = [str(float(edge)) for edge in band_edges]
     attributes = {"bandEdges": " ".join(edges), "wavelengthRange": f"{edges[0]} {edges[-1]}", "units": UNITS}
     return attributes | {name: str(value) for name, value in metadata.items()}
-
-
-def _replace(path: Path, file: OpenEXR.File) -> None:
-    """Write beside path and rename, so that neither a crash nor a full disk leaves half a file under that name."""
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "Cannot write the band images, there is no such folder", str(path.parent))
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        file.write(str(unfinished))
-        os.replace(unfinished, path)
-    except (RuntimeError, OSError) as error:  # OpenEXR reports input and output errors as RuntimeError
-        raise OSError(f"Cannot write the band images to '{path}': {error}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)

@@ -5,12 +5,17 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Mapping
 
 import numpy as np
 from numba import njit
 
 from .radiometry import reference_radiance
+from .scene import check_band_edges
 from .spectrum import apparent_temperature, band_names
+
+_VALUES = ("width", "height", "band_edges", "reference_temperature", "passes", "photons")
+_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares")
 
 
 class Film:
@@ -43,6 +48,31 @@ class Film:
 
     def __setstate__(self, state):
         self.__dict__.update(state, lock=threading.RLock())
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
+        return {name: np.asarray(getattr(self, name)) for name in (*_VALUES, *_ARRAYS)}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
+        """The film of a state. Raises ValueError if something is missing, misshapen or not finite."""
+        missing = {*_VALUES, *_ARRAYS} - set(state)
+        if missing:
+            raise ValueError(f"{', '.join(sorted(missing))} missing")
+        width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
+        edges = np.asarray(state["band_edges"], np.float64)
+        check_band_edges(edges)
+        for name in _ARRAYS:
+            shape = (height * width, len(edges) - 1) if name == "_mean" else (height * width,)
+            if state[name].shape != shape or state[name].dtype != np.float64:
+                raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
+            if not np.isfinite(state[name]).all():
+                raise ValueError(f"{name} holds values that are not finite")
+        film = cls(width, height, edges, float(state["reference_temperature"]))
+        film.passes, film.photons = passes, photons
+        for name in _ARRAYS:
+            setattr(film, name, state[name])
+        return film
 
     @property
     def band_count(self) -> int:

@@ -12,12 +12,20 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import numba
 
 FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep them instead of beside the sources
 _PREFIX = "infrared-photons-"
+_HERE = Path(__file__).parent
+
+
+@cache
+def source_digest() -> str:
+    """16 hexadecimal digits that name the version of the solver: of the contents of its source files."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(_HERE.glob("*.py")))).hexdigest()[:16]
 
 
 @contextmanager
@@ -26,9 +34,7 @@ def kept_kernels() -> Iterator[Path]:
 
     Folders of other versions are removed. Numba's own setting is as before afterwards.
     """
-    here = Path(__file__).parent
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(here.glob("*.py")))).hexdigest()[:16]
-    folder = Path(os.environ.get(FOLDER_VARIABLE) or here / "__pycache__") / (_PREFIX + digest)
+    folder = Path(os.environ.get(FOLDER_VARIABLE) or _HERE / "__pycache__") / (_PREFIX + source_digest())
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK):

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The finished passes of a render in a file, from which a render that was killed goes on.
+
+A pass depends on the scene, the settings and its index alone, so the film is all there is to keep. Beside it lies the
+fingerprint of what the image depends on: passes of another scene must not be mixed in. The file is a NumPy archive.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import logging
+import os
+import time
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from .files import check_writable, replacing
+from .film import Film
+from .kernel_cache import source_digest
+from .render import render
+from .scene import Scene
+from .settings import Settings
+
+log = logging.getLogger(__name__)
+
+_WHEN_TO_STOP = {"passes", "time_limit", "target_noise"}  # settings that change no pass; nor do threads
+_WHAT = "the checkpoint"
+
+
+class CheckpointError(ValueError):
+    """A checkpoint cannot be gone on with; the message names the file and what is wrong."""
+
+
+def fingerprint(scene: Scene, settings: Settings) -> dict[str, str]:
+    """What a pass depends on, by name: digests of the scene's parts, settings, the version of the solver."""
+    parts = {field.name: _digest(getattr(scene, field.name)) for field in fields(scene)}
+    names = [field.name for field in fields(settings) if field.name not in _WHEN_TO_STOP | {"threads"}]
+    return {"engine": source_digest()} | parts | {name: repr(getattr(settings, name)) for name in names}
+
+
+def _digest(value) -> str:
+    """Hash of a dataclass, tuple, array or plain value, the same in every process. Names do not count."""
+    if is_dataclass(value):
+        value = (type(value).__name__, *(getattr(value, field.name) for field in fields(value) if field.name != "name"))
+    if isinstance(value, tuple | list):
+        content = " ".join(_digest(item) for item in value).encode()
+    elif isinstance(value, np.ndarray):
+        content = f"{value.dtype.str} {value.shape} ".encode() + np.ascontiguousarray(value).tobytes()
+    else:
+        content = repr(value.item() if isinstance(value, np.generic) else value).encode()
+    return hashlib.sha256(content).hexdigest()
+
+
+def save(path: Path, film: Film, marks: dict[str, str]) -> None:
+    """Write a checkpoint; an older one stays whole until the new one is. marks: the fingerprint.
+
+    Raises OSError naming the path if it cannot be written.
+    """
+    with replacing(path, _WHAT) as unfinished, open(unfinished, "wb") as file:
+        np.savez(file, fingerprint=np.array(json.dumps(marks)), **film.state())
+        file.flush()
+        os.fsync(file.fileno())  # before the old one goes: the power may fail
+
+
+def load(path: Path, scene: Scene, settings: Settings) -> Film:
+    """The finished passes of this render. Raises CheckpointError if the file is damaged or of another render."""
+    expected = fingerprint(scene, settings)
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            marks = json.loads(str(stored["fingerprint"]))
+            film = Film.from_state({name: stored[name] for name in stored.files})
+        different = {name for name, _ in marks.items() ^ expected.items()}
+    except Exception as error:  # whatever the readers of archives, arrays and text meet in a damaged file
+        raise CheckpointError(f"'{path}' is no checkpoint, or a damaged one: {error}") from error
+    if different:
+        raise CheckpointError(f"The checkpoint '{path}' is of another render: {', '.join(sorted(different))} differ")
+    return film
+
+
+def set_aside(path: Path) -> Path:
+    """Give a file that is in the way a name of its own, which is returned. Raises OSError if that cannot be done."""
+    names = (path.with_name(f"{path.stem}.old{number}{path.suffix}") for number in itertools.count(1))
+    kept = next(name for name in names if not name.exists())
+    os.rename(path, kept)
+    return kept
+
+
+def render_with_checkpoints(
+    scene: Scene,
+    settings: Settings,
+    on_pass: Callable[[Film], None] | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+    *,
+    path: Path,
+    interval: float,
+    saved: Film | None = None,
+) -> Film:
+    """Render as `render` does, and save the finished passes every `interval` seconds and when cancelled.
+
+    saved: finished passes of this render (see `load`), which are not rendered again. Time limit and target noise
+    count the passes from there on alone. A complete render removes its checkpoint. One that cannot be written during
+    the render is a warning in the log. Raises OSError, before the first pass, if there is no way to write to path.
+    """
+    marks = fingerprint(scene, settings)
+    check_writable(path, _WHAT)
+    last = time.monotonic()
+
+    def joined(film: Film) -> Film:
+        return film if saved is None else saved.merge(film)
+
+    def try_to_save(film: Film) -> None:
+        nonlocal last
+        try:
+            save(path, film, marks)
+            log.info("%d passes saved to %s", film.passes, path)
+        except OSError as error:
+            log.warning("%s; the render goes on", error)
+        last = time.monotonic()
+
+    def after_pass(film: Film) -> None:
+        film = joined(film)
+        if time.monotonic() >= last + interval:
+            try_to_save(film)
+        if on_pass:
+            on_pass(film)
+
+    rest = settings
+    if saved is not None:
+        log.info("Going on after %d saved passes", saved.passes)
+        if on_pass:
+            on_pass(saved)
+        if 0 < settings.passes <= saved.passes:
+            path.unlink(missing_ok=True)
+            return saved
+        rest = replace(
+            settings,
+            passes=settings.passes - saved.passes if settings.passes else 0,
+            pass_offset=settings.pass_offset + saved.passes,
+        )
+    film = joined(render(scene, rest, after_pass, cancelled))
+    if not cancelled():
+        path.unlink(missing_ok=True)
+    elif film.passes:
+        try_to_save(film)
+    return film

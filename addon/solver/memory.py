@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much memory a render needs, told before its first pass, and how much there is.
+
+With P pixels, b bands, m triangles, N photons a pass and rho the mean reflectance of the surfaces by area, in bytes:
+
+    film       P (12 b + 28)                  mean in float64, one pass in float32, five more values for the noise
+    images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
+    photons    1.25 N / (1 - rho) (2 (4 b + 29) + 30)     each is stored at every hit until roulette ends it; twice
+                                              while the store grows, then sorted into the map; a quarter as many points
+                                              in the irradiance cache, which holds fewer for the first 4000 passes
+    geometry   430 m                          corners, adjacency, trees of our own and Embree's, emitters
+
+It is a bound from above where photons leave the scene or come from lamps, whose first hits are not stored.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from .radiometry import typical_emissivity
+from .scene import Scene, SceneError
+from .settings import Settings
+from .transport import MAX_SURVIVAL
+
+_GIGABYTE = 1e9
+# What each part is called, and what makes it smaller.
+_PARTS = {
+    "film": ("the sums for every pixel and band", "the resolution or the number of bands"),
+    "images": ("the images of every band", "the resolution, the number of bands or of view layers"),
+    "photons": ("the photons of a pass", "the photons per pass or the number of bands"),
+    "geometry": ("the triangles", "the subdivision of the meshes"),
+}
+
+
+def required_memory(scene: Scene, settings: Settings, copies: int = 0) -> dict[str, float]:
+    """Bytes that a render needs beyond the scene, by part (the formulae above).
+
+    copies: of all its images as float32 that are held at once beside the film.
+    """
+    x0, y0, x1, y1 = scene.camera.pixels
+    pixels, bands = float(x1 - x0) * (y1 - y0), scene.band_count
+    stored = settings.photons_per_pass / (1.0 - min(_mean_reflectance(scene), MAX_SURVIVAL))
+    return {
+        "film": pixels * (12 * bands + 28),
+        "images": pixels * (4 * copies * (bands + 7) + 64),
+        "photons": 1.25 * stored * (2 * (4 * bands + 29) + 30),
+        "geometry": 430.0 * len(scene.triangles),
+    }
+
+
+def _mean_reflectance(scene: Scene) -> float:
+    """Mean of 1 - emissivity over bands and area."""
+    a, b, c = (scene.vertices[scene.triangles[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    if not area.sum() > 0:
+        return 0.0
+    emissivity = typical_emissivity(scene.materials, scene.band_edges, scene.temperature).mean(axis=1)
+    return 1.0 - float(np.average(emissivity[scene.material], weights=area))
+
+
+def check_memory(scene: Scene, settings: Settings, copies: int = 0) -> None:
+    """Raise SceneError, saying what needs it, if a render needs more memory than there is; see `required_memory`."""
+    required, available = required_memory(scene, settings, copies), available_memory()
+    total = sum(required.values())
+    if available is None or total <= available:
+        return
+    name = max(required, key=required.get)
+    what, remedy = _PARTS[name]
+    raise SceneError(
+        f"This render needs about {total / _GIGABYTE:.1f} GB of memory, {available / _GIGABYTE:.1f} GB are available. "
+        f"{what.capitalize()} need most, {required[name] / _GIGABYTE:.1f} GB: lower {remedy}"
+    )
+
+
+def available_memory(root: Path = Path("/")) -> int | None:
+    """Bytes that this process may still take: free memory and swap, or what is left of a control group's limit.
+
+    None where there is no telling, which is everywhere but on Linux. root: of the file system, for tests.
+    """
+    try:
+        words = [line.split() for line in (root / "proc/meminfo").read_text().splitlines()]
+        kibibytes = {line[0]: int(line[1]) for line in words}
+        free = 1024 * (kibibytes["MemAvailable:"] + kibibytes["SwapFree:"])
+        group = (root / "proc/self/cgroup").read_text().partition("0::/")[2].strip()
+    except (OSError, KeyError, ValueError, IndexError):
+        return None
+    folder = root / "sys/fs/cgroup" / group
+    return min([free, *(left for each in (folder, *folder.parents) if (left := _left_in_group(each)) is not None)])
+
+
+def _left_in_group(folder: Path) -> int | None:
+    """Bytes left of the memory limit of a control group (version 2), None without one. Cached files make room."""
+    try:
+        limit, used = (int((folder / f"memory.{name}").read_text()) for name in ("max", "current"))
+        counts = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+        return max(0, limit - used + int(counts["file"]))
+    except (OSError, ValueError, KeyError):  # no such file, or "max"
+        return None
