@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from .point_tree import FAR, STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .surfaces import SAME_SURFACE, Surfaces, in_region, normal, patch_in_ball, region_area, unit_normal
+from .surfaces import SAME_SURFACE, Surfaces, in_slab, is_small, longest_edge, patch_in_ball, region_area, unit_normal
 
 MAX_PHOTONS = 2**31 - 1
 _GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
@@ -323,7 +323,8 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caus
         if members == 0 and surfaces.sheet[code >> 1, code & 1] == sheet:
             p = photon_map.photons.position[photon]
             height = (p[0] - x) * nx + (p[1] - y) * ny + (p[2] - z) * nz
-            inside = in_region(np.float32(0.5 * normal(corners, code >> 1)[3]), np.float32(height), disk2)
+            small = is_small(np.float32(longest_edge(corners, code >> 1)), disk2)
+            inside = in_slab(np.float32(height), disk2) if small else True
         if inside:
             index[kept] = photon
             kept += 1

@@ -278,7 +278,9 @@ def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) 
 
     Where photons lie one ninth as dense as on average over the surfaces that matter, the disk holds k of them; in
     sparser places it keeps its size and holds fewer: more noise, which the image says, rather than more blur, which it
-    does not. For the same reason it is no wider than an eighth of the picture.
+    does not. For the same reason it is no wider than an eighth of the picture, but for pictures so small that such a
+    disk would hold less than one photon (a camera may touch what it sees).
     """
     matters = float(area @ pilot.matters.sum(axis=1))
-    return min(9.0 * neighbours * max(matters, 1e-30) / (math.pi * photons), (pilot.view / 16.0) ** 2)
+    one = max(matters, 1e-30) / (math.pi * photons)  # holds one photon on average
+    return min(9.0 * neighbours * one, max((pilot.view / 16.0) ** 2, one))

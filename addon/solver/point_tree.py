@@ -43,14 +43,16 @@ def empty_leaves(count: int, values: int) -> np.ndarray:
     return leaves
 
 
-def build_tree(leaves: np.ndarray) -> PointTree:
-    """Tree over filled leaves."""
+def build_tree(leaves: np.ndarray, extent: int = -1) -> PointTree:
+    """Tree over filled leaves. extent: row of the leaves that says how far a thing reaches around its point, which the
+    boxes then hold too; -1 for mere points.
+    """
     counts = [-(-len(leaves) // WIDTH)]
     while counts[-1] > 1:
         counts.append(-(-counts[-1] // WIDTH))
     starts = np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
     nodes = np.empty((starts[-1], 6, WIDTH), np.float32)
-    _build_nodes(leaves, nodes, starts)
+    _build_nodes(leaves, nodes, starts, extent)
     return PointTree(leaves, nodes, starts)
 
 
@@ -121,7 +123,7 @@ def _radix_ranks(keys):
 
 
 @njit(cache=True, nogil=True)
-def _build_nodes(leaves, nodes, starts):
+def _build_nodes(leaves, nodes, starts, extent):
     """Boxes of every level from the level below."""
     for level in range(starts.size - 1):
         below = leaves.shape[0] if level == 0 else starts[level] - starts[level - 1]
@@ -134,8 +136,9 @@ def _build_nodes(leaves, nodes, starts):
                         for j in range(WIDTH):
                             if level == 0:
                                 x = leaves[child, axis, j]
-                                low = min(low, x)
-                                high = max(high, x if x < FAR else -FAR)
+                                around = leaves[child, extent, j] if extent >= 0 and x < FAR else np.float32(0.0)
+                                low = min(low, x - around)
+                                high = max(high, x + around if x < FAR else -FAR)
                             else:
                                 low = min(low, nodes[starts[level - 1] + child, axis, j])
                                 high = max(high, nodes[starts[level - 1] + child, 3 + axis, j])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Triangles for the kernels: corners, adjacency, ray tracing, and the surface area inside a ball."""
 
+import logging
 import math
 from typing import NamedTuple
 
@@ -13,12 +14,15 @@ from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks
 from .sampling import FAST, to_world
 from .scene import Scene
 
+log = logging.getLogger(__name__)
+
 # Cosine between two oriented normals below which a photon does not belong to the surface that gathers it.
 SAME_SURFACE = 0.8
 # Triangles whose area inside the gather disk is summed exactly; in finer meshes the disk counts as plane.
 PATCH_LIMIT = 64
 # Disk area over twice the area of a triangle and its neighbours, above which a disk touches more than PATCH_LIMIT.
 _TOO_FINE = 6.0
+_LONGEST = 9  # row of a leaf of triangles with the length of the longest edge
 
 
 class Surfaces(NamedTuple):
@@ -29,7 +33,8 @@ class Surfaces(NamedTuple):
         flip is 1 where the two triangles wind differently.
     sheet: (m, 2) int32, label of the connected surface without creases that each side belongs to.
     plane: (m, 4) float32, unit normal and clearance (m, see `offset`): what every hit asks for lies in one place.
-    mesh: tree over the triangles; its leaves hold centroid, normal, area and the sheets of both sides.
+    mesh: tree over the triangles; its leaves hold centroid, normal, area, the sheets of both sides and the length of
+        the longest edge. leaf_triangle: (m,) int32, which triangle is in each place of the leaves.
     """
 
     corners: np.ndarray
@@ -38,6 +43,7 @@ class Surfaces(NamedTuple):
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
+    leaf_triangle: np.ndarray
     plane: np.ndarray
 
 
@@ -60,23 +66,33 @@ class Tracer:
 
 
 def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
-    """Surfaces, Tracer and the centre (3,) float64 that was subtracted, so that float32 resolves small detail."""
+    """Surfaces, Tracer and the centre (3,) float64 that was subtracted, so that float32 resolves small detail.
+
+    Of triangles with the same corners only the first counts: a surface that is there twice does not emit twice.
+    """
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     centre = 0.5 * (low.astype(np.float64) + high)
     vertices = (scene.vertices - centre).astype(np.float32)
-    triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
-    corners, neighbours = vertices[triangles], _neighbours(vertices, triangles)
+    vertex = _vertex_numbers(vertices)
+    kept = _distinct(vertex[scene.triangles])
+    if len(kept) < len(scene.triangles):
+        log.warning("%d triangles lie exactly on others and are left out", len(scene.triangles) - len(kept))
+    triangles = np.ascontiguousarray(scene.triangles[kept], dtype=np.int32)
+    corners, neighbours = vertices[triangles], _neighbours(vertex, triangles)
     sheet = _sheets(corners, neighbours)
     ranks = morton_ranks(corners.mean(axis=1))
-    leaves = empty_leaves(len(corners), 9)
+    leaves = empty_leaves(len(corners), _LONGEST + 1)
     _fill_leaves(corners, sheet, ranks, leaves)
+    leaf_triangle = np.empty(len(ranks), np.int32)
+    leaf_triangle[ranks] = np.arange(len(ranks), dtype=np.int32)
     surfaces = Surfaces(
         corners=corners,
-        material=np.ascontiguousarray(scene.material, dtype=np.int32),
-        temperature=np.ascontiguousarray(scene.temperature.reshape(len(triangles), -1), dtype=np.float32),
+        material=np.ascontiguousarray(scene.material[kept], dtype=np.int32),
+        temperature=np.ascontiguousarray(scene.temperature[kept].reshape(len(kept), -1), dtype=np.float32),
         neighbours=neighbours,
         sheet=sheet,
-        mesh=build_tree(leaves),
+        mesh=build_tree(leaves, _LONGEST),
+        leaf_triangle=leaf_triangle,
         plane=_planes(corners),
     )
     return surfaces, Tracer(vertices, triangles), centre
@@ -94,6 +110,7 @@ def _fill_leaves(corners, sheet, ranks, leaves):
         leaves[leaf, 6, slot] = 0.5 * double_area
         # float32 tells labels apart up to 2^24; beyond, a sheet may share its label with a neighbour in number
         leaves[leaf, 7, slot], leaves[leaf, 8, slot] = sheet[t, 0], sheet[t, 1]
+        leaves[leaf, _LONGEST, slot] = longest_edge(corners, t)
 
 
 def areas(corners: np.ndarray) -> np.ndarray:
@@ -157,6 +174,19 @@ def temperature_at(temperature, t, u, v):
 
 
 @njit(inline="always")
+def longest_edge(corners, t):
+    """Length of the longest edge of triangle t, m, float64."""
+    longest = 0.0
+    for i in range(3):
+        square = 0.0
+        for axis in range(3):
+            edge = np.float64(corners[t, (i + 1) % 3, axis]) - corners[t, i, axis]
+            square += edge * edge
+        longest = max(longest, square)
+    return math.sqrt(longest)
+
+
+@njit(inline="always")
 def offset(corners, t):
     """Distance along the normal (m) that takes a ray's origin clear of triangle t in float32.
 
@@ -164,17 +194,13 @@ def offset(corners, t):
     differences between origin and corners, so the error grows with the largest coordinate; its normal errs by
     L^3 / (2 A) times as much, L the longest edge, which counts for needles (tests/test_surfaces.py).
     """
-    reach = longest = 0.0
+    reach, longest = 0.0, longest_edge(corners, t)
     for i in range(3):
-        square = 0.0
         for axis in range(3):
             reach = max(reach, abs(corners[t, i, axis]))
-            edge = np.float64(corners[t, (i + 1) % 3, axis]) - corners[t, i, axis]
-            square += edge * edge
-        longest = max(longest, square)
     double_area = normal(corners, t)[3]
     if double_area > 0.0:
-        reach = max(reach, 0.25 * longest * math.sqrt(longest) / double_area)
+        reach = max(reach, 0.25 * longest**3 / double_area)
     return reach * 2.0**-20
 
 
@@ -255,10 +281,21 @@ def _link(keys, order, triangles, vertex):
     return neighbours
 
 
-def _neighbours(vertices, triangles):
-    """Adjacency over edges whose ends coincide, so that split normals, UV seams and separate objects still join."""
+def _vertex_numbers(vertices):
+    """(n,) uint32, one number for each place: split normals, UV seams and separate objects still join."""
     _, vertex = np.unique(_vertex_hashes(vertices), return_inverse=True)
-    vertex = vertex.astype(np.uint32).ravel()
+    return vertex.astype(np.uint32).ravel()
+
+
+def _distinct(corners):
+    """Ascending indices of the first of all triangles with the same three corners (m, 3) uint32."""
+    a, b, c = np.sort(corners, axis=1).T.astype(np.uint64)
+    pairs = np.unique(a << np.uint64(32) | b, return_inverse=True)[1].ravel().astype(np.uint64)
+    return np.sort(np.unique(pairs << np.uint64(32) | c, return_index=True)[1])
+
+
+def _neighbours(vertex, triangles):
+    """Adjacency over edges whose ends coincide. vertex: (n,) uint32, see _vertex_numbers."""
     keys = _edge_keys(triangles, vertex)
     return _link(keys, np.argsort(keys, kind="stable"), triangles, vertex)
 
@@ -408,25 +445,31 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
 
 
 @njit(inline="always")
-def in_region(area, height, disk2):
-    """Whether a point of a triangle belongs to the region around a query that stands for its surface in fine meshes.
-
-    area: of the triangle, m2; larger ones do not count, since their centroid does not say what part is inside. height:
-    above the tangent plane, m. disk2: squared radius, m2. Photons and area are measured over the same region, so that
-    their ratio is unbiased whatever the region. All float32.
+def is_small(longest, disk2):
+    """Whether a triangle with this longest edge (m) is so small against a disk of this squared radius (m2) that its
+    centroid says whether it is inside. Needles are not, whatever their area. All float32.
     """
-    small = np.float32(8.0 / math.pi) * area <= disk2
-    return small & (np.float32(16.0) * height * height < disk2)
+    return np.float32(8.0) * longest * longest <= disk2
+
+
+@njit(inline="always")
+def in_slab(height, disk2):
+    """Whether a point of a small triangle at this height (m) over the tangent plane counts to the surface around.
+
+    Photons and area are measured over the same region, so that their ratio is unbiased whatever the region. float32.
+    """
+    return np.float32(16.0) * height * height < disk2
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, stack, near):
-    """Area (m2) of the triangles of one sheet with their centroid in the ball that face the normal's way.
+    """Area (m2) inside the ball of the triangles of one sheet that face the normal's way.
 
-    Triangles are many and small here, so counting whole ones errs by a few percent at random, not in the mean.
-    stack, near: room, as for `open_node`.
+    Most are small here and count as a whole if their centroid is inside: that errs by a few percent at random, not in
+    the mean. Of larger ones the part inside is exact. stack, near: room, as for `open_node`.
     """
     tree = surfaces.mesh
+    place = (x, y, z, r2)
     x, y, z, r2 = np.float32(x), np.float32(y), np.float32(z), np.float32(r2)
     nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
     sheet, facing = np.float32(sheet), np.float32(SAME_SURFACE)
@@ -436,15 +479,22 @@ def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, stack, near):
     while depth > 0:
         depth, children = open_node(tree, stack, depth, x, y, z, r2, near)
         for c in range(children):
-            p = tree.leaves[stack[depth + c]]
-            part = np.float32(0.0)
+            leaf = stack[depth + c]
+            p = tree.leaves[leaf]
+            part, large = np.float32(0.0), np.int32(0)
             for j in range(WIDTH):  # no branch, so that a register holds the leaf
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
                 cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
                 height = dx * nx + dy * ny + dz * nz
                 front = (cosine > facing) & (p[7, j] == sheet)
                 back = (cosine < -facing) & (p[8, j] == sheet)
-                inside = (dx * dx + dy * dy + dz * dz < r2) & in_region(p[6, j], height, r2)
+                small = is_small(p[_LONGEST, j], r2)
+                inside = small & (dx * dx + dy * dy + dz * dz < r2) & in_slab(height, r2)
                 part += p[6, j] if (front | back) & inside else np.float32(0.0)
+                near[j] = np.float32((front | back) & ~small)
+                large += np.int32((front | back) & ~small)
             total += part
+            for j in range(WIDTH if large else 0):
+                if near[j]:
+                    total += area_in_ball(surfaces.corners, surfaces.leaf_triangle[leaf * WIDTH + j], *place)
     return max(total, 1e-3 * math.pi * r2)
