@@ -161,9 +161,10 @@ def _world_temperature(world) -> float:
 def read_material(material, default_emissivity: float) -> Material:
     """The solver's material from a Blender material's custom properties."""
     owner = f"Material '{material.name}'"
+    emissivity = material.get("emissivity")  # Blender 5 can hold None, which is as good as nothing
     return Material(
         name=material.name,
-        emissivity=_emissivity(material.get("emissivity", default_emissivity), owner),
+        emissivity=default_emissivity if emissivity is None else _emissivity(emissivity, owner),
         specular=_number(material, "specular", 0.0, owner, " from 0 to 1"),
         roughness=_number(material, "roughness", 0.0, owner, " from 0 to 1"),
     )
@@ -260,9 +261,8 @@ def _read_temperature(mesh, corner_vertices, corners, faces, owner, warnings) ->
         values = values[faces]
     else:
         values = values[corner_vertices[corners] if attribute.domain == "POINT" else corners].reshape(-1, 3)
-    if not (np.isfinite(values.sum(dtype=np.float64)) and values.min() >= 0):
-        bad = values[~(np.isfinite(values) & (values >= 0))][0]
-        check_temperature(bad, f"Attribute 'temperature' of object '{owner}'")
+    for value in (values.min(), values.max()):  # NaN is both
+        check_temperature(value, f"Attribute 'temperature' of object '{owner}'")
     return values
 
 

@@ -319,8 +319,8 @@ def test_facing_mirrors_end():
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"temperature": np.full(12, np.nan, np.float32)}, "temperature is nan"),
-        ({"temperature": np.full(12, -1.0, np.float32)}, "temperature is -1"),
+        ({"temperature": np.full(12, np.nan, np.float32)}, "A surface: temperature nan K"),
+        ({"temperature": np.full(12, -1.0, np.float32)}, "A surface: temperature -1 K"),
         ({"vertices": np.full((8, 3), np.inf)}, "not finite"),
         ({"triangles": np.empty((0, 3), np.int32)}, "no triangles"),
         ({"band_edges": np.array([8.0, 7.0])}, "ascend"),

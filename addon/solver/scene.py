@@ -207,20 +207,15 @@ class Scene:
             raise SceneError("The scene has no triangles to render")
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise SceneError("A triangle names a vertex that does not exist")
-        if not np.isfinite(np.sum(self.vertices, dtype=np.float64)):  # a sum is one pass without a copy
+        if not np.isfinite([self.vertices.min(), self.vertices.max()]).all():  # NaN is both; neither takes a copy
             bad = int(np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))[0])
             raise SceneError(f"Vertex {bad} is not finite: {self.vertices[bad]}")
         if len(self.material) != count or self.material.min() < 0 or self.material.max() >= len(self.materials):
             raise SceneError("Every triangle needs the index of a material")
         if self.temperature.shape not in ((count,), (count, 3)):
             raise SceneError(f"temperature has shape {self.temperature.shape}, expected ({count},) or ({count}, 3)")
-        if not (np.isfinite(np.sum(self.temperature, dtype=np.float64)) and self.temperature.min() >= 0):
-            bad = self.temperature[~(np.isfinite(self.temperature) & (self.temperature >= 0))][0]
-            raise SceneError(f"A surface temperature is {bad:g} K; temperatures are finite and at least 0 K")
-        if self.temperature.max() > HOTTEST:
-            raise SceneError(
-                f"A surface temperature is {self.temperature.max():g} K; at most {HOTTEST:g} K are possible"
-            )
+        for value in (self.temperature.min(), self.temperature.max()):  # NaN is both
+            check_temperature(value, "A surface")
         check_temperature(self.world_temperature, "World")
         # rounded as the surfaces' temperatures are, so that equal ones have no excess over each other
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
