@@ -43,12 +43,14 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
             render_view_layer(self, depsgraph)
         except (SceneError, OSError) as error:
             self._fail(str(error))
+        except MemoryError as error:
+            self._fail(f"Out of memory: {error}. Lower the resolution, the number of bands or the photons per pass")
         except Exception as error:  # a mistake of ours: Blender alone would end with an empty image and no message
-            log.exception("The solver failed")
-            self._fail(f"The solver failed: {error!r}; the system console has the details")
+            self._fail(f"The solver failed: {error!r}; the system console has the details", details=True)
 
-    def _fail(self, message: str) -> None:
-        """Show the error: in the image's header, and as an exception to a script that called the render operator."""
+    def _fail(self, message: str, details: bool = False) -> None:
+        """Show the error: in the log, in the image's header, and as an exception to a script that asked to render."""
+        log.error(message, exc_info=details)
         self.error_set(message)
         self.report({"ERROR"}, message)
 

@@ -8,7 +8,9 @@ import re
 import sys
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -17,6 +19,8 @@ import numpy as np
 from .output.palette import thermal
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
+from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
+from .solver.memory import check_memory
 from .solver.spectrum import band_names
 from .version import version
 
@@ -25,6 +29,8 @@ log = logging.getLogger(__name__)
 POLL = 0.05  # s between looks at Esc and at the solver
 LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
 LIVE_SHARE = 0.1  # most of the time that updates may take
+IMAGE_COPIES = 5  # of all passes that are held at once: a live one, the last one, Blender's own and some on their way
+LAYER_COPIES = 2  # of all passes that a finished view layer keeps: Blender's, and one for the export
 
 finished_layers: dict[str, dict] = {}  # view layer -> arguments of write_band_exr, of the last finished render
 
@@ -68,7 +74,8 @@ def register_passes(engine, scene, view_layer) -> None:
 def render_view_layer(engine, depsgraph) -> None:
     """Render the depsgraph's view layer into the render result, and into a band EXR if the scene wants one.
 
-    Raises SceneError if the scene cannot be rendered, OSError if the file cannot be written.
+    Raises SceneError if the scene cannot be rendered, OSError if a file cannot be written; the images of a render that
+    ended are in the result by then.
     """
     engine.update_stats("", "Reading the scene")
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval.name
@@ -80,12 +87,16 @@ def render_view_layer(engine, depsgraph) -> None:
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
     if scene.render.use_multiview:
         warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
+    check_memory(solver_scene, settings, IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1))
     for warning in warnings:
-        log.warning(warning)
-        engine.report({"WARNING"}, warning)
+        _warn(engine, warning)
+    solve = render
+    if scene.infrared.checkpoint_path:
+        path = checkpoint_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
+        solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
     for name, channels, channel_ids, _kind in passes[1:]:  # Combined is there already
         engine.add_pass(name, channels, channel_ids, layer=layer)
-    job = RenderJob(solver_scene, settings)
+    job = RenderJob(solver_scene, settings, solve)
     x0, y0, x1, y1 = solver_scene.camera.pixels
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
     try:
@@ -102,6 +113,24 @@ def render_view_layer(engine, depsgraph) -> None:
         if scene.infrared.band_exr_path:
             path = band_exr_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
             write_layer(path, layer)
+
+
+def _warn(engine, message: str) -> None:
+    log.warning(message)
+    engine.report({"WARNING"}, message)
+
+
+def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, settings) -> Callable:
+    """A `render` that goes on from the passes in the checkpoint, if there are any, and saves its own there.
+
+    A file of another render, or a damaged one, gets another name and a message.
+    """
+    saved = None
+    try:
+        saved = load(path, solver_scene, settings) if path.exists() else None
+    except CheckpointError as error:
+        _warn(engine, f"{error}. The render starts anew; the old file is kept as '{set_aside(path)}'")
+    return partial(render_with_checkpoints, path=path, interval=60.0 * minutes, saved=saved)
 
 
 def _watch(engine, job: RenderJob, result) -> None:
@@ -131,9 +160,10 @@ def _watch(engine, job: RenderJob, result) -> None:
 class RenderJob(threading.Thread):
     """The solver in a background thread. It touches no Blender data; images are handed over on request."""
 
-    def __init__(self, scene, settings):
+    def __init__(self, scene, settings, solve: Callable):
+        """solve: `render`, or what takes the same arguments."""
         super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
-        self.scene, self.settings, self.film = scene, settings, None
+        self.scene, self.settings, self.film, self._solve = scene, settings, None, solve
         self.snapshot_seconds = 0.0
         self._cancel, self._request = threading.Event(), threading.Event()
         self._images = self._latest = self._error = self._noise = None
@@ -142,7 +172,7 @@ class RenderJob(threading.Thread):
 
     def run(self):
         try:
-            render(self.scene, self.settings, self._on_pass, self._cancel.is_set)
+            self._solve(self.scene, self.settings, self._on_pass, self._cancel.is_set)
         except BaseException as error:  # raised again on Blender's thread
             self._error = error
 
@@ -226,7 +256,7 @@ def process_memory() -> float:
     return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
 
 
-# Band EXR -------------------------------------------------------------------------------------------------------------
+# Files ----------------------------------------------------------------------------------------------------------------
 
 
 def exr_arguments(job: RenderJob, images: dict[str, np.ndarray]) -> dict:
@@ -258,11 +288,21 @@ def write_layer(path: Path, layer: str) -> None:
 
 
 def band_exr_path(scene, layer: str, animation: bool) -> Path:
-    """File of this frame: '//' and '####' resolved, the layer's name added if it is given, '.exr' at the end."""
-    text = bpy.path.abspath(scene.infrared.band_exr_path)
-    stem = text[: -len(".exr")] if text.lower().endswith(".exr") else text
+    """File of this frame's band images; layer: as `_output_path` has it."""
+    return _output_path(scene, scene.infrared.band_exr_path, ".exr", layer, animation)
+
+
+def checkpoint_path(scene, layer: str, animation: bool) -> Path:
+    """File of this frame's finished passes; layer: as `_output_path` has it."""
+    return _output_path(scene, scene.infrared.checkpoint_path, ".npz", layer, animation)
+
+
+def _output_path(scene, path: str, extension: str, layer: str, animation: bool) -> Path:
+    """File of this frame: '//' and '####' resolved, the layer's name added if it is given, the extension at the end."""
+    text = bpy.path.abspath(path)
+    stem = text[: -len(extension)] if text.lower().endswith(extension) else text
     if animation and "#" not in Path(stem).name:
         stem += "####"
     folder, name = Path(stem).parent, Path(stem).name
     name = re.sub("#+", lambda digits: f"{scene.frame_current:0{len(digits[0])}d}", name)
-    return folder / (f"{name}_{bpy.path.clean_name(layer)}.exr" if layer else f"{name}.exr")
+    return folder / (f"{name}_{bpy.path.clean_name(layer)}{extension}" if layer else f"{name}{extension}")

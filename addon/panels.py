@@ -110,6 +110,18 @@ class INFRARED_PT_output(RenderSettingsPanel, Panel):
         column.operator("infrared.export_bands", text="Export Last Render...", icon="EXPORT")
 
 
+class INFRARED_PT_checkpoint(RenderSettingsPanel, Panel):
+    bl_label = "Checkpoint"
+    bl_context = "output"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, column, infrared):
+        column.prop(infrared, "checkpoint_path", text="File")
+        row = column.row()
+        row.active = bool(infrared.checkpoint_path)
+        row.prop(infrared, "checkpoint_minutes")
+
+
 class INFRARED_PT_object(InfraredPanel, Panel):
     bl_label = "Thermal"
     bl_context = "object"
@@ -273,6 +285,7 @@ CLASSES = (
     INFRARED_PT_spectrum,
     INFRARED_PT_defaults,
     INFRARED_PT_output,
+    INFRARED_PT_checkpoint,
     INFRARED_PT_object,
     INFRARED_PT_material,
     INFRARED_PT_world,

@@ -214,6 +214,22 @@ class InfraredSettings(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    checkpoint_path: StringProperty(
+        name="Checkpoint",
+        description="Save the finished passes of a running render to this file, from which the same render goes on "
+        "after a crash or after Esc. '//' starts at the blend file, '####' is the frame number; empty saves nothing",
+        default="",
+        subtype="FILE_PATH",
+        options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    checkpoint_minutes: FloatProperty(
+        name="Every (Minutes)",
+        description="Time between two checkpoints, in minutes",
+        default=10.0,
+        min=0.0,
+        soft_max=120.0,
+        precision=1,
+    )
 
 
 def register():

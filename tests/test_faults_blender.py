@@ -1,0 +1,442 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What happens to a render in Blender when things go wrong: files, memory, a killed process, senseless values."""
+
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender_helpers import camera, cube_mesh, link, material, read_exr, use_multilayer_exr  # noqa: E402
+
+from addon import final_render  # noqa: E402
+from addon.scene_reader import read_scene  # noqa: E402
+from addon.solver import SceneError, library, memory  # noqa: E402
+from addon.solver.scene import HOTTEST  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[1]
+FLOAT32 = 1e-6  # relative: a few roundings of float32
+
+
+def build_scene():
+    """A grey floor under a hot plate and a lamp, under a sky: every kind of owner of a custom property."""
+    camera(width=8, height=6)
+    floor_mesh, plate_mesh = cube_mesh("Floor"), cube_mesh("Plate")
+    floor_mesh.materials.append(material("Paint", emissivity=0.5))
+    plate_mesh.materials.append(material("Metal", emissivity=0.3, specular=0.5, roughness=0.2))
+    floor = link("Floor", floor_mesh, temperature=290.0)
+    floor.scale, floor.location = (40.0, 40.0, 1.0), (0.0, 0.0, -0.5)
+    plate = link("Plate", plate_mesh, temperature=600.0)
+    plate.scale, plate.location = (1.0, 1.0, 0.1), (0.5, 0.0, 2.0)
+    lamp = link("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    lamp.location, lamp.data.energy = (0.0, 1.0, 3.0), 100.0
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("Sky")
+    scene.render.engine = "INFRARED_PHOTONS"
+    infrared = scene.infrared
+    infrared.passes, infrared.photons_per_pass, infrared.band_count, infrared.threads = 2, 1000, 3, 1
+    return infrared
+
+
+@pytest.fixture
+def infrared(reset_blender):
+    return build_scene()
+
+
+def render():
+    bpy.ops.render.render()
+
+
+def failed_render():
+    """The message of a render that must fail."""
+    with pytest.raises(RuntimeError) as error:
+        render()
+    return str(error.value)
+
+
+def radiance():
+    """The last finished image, (h, w) W m-2 sr-1."""
+    return final_render.finished_layers["ViewLayer"]["radiance"]
+
+
+# Output ---------------------------------------------------------------------------------------------------------------
+
+
+def assert_image_is_kept(folder):
+    """What Blender shows and what can be exported is the image of the render that ended."""
+    use_multilayer_exr()
+    bpy.data.images["Render Result"].save_render(str(folder / "shown.exr"))
+    assert bpy.ops.infrared.export_bands(filepath=str(folder / "exported.exr")) == {"FINISHED"}
+    exported = OpenEXR.File(str(folder / "exported.exr")).parts[0].channels["Radiance.V"].pixels[::-1]
+    np.testing.assert_array_equal(read_exr(folder / "shown.exr")["ViewLayer"]["Radiance"], exported)
+    assert exported.min() > 0
+
+
+@pytest.mark.parametrize("place", ["missing/bands.exr", "file/bands.exr", "/proc/bands.exr"])
+def test_an_output_that_cannot_be_written_is_named_and_the_image_kept(infrared, tmp_path, caplog, capfd, place):
+    (tmp_path / "file").write_text("a file, not a folder")
+    infrared.band_exr_path = str(tmp_path / place)
+    message = failed_render()
+    for told in (message, caplog.text):
+        assert "Cannot write the band images" in told and str((tmp_path / place).parent) in told
+    assert "Traceback" not in "".join(capfd.readouterr())
+    assert_image_is_kept(tmp_path)
+
+
+def test_a_full_disk_is_told_and_the_image_and_the_older_file_are_kept(infrared, tmp_path, caplog):
+    """A limit on the size of files stands in for the full disk."""
+    folder = tmp_path / "output"
+    folder.mkdir()
+    infrared.band_exr_path = str(folder / "bands.exr")
+    render()
+    old = (folder / "bands.exr").read_bytes()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, before[1]))
+    try:
+        message = failed_render()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    for told in (message, caplog.text):
+        assert f"Cannot write the band images to '{folder / 'bands.exr'}'" in told
+    assert [path.read_bytes() for path in folder.iterdir()] == [old]
+    assert_image_is_kept(tmp_path)
+
+
+# Memory ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_render_that_needs_too_much_memory_is_refused(infrared, monkeypatch):
+    monkeypatch.setattr(memory, "available_memory", lambda: 10**8)
+    infrared.photons_per_pass = 10**7
+    message = failed_render()
+    assert "This render needs about " in message and "0.1 GB are available. The photons of a pass need most" in message
+    infrared.photons_per_pass = 1000
+    render()
+
+
+def test_running_out_of_memory_is_a_message(infrared, monkeypatch, capfd, caplog):
+    def greedy(*_args):
+        np.empty((10**9, 10**9))
+
+    monkeypatch.setattr(final_render, "render", greedy)
+    message = failed_render()
+    assert "Out of memory: Unable to allocate" in message and "Lower the resolution" in message
+    assert "Traceback" not in "".join(capfd.readouterr()) + caplog.text
+    monkeypatch.undo()
+    render()
+
+
+# Checkpoints ----------------------------------------------------------------------------------------------------------
+
+KILLED = """
+import sys
+sys.path[:0] = [{root!r}, {tests!r}]
+import bpy, addon
+from test_faults_blender import build_scene
+bpy.ops.wm.read_factory_settings(use_empty=True)
+addon.register()
+infrared = build_scene()
+infrared.passes, infrared.checkpoint_path, infrared.checkpoint_minutes = {passes}, {path!r}, 0.0
+bpy.ops.render.render()
+"""
+
+
+def test_a_killed_render_goes_on_from_its_checkpoint(infrared, tmp_path, monkeypatch):
+    """Killed without warning in the middle, in a process of its own; here it goes on, to float32 rounding the same."""
+    path, passes = tmp_path / "check.npz", 100_000
+    script = KILLED.format(root=str(ROOT), tests=str(ROOT / "tests"), passes=passes, path=str(path))
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 240
+    while not path.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.3)  # some passes more
+    process.kill()  # SIGKILL
+    error = process.communicate()[1].decode()
+    assert process.returncode == -signal.SIGKILL and path.exists(), error
+
+    saved = []
+    real = final_render.load
+    monkeypatch.setattr(final_render, "load", lambda *args: saved.append(real(*args)) or saved[-1])
+    infrared.passes = passes
+    with pytest.MonkeyPatch.context() as patch:  # how many there are to go on from, without going on
+        patch.setattr(final_render, "render_with_checkpoints", lambda *_args, **_options: None)
+        infrared.checkpoint_path = str(path)
+        render()
+    infrared.passes = saved[0].passes + 3
+    render()
+    assert 1 <= saved[1].passes == infrared.passes - 3
+    resumed = final_render.finished_layers["ViewLayer"]
+    assert resumed["metadata"]["passes"] == infrared.passes and not path.exists()
+    infrared.checkpoint_path = ""
+    render()
+    whole = final_render.finished_layers["ViewLayer"]
+    np.testing.assert_allclose(resumed["bands"], whole["bands"], rtol=1.2e-7)  # the last bit of float32
+    np.testing.assert_allclose(resumed["noise"], whole["noise"], rtol=1e-6)  # a root of sums of squares
+
+
+def stop_after(monkeypatch, passes):
+    """Let the next render end as with Esc after so many passes."""
+    real = final_render.RenderJob._on_pass
+
+    def on_pass(job, film):
+        real(job, film)
+        if film.passes >= passes:
+            job.cancel()
+
+    monkeypatch.setattr(final_render.RenderJob, "_on_pass", on_pass)
+    render()
+    monkeypatch.setattr(final_render.RenderJob, "_on_pass", real)
+
+
+def wait_for(path):
+    """The solver writes a checkpoint after Blender has the image."""
+    deadline = time.monotonic() + 10
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def test_a_render_ended_by_esc_goes_on(infrared, tmp_path, monkeypatch):
+    path = tmp_path / "check.npz"
+    infrared.passes = 6
+    render()
+    whole = radiance()
+    infrared.checkpoint_path = str(tmp_path / "check")
+    stop_after(monkeypatch, 2)
+    wait_for(path)
+    seen, real = [], final_render.RenderJob._on_pass
+    monkeypatch.setattr(final_render.RenderJob, "_on_pass", lambda *args: (seen.append(args[1].passes), real(*args)))
+    render()
+    assert seen == [2, 3, 4, 5, 6]  # it did not start anew
+    np.testing.assert_allclose(radiance(), whole, rtol=1.2e-7)
+    assert not path.exists()
+
+
+def damage(path):
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def change_scene(_path):
+    bpy.data.objects["Plate"]["temperature"] = 500.0
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [(damage, "is no checkpoint, or a damaged one"), (change_scene, "is of another render: temperature differ")],
+)
+def test_a_checkpoint_that_does_not_fit_is_kept_and_told(infrared, tmp_path, monkeypatch, caplog, change, message):
+    path = tmp_path / "check.npz"
+    infrared.passes, infrared.checkpoint_path = 6, str(path)
+    stop_after(monkeypatch, 2)
+    wait_for(path)
+    change(path)
+    content = path.read_bytes()
+    render()
+    assert message in caplog.text
+    kept = tmp_path / "check.old1.npz"
+    assert f"The render starts anew; the old file is kept as '{kept}'" in caplog.text
+    assert list(tmp_path.iterdir()) == [kept] and kept.read_bytes() == content
+    begun_anew = radiance()
+    infrared.checkpoint_path = ""
+    render()
+    np.testing.assert_array_equal(radiance(), begun_anew)
+
+
+def test_a_checkpoint_that_cannot_be_written_is_an_error_at_once(infrared, tmp_path):
+    infrared.checkpoint_path = str(tmp_path / "missing" / "check")
+    message = failed_render()
+    assert "Cannot write the checkpoint" in message and str(tmp_path / "missing") in message
+
+
+def test_every_view_layer_and_frame_has_its_checkpoint(infrared, tmp_path):
+    scene = bpy.context.scene
+    scene.frame_set(12)
+    infrared.checkpoint_path = str(tmp_path / "check.npz")
+    for layer, animation, expected in (("", False, "check.npz"), ("A/1", True, "check0012_A_1.npz")):
+        assert final_render.checkpoint_path(scene, layer, animation) == tmp_path / expected
+
+
+# Two at once ----------------------------------------------------------------------------------------------------------
+
+
+def test_two_processes_render_at_once(infrared, tmp_path):
+    """They share the folder of kernels, and give the image of this process."""
+    script = KILLED.replace("infrared.passes,", "infrared.band_exr_path = sys.argv[1]\ninfrared.passes,")
+    script = script.format(root=str(ROOT), tests=str(ROOT / "tests"), passes=2, path="")
+    files = [tmp_path / f"{name}.exr" for name in "ab"]
+    processes = [
+        subprocess.Popen([sys.executable, "-c", script, file], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        for file in files
+    ]
+    errors = [process.communicate(timeout=240)[1].decode() for process in processes]
+    assert not any("Traceback" in error for error in errors), errors
+    render()
+    for file in files:
+        channels = OpenEXR.File(str(file)).parts[0].channels
+        np.testing.assert_array_equal(channels["Radiance.V"].pixels[::-1], radiance())
+
+
+# Senseless values -----------------------------------------------------------------------------------------------------
+
+# (owner, key) of every custom property that is read, and how messages name the owner.
+PROPERTIES = {
+    ("objects", "Plate", "temperature"): "Object 'Plate'",
+    ("objects", "Lamp", "temperature"): "Light 'Lamp'",
+    ("worlds", "Sky", "temperature"): "World 'Sky'",
+    ("materials", "Paint", "emissivity"): "Material 'Paint'",
+    ("materials", "Metal", "specular"): "Material 'Metal'",
+    ("materials", "Metal", "roughness"): "Material 'Metal'",
+}
+NUMBERS = (np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 300.0, 1e6, 1e7, 1e308, -1e308, 5e-324, 1e-300, 1e-8, 0.5)
+INTEGERS = (0, 1, -1, 300, 2**31 - 1, -(2**31))
+TEXTS = ("", " ", "300", "nan", "Granite", "granite ", "Unobtainium", "x" * 5000, "\u00e9\U0001f525", "a\nb", "'%s{}")
+
+
+def senseless(rng, depth=0):
+    """A value of any kind that a custom property might hold, and some that Blender refuses."""
+    kind = rng.integers(13 if depth < 3 else 9)
+    if kind <= 1:
+        return float(rng.choice(NUMBERS))
+    if kind == 2:
+        return float(rng.normal() * 10.0 ** rng.integers(-6, 7))
+    if kind == 3:
+        return float(rng.random())
+    if kind == 4:
+        return int(rng.choice(INTEGERS))
+    if kind == 5:
+        return bool(rng.integers(2))
+    if kind == 6:
+        return str(rng.choice(TEXTS))
+    if kind == 7:
+        return bytes(rng.bytes(rng.integers(5)))
+    if kind == 8:
+        return None if rng.integers(2) else bpy.data.objects["Floor"]
+    length = rng.integers(7)
+    if kind == 9:
+        return [float(rng.choice(NUMBERS)) for _ in range(length)]
+    if kind == 10:  # near to a spectrum
+        points = np.column_stack((np.sort(rng.uniform(1.0, 20.0, length)), rng.uniform(-0.05, 1.05, length)))
+        return points.ravel().tolist()
+    if kind == 11:
+        return [senseless(rng, depth + 1) for _ in range(length)]
+    return {f"key {i}": senseless(rng, depth + 1) for i in range(length)}
+
+
+def put(place, value):
+    """Give a custom property a value; False if Blender does not take it."""
+    collection, name, key = place
+    owner = getattr(bpy.data, collection)[name]
+    try:
+        owner[key] = value
+    except (TypeError, ValueError, OverflowError):  # lists of mixed types, None ...
+        return False
+    owner.update_tag()
+    return True
+
+
+def is_number(value):
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def makes_sense(place, value):
+    """Whether the contract allows it: kelvin from 0 to HOTTEST, shares from 0 to 1, and spectra."""
+    if value is None:
+        return True  # as good as absent
+    if is_number(value):
+        return 0.0 <= value <= (HOTTEST if place[2] == "temperature" else 1.0)
+    if place[2] != "emissivity":
+        return False
+    if isinstance(value, str):
+        return value.strip().casefold() in map(str.casefold, library.names())
+    if not isinstance(value, list) or not all(map(is_number, value)) or len(value) % 2 or not value:
+        return False
+    wavelengths, shares = np.array(value[::2], float), np.array(value[1::2], float)
+    rising = np.all(np.isfinite(wavelengths)) and wavelengths[0] > 0 and np.all(wavelengths[1:] > wavelengths[:-1])
+    return bool(rising and np.all((shares >= 0) & (shares <= 1)))
+
+
+def read():
+    scene = read_scene(bpy.context.evaluated_depsgraph_get())[0]
+    assert np.isfinite(scene.temperature).all() and 0 <= scene.temperature.min() <= scene.temperature.max() <= HOTTEST
+    for each in scene.materials:
+        wavelength, emissivity = each.curve
+        assert np.isfinite(wavelength).all() and ((emissivity >= 0) & (emissivity <= 1)).all()
+        assert 0 <= each.specular <= 1 and 0 <= each.roughness <= 1
+    return scene
+
+
+def test_no_value_of_a_custom_property_surprises_the_reader(infrared):
+    """10,000 values: those that make sense are read, all others are errors that name the owner and the property."""
+    rng = np.random.default_rng(1)
+    before = {place: getattr(bpy.data, place[0])[place[1]].get(place[2], 300.0) for place in PROPERTIES}
+    places, accepted, refused = list(PROPERTIES), 0, 0
+    while accepted + refused < 10_000:
+        place, value = places[rng.integers(len(places))], senseless(rng)
+        if not put(place, value):
+            continue
+        if makes_sense(place, value):
+            read()
+            accepted += 1
+        else:
+            with pytest.raises(SceneError) as error:
+                read()
+            assert PROPERTIES[place] in str(error.value), (place, value)
+            assert place[2] in str(error.value) or f"the library has no material '{value}'" in str(error.value)
+            if is_number(value):
+                assert f"{value:g}" in str(error.value)
+            refused += 1
+        put(place, before[place])
+    read()
+    assert accepted > 1000 and refused > 1000
+
+
+def test_no_value_of_an_attribute_surprises_the_reader(infrared):
+    rng = np.random.default_rng(2)
+    mesh = bpy.data.meshes["Plate"]
+    counts = {"POINT": 8, "CORNER": 24, "FACE": 6}
+    for _ in range(1000):
+        domain = str(rng.choice(list(counts)))
+        attribute = mesh.attributes.new("temperature", "FLOAT", domain)
+        with np.errstate(over="ignore"):
+            values = rng.choice([*NUMBERS, 290.0, 300.0, 310.0], counts[domain]).astype(np.float32)
+        if rng.integers(2):
+            values = rng.uniform(0.0, 1000.0, counts[domain]).astype(np.float32)
+        attribute.data.foreach_set("value", values)
+        mesh.update_tag()
+        if np.all((values >= 0) & (values <= HOTTEST)):
+            read()
+        else:
+            with pytest.raises(SceneError, match="Attribute 'temperature' of object 'Plate': temperature"):
+                read()
+        mesh.attributes.remove(mesh.attributes["temperature"])
+
+
+def test_renders_with_senseless_values_are_messages_or_finite_images(infrared):
+    """300 whole renders, each with one to three values at random."""
+    rng = np.random.default_rng(3)
+    before = {place: getattr(bpy.data, place[0])[place[1]].get(place[2], 300.0) for place in PROPERTIES}
+    infrared.photons_per_pass, images = 200, 0
+    for _ in range(300):
+        changed = [list(PROPERTIES)[i] for i in rng.choice(len(PROPERTIES), rng.integers(1, 4), replace=False)]
+        wanted = [place for place in changed if rng.random() < 0.8]
+        values = [senseless(rng) for _ in wanted]
+        taken = [(place, value) for place, value in zip(wanted, values, strict=True) if put(place, value)]
+        if all(makes_sense(*each) for each in taken):
+            render()
+            layer = final_render.finished_layers["ViewLayer"]
+            for image in (*layer["bands"], layer["radiance"], layer["temperature"], layer["noise"]):
+                assert np.isfinite(image).all(), taken
+            images += 1
+        else:
+            message = failed_render()
+            assert any(PROPERTIES[place] in message for place, _ in taken), (message, taken)
+            assert "The solver failed" not in message, taken
+        for place in changed:
+            put(place, before[place])
+    assert 50 < images < 250
