@@ -26,7 +26,7 @@ from .point_tree import morton_ranks
 from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import basis, cone_direction, cosine_stratum, lobe_brdf, to_world, triangle_point
-from .surfaces import Surfaces, clear_of, normal, point, put_ray, temperature_at, unit_normal
+from .surfaces import CLEAR, Surfaces, clear_of, normal, point, put_ray, temperature_at, unit_normal
 
 _MOST = 64  # surfaces that may become lamps: those of most power
 _RECEIVERS = 512  # points at which they are judged
@@ -268,11 +268,14 @@ def send_shadow(
     if chosen < lamps.code.size:
         t = lamps.code[chosen] >> 1
         nx, ny, nz, double_area = normal(surfaces.corners, t)
-        inverse = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         excess(
             radiometry, surfaces.material[t], temperature_at(surfaces.temperature, t, u, v),
-            abs(dx * nx + dy * ny + dz * nz) * inverse, value,
+            abs(dx * nx + dy * ny + dz * nz) / distance, value,
         )  # fmt: skip
+        # so long a ray must end further from the lamp, or the lamp's own surface hides it
+        ux, uy, uz = points.normal[i]
+        dx, dy, dz = dx + CLEAR * distance * ux, dy + CLEAR * distance * uy, dz + CLEAR * distance * uz
         factor *= 0.5 * double_area * math.pi
         brdf = diffuse  # camera paths find the lamp in the specular lobe themselves
     else:

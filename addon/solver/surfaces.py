@@ -22,6 +22,7 @@ SAME_SURFACE = 0.8
 PATCH_LIMIT = 64
 # Disk area over twice the area of a triangle and its neighbours, above which a disk touches more than PATCH_LIMIT.
 _TOO_FINE = 6.0
+CLEAR = 2.0**-20  # distance from a plane that float32 tells for sure, over the largest length that takes part
 _LONGEST = 9  # row of a leaf of triangles with the length of the longest edge
 
 
@@ -201,7 +202,7 @@ def offset(corners, t):
     double_area = normal(corners, t)[3]
     if double_area > 0.0:
         reach = max(reach, 0.25 * longest**3 / double_area)
-    return reach * 2.0**-20
+    return reach * CLEAR
 
 
 @njit(cache=True, nogil=True)
