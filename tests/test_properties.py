@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Properties that hold in every closed enclosure, over random ones (hypothesis; the same in every run)."""
+
+import dataclasses
+import importlib
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scenes import box, look, make_scene, mean_and_error, sphere
+from scipy import stats
+
+from addon.solver import Material, Settings, render
+from addon.solver.photon_map import PhotonStore
+from addon.solver.radiometry import excess
+from addon.solver.spectrum import band_radiance
+from addon.solver.surfaces import areas, unit_normal
+
+solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
+
+EXAMPLES = 6
+PASSES = 16
+QUICK = Settings(passes=PASSES, photons_per_pass=4000)
+EDGES = np.array([8.0, 9.5, 12.0])
+# A sound engine fails a statistical test here once in a thousand times: Student's t for the spread of the passes, a
+# two-sided test, and Bonferroni's share for each of `comparisons`.
+MISTAKE = 1e-3
+
+
+def standard_errors(comparisons, passes=PASSES):
+    """Standard errors that a sound engine exceeds in one of a thousand runs of so many comparisons."""
+    return stats.t.ppf(1.0 - 0.5 * MISTAKE / comparisons, passes - 1)
+
+
+def over(*strategies, examples=EXAMPLES):
+    """Run a test over a few examples, the same in every run. A render takes longer than hypothesis expects."""
+
+    def decorate(test):
+        options = {"deadline": None, "derandomize": True, "max_examples": examples, "database": None}
+        return settings(suppress_health_check=list(HealthCheck), **options)(given(*strategies)(test))
+
+    return decorate
+
+
+@st.composite
+def meshes(draw):
+    """Closed surface around the origin: a box or an icosphere, stretched, with every corner moved in or out. Each ray
+    from the origin still meets it once, so it stays closed and never meets itself."""
+    vertices, triangles = draw(st.sampled_from([box(), sphere(0), sphere(1)]))
+    vertices = vertices - vertices.mean(axis=0)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    stretch = [draw(st.floats(0.5, 2.0)) for _ in range(3)]
+    return vertices * stretch * rng.uniform(0.8, 1.2, (len(vertices), 1)), triangles
+
+
+def emissivities(most):
+    """Grey ones, and curves between two wavelengths."""
+    values = st.floats(0.1, most)
+    return st.one_of(values, st.tuples(values, values).map(lambda e: np.array([[8.5, e[0]], [11.0, e[1]]])))
+
+
+reflectors = st.builds(Material, st.just("diffuse"), emissivities(0.9))
+materials = st.builds(  # few values of the lobe, so that mirrors and rough ones are among few examples
+    Material, st.just("wall"), emissivities(1.0), st.sampled_from([0.0, 0.5, 1.0]), st.sampled_from([0.0, 0.3, 1.0])
+)
+
+
+@st.composite
+def enclosures(draw, isothermal=False, walls=materials):
+    """Scene of a closed enclosure seen from its middle: two materials and, unless isothermal, random temperatures."""
+    vertices, triangles = draw(meshes())
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    kelvin = np.full(len(triangles), draw(st.sampled_from([77.0, 300.0, 1500.0])))
+    if not isothermal:
+        kelvin = rng.uniform(250.0, 400.0, len(triangles))
+    camera = look((0, 0, 0), rng.normal(size=3), 6, 4, 0.8)
+    pair = [draw(walls), draw(walls)]
+    return make_scene(vertices, triangles, kelvin, pair, camera, EDGES, rng.integers(0, 2, len(triangles)))
+
+
+@over(enclosures(isothermal=True))
+def test_isothermal_enclosures_are_black(scene):
+    """Exactly so in every pixel with the right reference; without a reference within the noise."""
+    kelvin = float(scene.temperature[0])
+    truth = band_radiance(EDGES, kelvin)
+    film = render(scene, dataclasses.replace(QUICK, passes=2))
+    pixels = film.bands() * np.diff(EDGES)[:, None, None]
+    # float32: the reference and the image are rounded, and so is their sum
+    np.testing.assert_allclose(pixels, np.broadcast_to(truth[:, None, None], pixels.shape), rtol=2e-7)
+    assert np.all(film.noise() == 0)
+    mean, error = mean_and_error(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    assert error < 0.1 * truth.sum()
+    assert abs(mean - truth.sum()) <= standard_errors(EXAMPLES) * error + 5e-7 * truth.sum()
+
+
+@over(enclosures())
+def test_the_reference_does_not_change_the_mean(scene):
+    """The image with the subtraction and without is the same within the noise of both."""
+    mean, error = mean_and_error(scene, QUICK)
+    other, other_error = mean_and_error(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    assert abs(mean - other) <= standard_errors(EXAMPLES) * np.hypot(error, other_error)
+
+
+def inner_sides(surfaces):
+    """(t,) int, the side of each triangle that faces the origin."""
+    normals = np.array([unit_normal(surfaces, t) for t in range(len(surfaces.corners))])
+    return (np.sum(normals * surfaces.corners.mean(axis=1), axis=1) > 0).astype(int)
+
+
+def absorbed_inside(model, key):
+    """(b,) power that the inner sides absorb from the photons of a pass, W."""
+    batches = solver.trace_photons(
+        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(key), 0, 4000, 4000
+    )
+    inner = inner_sides(model.surfaces)
+    absorbed = np.zeros(len(EDGES) - 1)
+    for batch in batches:
+        t = batch.surface >> 1
+        inside = (batch.surface & 1) == inner[t]
+        emissivity = 1.0 - model.radiometry.reflectance[model.surfaces.material[t]]
+        absorbed += (batch.power * emissivity)[inside].sum(axis=0, dtype=float)
+    return absorbed
+
+
+@over(enclosures(walls=reflectors))
+def test_enclosures_absorb_what_they_emit(scene):
+    """What photons leave at their hits, each a share eps, is what the walls emit inwards: pi A eps B(T), in every band.
+
+    Diffuse walls that all reflect, so that every hit is stored; the emitted power is a sum over the triangles.
+    """
+    model = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    area, value = areas(model.surfaces.corners), np.empty(len(EDGES) - 1)
+    emitted = np.zeros_like(value)
+    for t in range(len(area)):
+        excess(model.radiometry, model.surfaces.material[t], float(scene.temperature[t]), 1.0, value)
+        emitted += np.pi * area[t] * value
+    absorbed = np.array([absorbed_inside(model, i) for i in range(PASSES)])
+    error = absorbed.std(axis=0, ddof=1) / np.sqrt(PASSES)
+    assert np.all(error < 0.05 * emitted)
+    assert np.all(np.abs(absorbed.mean(axis=0) - emitted) <= standard_errors(EXAMPLES * len(value)) * error)
+
+
+def swapped(tables, *names):
+    """The tables with the order of their bands, the last axis, turned round."""
+    return tables._replace(**{name: np.ascontiguousarray(getattr(tables, name)[..., ::-1]) for name in names})
+
+
+@over(enclosures())
+def test_bands_are_alike(scene):
+    """A pass of the model with its two bands swapped is the same image with its bands swapped: no band leads.
+
+    To float32 rounding of some ten terms, as fused products round one band's share in the roulette, not the other's; of
+    the survivals that differ by that, none of so few photons is decided otherwise.
+    """
+    settings = dataclasses.replace(QUICK, reference_temperature=280.0)
+    model = solver.prepare(scene, settings)
+    other = dataclasses.replace(
+        model,
+        radiometry=swapped(model.radiometry, "reflectance", "emission", "slope", "reference"),
+        emitters=swapped(model.emitters, "surroundings", "light_power"),
+        lamps=swapped(model.lamps, "light_power"),
+        optics=swapped(model.optics, "band_share"),
+    )
+    images = []
+    with ThreadPoolExecutor(1) as pool:
+        for m in (model, other):
+            image, seen = np.zeros((24, 2), np.float32), np.zeros(24, np.float32)
+            store = PhotonStore(2, m.optics.keep_incoming, m.optics.keep_caustic)
+            assert solver.render_pass(m, settings, 0, store, image, seen, pool, lambda: False)
+            images.append(image)
+    assert np.ptp(images[0]) > 0
+    np.testing.assert_allclose(images[0], images[1][:, ::-1], rtol=0, atol=1e-6 * np.abs(images[0]).max())
+
+
+def moved(scene, vertices, matrix):
+    """The scene with other vertices and another camera matrix."""
+    return dataclasses.replace(scene, vertices=vertices, camera=dataclasses.replace(scene.camera, matrix=matrix))
+
+
+@over(enclosures(), st.integers(0, 2**32))
+def test_rigid_motion_does_not_change_the_mean(scene, seed):
+    """A random rotation and shift. Directions are sampled in other frames, so images agree within the noise."""
+    rotation = stats.special_ortho_group.rvs(3, random_state=seed)
+    shift = np.random.default_rng(seed).uniform(-100.0, 100.0, 3)
+    matrix = np.eye(4)
+    matrix[:3] = np.column_stack((rotation @ scene.camera.matrix[:3, :3], shift))
+    other = moved(scene, scene.vertices @ rotation.T + shift, matrix)
+    (mean, error), (there, error_there) = (mean_and_error(s, QUICK) for s in (scene, other))
+    assert abs(mean - there) <= standard_errors(EXAMPLES) * np.hypot(error, error_there) + 5e-7 * mean
+
+
+@over(enclosures(), st.sampled_from([2.0**-20, 2.0**-3, 2.0**20]))
+def test_scale_changes_nothing(scene, factor):
+    """Radiance does not depend on size. Powers of two scale float numbers exactly, so every bit stays."""
+    matrix = scene.camera.matrix.copy()
+    matrix[:3, 3] *= factor
+    settings = dataclasses.replace(QUICK, passes=2)
+    film, scaled = render(scene, settings), render(moved(scene, scene.vertices * factor, matrix), settings)
+    assert np.array_equal(film.bands(), scaled.bands())
+    assert np.array_equal(film.noise(), scaled.noise())
+
+
+@over(enclosures())
+def test_threads_change_nothing(scene):
+    settings = dataclasses.replace(QUICK, passes=2, photons_per_pass=40_000)  # several chunks of photons
+    one, three = (render(scene, dataclasses.replace(settings, threads=threads)) for threads in (1, 3))
+    assert np.array_equal(one.bands(), three.bands())
+    assert np.array_equal(one.noise(), three.noise())
+
+
+def test_thresholds():
+    """16 passes have 15 degrees of freedom: 4.07 standard errors are exceeded once in a thousand times."""
+    assert standard_errors(1) == pytest.approx(4.073, abs=1e-3)
