@@ -33,13 +33,14 @@ pytestmark = [
 ]
 
 
-def blender(*arguments, check_scripts=True) -> str:
-    """Run the real Blender with its own, empty user folder; returns what it prints."""
+def blender(*arguments, check_scripts=True, window=False) -> str:
+    """Run the real Blender with its own, empty user folder; returns what it prints. window: a virtual one."""
     environment = os.environ | {"BLENDER_USER_RESOURCES": str(WORK / "user"), "HOME": str(WORK / "home")}
     environment.pop("INFRARED_PHOTONS_KERNELS", None)  # an artist has none
-    options = ("-b", "--python-exit-code", "1") if check_scripts else ()
+    background = () if window else ("-b",)
+    options = (*background, "--python-exit-code", "1") if check_scripts else ()
     done = subprocess.run(
-        [LAUNCHER, "run", *options, *map(str, arguments)],
+        [LAUNCHER, "gui" if window else "run", *options, *map(str, arguments)],
         cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, timeout=900,
     )  # fmt: skip
@@ -198,6 +199,15 @@ def test_bpy_renders_the_same_image(passes):
     assert set(other) == set(passes)
     for name, image in passes.items():
         np.testing.assert_allclose(other[name], image, rtol=1e-4, err_msg=name)
+
+
+def test_renders_disturbed_at_any_moment_end(first):
+    """Esc, undo, another file, a second F12 and a scene emptied, in a window, at random moments of a render: Blender
+    neither crashes nor hangs, no traceback is printed, and the solver's thread ends."""
+    text = blender(DEMO, "--python", SCRIPTS / "interrupt.py", window=True)
+    assert "ALL DISTURBED" in text, text
+    running = [int(count) for count in re.findall(r"DISTURBED \w+ (\d+)", text)]
+    assert len(running) == 18 and sum(running) > 9, text  # most were disturbed while the solver was at work
 
 
 def test_extension_can_be_removed(installed):
