@@ -339,7 +339,11 @@ def test_walls_of_needles():
 
 
 def test_cap_of_a_cylinder_as_a_fan():
-    """A polygon of 256 corners as Blender may cut it: all triangles meet in one corner, which the camera looks at."""
+    """A polygon of 256 corners as Blender may cut it: all triangles meet in one corner, where hundreds cross a disk.
+
+    No pixel is off by more than 5 standard errors. Half of the radiance is reflected, by 50 photons in each of 16
+    passes, of which the shrinking radius leaves 0.4 in the last.
+    """
     count = 256
     angle = 2 * np.pi * np.arange(count) / count
     ring = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
@@ -349,9 +353,12 @@ def test_cap_of_a_cylinder_as_a_fan():
     triangles = np.concatenate(
         (np.column_stack((a, b, b + count)), np.column_stack((a, b + count, a + count)), fan, fan + count)
     ).astype(np.int32)
-    camera = look((0.5, 0, 0.9), (0.7, 0.0, 0.0), 8, 6, 0.5)
+    camera = look((0.5, 0, 0.9), (0.5, 0.1, 0.0), 8, 6, 1.0)
     scene = make_scene(np.concatenate((ring, ring + (0, 0, 1))), triangles, 300.0, [GREY], camera, EDGES)
     expect_black(scene)
+    film = checked_render(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    limit = 5 * 0.5 / np.sqrt(0.4 * 50 * 16)
+    np.testing.assert_allclose(film.radiance(), black(EDGES, 300.0), rtol=limit)
 
 
 def test_faces_without_area():
