@@ -13,6 +13,7 @@ import json
 import logging
 import os
 import time
+import zipfile
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -61,8 +62,12 @@ def save(path: Path, film: Film, marks: dict[str, str]) -> None:
 
     Raises OSError naming the path if it cannot be written.
     """
+    arrays = {"fingerprint": np.array(json.dumps(marks))} | film.state()
     with replacing(path, _WHAT) as unfinished, open(unfinished, "wb") as file:
-        np.savez(file, fingerprint=np.array(json.dumps(marks)), **film.state())
+        with zipfile.ZipFile(file, "w") as archive:  # as np.savez does, which leaves it open where a write fails
+            for name, array in arrays.items():
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                    np.save(entry, array, allow_pickle=False)
         file.flush()
         os.fsync(file.fileno())  # before the old one goes: the power may fail
 
