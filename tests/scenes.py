@@ -84,13 +84,18 @@ def make_scene(vertices, triangles, temperature, materials, camera, band_edges, 
     )
 
 
-def mean_and_error(scene, settings):
-    """Mean radiance of the image (W m-2 sr-1) over a whole render, and its standard error.
+def pass_means(scene, settings):
+    """Mean radiance of the image in each band in each pass of a render, (passes, b) float64, W m-2 sr-1.
 
-    The pixels of a pass share its photons, so the error comes from the spread of the image's mean between passes,
-    which are independent of each other.
+    The pixels of a pass share its photons. Passes are independent of each other, so it is their spread that tells the
+    standard error of an image's mean.
     """
-    sums = [0.0]
-    film = render(scene, settings, on_pass=lambda film: sums.append(film.passes * film.radiance().mean(dtype=float)))
-    passes = np.diff(sums)
-    return film.radiance().mean(dtype=float), passes.std(ddof=1) / np.sqrt(len(passes))
+    sums = [np.zeros(scene.band_count)]
+    render(scene, settings, lambda film: sums.append(film.passes * film.bands().mean(axis=(1, 2), dtype=float)))
+    return np.diff(sums, axis=0) * np.diff(scene.band_edges)
+
+
+def mean_and_error(scene, settings):
+    """Mean radiance of the image over all bands (W m-2 sr-1), and its standard error."""
+    passes = pass_means(scene, settings).sum(axis=1)
+    return passes.mean(), passes.std(ddof=1) / np.sqrt(len(passes))

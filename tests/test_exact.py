@@ -1,102 +1,181 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes with an exact solution, rendered through the camera.
+"""Scenes with an exact solution (exact_cases.py), rendered through the camera, and the formulas of the truths.
 
 The mean of the image must lie within 3 standard errors (from the spread of the passes) of the truth, and within 0.3 %,
-after PASSES passes of PHOTONS photons. Reference values: closed forms for enclosures (Modest, Radiative Heat Transfer,
-chapter 5).
+after PASSES passes. docs/accuracy.md has longer renders of more cases.
 """
+
+import math
 
 import numpy as np
 import pytest
-from scenes import box, look, make_scene, mean_and_error, sphere
-
-from addon.solver import Material, Settings, render
-from addon.solver.spectrum import band_radiance, planck
-from addon.solver.surfaces import areas
-
-PASSES, PHOTONS = 150, 30_000
-NARROW = np.array([9.99, 10.01])  # um: one narrow band, so that the closed forms for one wavelength hold to 1e-6
-SUBTRACTION = [
-    pytest.param({}, id="subtraction"),
-    pytest.param({"reference_subtraction": False}, id="no-subtraction"),
-    pytest.param({"reference_temperature": 333.0}, id="wrong-T0"),
-]
-
-
-def black(temperature):
-    return band_radiance(NARROW, temperature)[0]
-
-
-def check(scene, truth, **settings):
-    mean, error = mean_and_error(scene, Settings(passes=PASSES, photons_per_pass=PHOTONS, **settings))
-    deviation, error = mean / truth - 1.0, error / truth
-    print(f"deviation {deviation:+.5%}, standard error {error:.5%}")
-    assert abs(deviation) <= max(3 * error, 1e-6)  # 1e-6: float32 images
-    assert abs(deviation) < 0.003
-
-
-@pytest.mark.parametrize("settings", SUBTRACTION)
-@pytest.mark.parametrize(
-    "material",
-    [
-        Material("grey", 0.6),
-        Material("spectral", np.array([[9.9, 0.1], [10.0, 0.8], [10.1, 0.3]])),
-        Material("mirror and diffuse", 0.4, specular=0.5),
-        Material("rough", 0.5, specular=0.7, roughness=0.6),
-        Material("very rough", 0.3, specular=1.0, roughness=1.0),
-    ],
-    ids=lambda material: material.name,
+from exact_cases import (
+    ALL,
+    CASES,
+    HOT,
+    NARROW,
+    PHOTONS,
+    SIGMA,
+    WINDOWS,
+    blackbody,
+    concentric,
+    corner_factor,
+    disk,
+    disk_factor,
+    disks,
+    ggx,
+    isothermal,
+    lobe_albedo,
+    mean_over,
+    parallel_factor,
+    parallel_image,
+    plates,
+    polygon_factor,
+    rectangle,
 )
-def test_isothermal_enclosure(material, settings):
-    """Black at its temperature, whatever the walls (Kirchhoff); with the right reference exactly so, in every pixel."""
-    vertices, triangles = box((1.0, 0.8, 0.6))
-    scene = make_scene(vertices, triangles, 300.0, [material], look((0.8, 0.6, 0.4), (0.1, 0.1, 0.1)), NARROW)
-    check(scene, black(300.0), **settings)
-    if not settings:
-        film = render(scene, Settings(passes=2, photons_per_pass=1000))
-        np.testing.assert_allclose(film.temperature(), 300.0, rtol=1e-6)
-        assert np.all(film.noise() == 0)
+from scenes import pass_means, quad
+
+from addon.solver import Settings, render
+
+PASSES = 64
+SHORT = [case for case in CASES if case.short]
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
-@pytest.mark.parametrize("target, truth", [(0.0, 31.41425), (0.5, 22.81816)], ids=["hot", "cold"])
-def test_infinite_plates(target, truth, settings):
-    """Two plates between mirrors: 400 K, eps 0.8 below and 300 K, eps 0.4 above; radiosity / pi at 10 um."""
-    vertices, triangles = box((1.0, 1.0, 0.5))
-    materials = [Material("mirror", 0.0, specular=1.0), Material("hot", 0.8), Material("cold", 0.4)]
-    index = [0] * 8 + [1, 1, 2, 2]
-    temperature = [300.0] * 8 + [400.0, 400.0, 300.0, 300.0]
-    camera = look((0.5, 0.45, 0.25), (0.5, 0.5, target))
-    scene = make_scene(vertices, triangles, temperature, materials, camera, NARROW, index)
-    at_ten_micrometres = black(400.0) / planck(10.0, 400.0)  # width of the band as the closed form sees it
-    check(scene, truth * at_ten_micrometres, **settings)
+@pytest.mark.parametrize("case", SHORT, ids=lambda case: f"{case.build.__name__}-{case.name}")
+def test_exact_case(case):
+    scene, truth = case.build(**case.arguments)
+    passes = pass_means(scene, case.render_settings(passes=PASSES))
+    deviation = passes.mean(axis=0) / truth - 1.0
+    error = passes.std(axis=0, ddof=1) / math.sqrt(PASSES) / truth
+    print("; ".join(f"deviation {d:+.5%}, standard error {e:.5%}" for d, e in zip(deviation, error, strict=True)))
+    assert np.all(np.abs(deviation) <= np.maximum(3 * error, case.tolerance))
+    assert np.all(np.abs(deviation) < 0.003)
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
-@pytest.mark.parametrize("target", [1.0, -1.0], ids=["hot", "cold"])
-def test_closed_sphere(target, settings):
-    """Diffuse sphere with a hot cap: E / pi = sum f e B / sum f e at every point. The areas are those of the mesh."""
-    vertices, triangles = sphere(4)
-    hot = vertices[triangles].mean(axis=1)[:, 2] > 0.5
-    area = areas(vertices[triangles].astype(np.float32))
-    share = area[hot].sum() / area.sum()
-    assert share == pytest.approx(0.25, abs=0.01)
-    incident = (share * 0.3 * black(400.0) + (1 - share) * 0.9 * black(300.0)) / (share * 0.3 + (1 - share) * 0.9)
-    truth = 0.3 * black(400.0) + 0.7 * incident if target > 0 else 0.9 * black(300.0) + 0.1 * incident
-    materials = [Material("cap", 0.3), Material("rest", 0.9)]
-    camera = look((0, 0, 0), (0, 0, target), tangent=0.3)
-    scene = make_scene(vertices, triangles, np.where(hot, 400, 300), materials, camera, NARROW, np.where(hot, 0, 1))
-    check(scene, truth, **settings)
+EXACT = [case for case in CASES if case.build is isothermal and not case.settings]
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
-@pytest.mark.parametrize("cut", [0.98, 0.8])
-def test_spherical_cavity(cut, settings):
-    """Sphere with its cap removed under a 0 K sky: effective emissivity e / (e + (1 - e) f), f the cap's share."""
-    vertices, triangles = sphere(4)
-    area = areas(vertices[triangles].astype(np.float32))
-    keep = vertices[triangles].mean(axis=1)[:, 2] < cut
-    share = area[~keep].sum() / area.sum()
-    truth = 0.5 / (0.5 + 0.5 * share) * black(300.0)
-    camera = look((0, 0, 0.5), (0, 0, -1))
-    check(make_scene(vertices, triangles[keep], 300.0, [Material("wall", 0.5)], camera, NARROW), truth, **settings)
+@pytest.mark.parametrize("case", EXACT, ids=lambda case: case.name)
+def test_isothermal_enclosure_is_exact_in_every_pixel(case):
+    scene, _ = case.build(**case.arguments)
+    film = render(scene, Settings(passes=2, photons_per_pass=1000))
+    np.testing.assert_allclose(film.temperature(), 300.0, rtol=1e-6)
+    assert np.all(film.noise() == 0)
+
+
+def test_pixels_converge():
+    """The error of single pixels falls at least as the root of the passes, 4 times from 8 to 128.
+
+    It falls faster, as the first passes count photons of wider disks than the later ones. The power of 4 is measured
+    for each of 8 renders; 3 standard errors of their mean.
+    """
+    scene, truth = parallel_image(1.0)
+    powers = []
+    for seed in range(8):
+        error = {}
+
+        def note(film, error=error):
+            error[film.passes] = math.sqrt(np.mean((film.radiance() - truth) ** 2))
+
+        render(scene, Settings(passes=128, photons_per_pass=5000, seed=seed), note)
+        powers.append(math.log(error[8] / error[128]) / math.log(4))
+    mean, standard = np.mean(powers), np.std(powers, ddof=1) / math.sqrt(len(powers))
+    print(f"power of 4 by which the error falls: {mean:.3f} +- {standard:.3f}")
+    assert standard < 0.05
+    assert mean > 1.0 - 3 * standard
+
+
+@pytest.mark.xfail(strict=True, reason="light in pixels that hold little of a surface comes from photons, which blur")
+def test_pixels_on_an_edge():
+    """Pixels that hold less than a third of a disk's rim show its light like all others: 3 standard errors.
+
+    The factor from an element to a parallel coaxial disk of radius 1 is (1 - (1 + h^2 - r^2) / sqrt((1 + h^2 + r^2)^2 -
+    4 r^2)) / 2 at the distance r from the axis (Howell, factor B-13); 40 x 40 points in each pixel.
+    """
+    height, pixels, inside = 0.25, 24, 40
+    scene, _ = disks(1, 1, height)
+    x = 1.01 * (2 * (np.arange(pixels * inside) + 0.5) / (pixels * inside) - 1)
+    r2 = x[:, None] ** 2 + x**2
+    on_disk = r2 < 1
+    factor = 0.5 * (1 - (1 + height**2 - r2) / np.sqrt((1 + height**2 + r2) ** 2 - 4 * r2))
+    blocks = (pixels, inside, pixels, inside)
+    truth = 0.5 * blackbody(NARROW, HOT)[0] * np.where(on_disk, factor, 0.0).reshape(blocks).mean(axis=(1, 3))
+    cover = on_disk.reshape(blocks).mean(axis=(1, 3))
+    edge = (cover > 0) & (cover < 1 / 3)
+    renders = [render(scene, Settings(passes=16, photons_per_pass=PHOTONS, seed=seed)).radiance() for seed in range(8)]
+    deviation = np.array([image[edge].mean() / truth[edge].mean() - 1.0 for image in renders])
+    error = deviation.std(ddof=1) / math.sqrt(len(deviation))
+    print(f"{np.count_nonzero(edge)} pixels on the edge: {deviation.mean():+.3%} +- {error:.3%}")
+    assert abs(deviation.mean()) < 3 * error
+
+
+# The truths themselves
+
+
+def test_blackbody():
+    """Printed integrals of Planck's law (the second share: up to its maximum), to their last digit."""
+    bands = {
+        293.15: (1.44748, 34.3344),
+        300.0: (1.86596, 38.5004),
+        500.0: (167.528, 289.833),
+        1000.0: (6506.73, 1602.83),
+    }
+    for kelvin, expected in bands.items():
+        np.testing.assert_allclose(blackbody(WINDOWS, kelvin)[[0, 2]], expected, rtol=5e-6)
+    shares = {1000: 0.000321, 2897.771955: 0.250055, 5000: 0.633726, 10_000: 0.914157, 50_000: 0.998904}
+    for wavelength_times_kelvin, expected in shares.items():
+        below = blackbody(np.array([0.3, wavelength_times_kelvin / 1000.0]), 1000.0)[0]
+        assert math.pi * below / (SIGMA * 1000.0**4) == pytest.approx(expected, abs=6e-7)
+
+
+def test_view_factors():
+    """Printed values; and closed forms against Lambert's contour integral, averaged over the receiver."""
+    assert disk_factor(1, 1, 1) == pytest.approx(0.381966011, abs=1e-9)
+    assert disk_factor(1, 1, 2) == pytest.approx(0.171572875, abs=1e-9)
+    assert parallel_factor(1, 1, 1) == pytest.approx(0.1998248957, abs=1e-10)
+    assert parallel_factor(1, 1, 2) == pytest.approx(0.068589589, abs=1e-9)
+    assert corner_factor(1, 1, 1) == pytest.approx(0.2000437761, abs=1e-9)
+    square = (-1.0, 1.0, -0.25, 0.25)
+    above = rectangle(*square, 0.4)
+    assert mean_over(square, lambda at: polygon_factor(at, *above), 24) == pytest.approx(parallel_factor(2, 0.5, 0.4))
+    wall = quad((0, 0.5, 0.25), (0, 0.5, 0), (0, 0, 0.25))
+    floor = (0.0, 2.0, 0.0, 1.0)
+    # the factor is not smooth at the common edge, where the mean of 64^2 points converges slowly
+    assert mean_over(floor, lambda at: polygon_factor(at, *wall), 64) == pytest.approx(
+        corner_factor(2, 0.5, 1), rel=1e-4
+    )
+
+
+@pytest.mark.parametrize("receiver, emitter, distance", [(1, 1, 1), (1, 1, 0.25), (0.5, 2, 0.5)])
+def test_polygons_serve_as_disks(receiver, emitter, distance):
+    """The view factor to a polygon of 256 corners, from rings of the receiver, is that of the disk to 1e-5."""
+    nodes, weights = np.polynomial.legendre.leggauss(48)
+    radius = receiver * np.sqrt((nodes + 1) / 2)  # even over the area
+    points = np.column_stack((radius, np.zeros_like(radius), np.zeros_like(radius)))
+    factor = weights / 2 @ polygon_factor(points, *disk(emitter, distance))
+    assert factor == pytest.approx(disk_factor(receiver, emitter, distance), rel=1e-5)
+
+
+def test_enclosures():
+    """Printed values: radiosities of plates over pi at 10 um, and the heat flux between concentric spheres.
+
+    1e-6: the narrow band is not one wavelength; 1e-7 of a blackbody lies outside ALL.
+    """
+    width = blackbody(NARROW, 300.0)[0] / 9.924033  # um: over B(10 um, 300 K)
+    assert plates("hot")[1][0] / width == pytest.approx(31.41425, rel=1e-6)
+    assert plates("cold")[1][0] / width == pytest.approx(22.81816, rel=1e-6)
+    radiosity = concentric("inner", edges=ALL)[1][0]
+    flux = math.pi * (blackbody(ALL, 400.0)[0] - radiosity) / (1 / 0.8 - 1)
+    assert flux == pytest.approx(610.6557, rel=1e-6)
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.5, 0.2])
+def test_lobe(cosine):
+    """The albedo, a quadrature over facets, against one of the BRDF over directions, for a wide lobe."""
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    z, turn = (nodes[:, None] + 1) / 2, 2 * math.pi * (np.arange(400) + 0.5) / 400
+    sine = np.sqrt(1 - z**2)
+    light = np.stack(np.broadcast_arrays(sine * np.cos(turn), sine * np.sin(turn), z), axis=-1)
+    eye = np.array((math.sqrt(1 - cosine**2), 0.0, cosine))
+    over_directions = 2 * math.pi * np.sum(weights / 2 * np.mean(ggx(0.7, light, eye) * light[..., 2], axis=1))
+    assert lobe_albedo(0.7, cosine) == pytest.approx(over_directions, abs=1e-5)
