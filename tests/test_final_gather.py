@@ -12,9 +12,11 @@ from scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 from scipy.stats import t as student
 
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
+from addon.solver.final_gather import _WINDOW, Finals, share
 from addon.solver.free_space import LEAST_FREE
 from addon.solver.spectrum import band_radiance
-from addon.solver.splitting import _STRATIFIED, _mean_of, plan_splitting
+from addon.solver.splitting import _mean_of, plan_splitting, ray_variance
+from addon.solver.surfaces import build_surfaces
 
 eye_paths, render_module = (importlib.import_module(f"addon.solver.{name}") for name in ("eye_paths", "render"))
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -160,12 +162,43 @@ def test_rays_go_out_where_walls_leave_no_room_for_photons(monkeypatch):
     assert len(beside) > 0 and min(beside) >= 6
 
 
+def test_neighbours_share_their_rays():
+    """The weighted mean over final gathers on the same side of the same sheet, within the disk and the window.
+
+    Against a plain sum over all pairs; 1e-5: sums of some ten float32.
+    """
+    random = np.random.default_rng(3)
+    quads = [quad((x, 0, 0), (0.9, 0, 0), (0, 2, 0)) for x in (-1, 1)]
+    vertices, triangles, kelvin, material = join(*((*mesh, 300.0, 0) for mesh in quads))
+    camera = look((0, 0, 5), (0, 0, 0))
+    surfaces, _, _ = build_surfaces(make_scene(vertices, triangles, kelvin, (GREY,), camera, EDGES, material))
+    rows, columns, count, bands = 7, 12, 130, 2
+    place = np.column_stack((random.uniform(-2, 2, (count, 2)), np.zeros(count)))
+    code = (2 * random.integers(0, 4, count) + random.integers(0, 2, count)).astype(np.int32)
+    pixel = random.integers(0, rows * columns, count).astype(np.int32)
+    rays = random.choice([16, 36, 144], count).astype(np.int32)
+    carried, factor = random.uniform(0.01, 1, count), random.uniform(0, 1, (count, bands)).astype(np.float32)
+    finals = Finals(pixel, place, code, rays, random.uniform(0, 4, count), rows * columns, carried, factor)
+    image = random.normal(size=(rows * columns + count, bands)).astype(np.float32)
+    sheet = surfaces.sheet[code >> 1, code & 1]
+    d2 = np.sum((place[:, None] - place) ** 2, axis=-1)
+    x, y = pixel % columns, pixel // columns
+    near = (np.abs(x[:, None] - x) <= _WINDOW) & (np.abs(y[:, None] - y) <= _WINDOW) & (sheet[:, None] == sheet)
+    weight = np.where(near, np.maximum(1 - d2 / finals.radius2[:, None], 0.0), 0.0) * rays
+    mean = weight @ (image[rows * columns :] / carried[:, None]) / weight.sum(axis=1, keepdims=True)
+    expected = image[: rows * columns].astype(float)
+    np.add.at(expected, pixel, factor * mean)
+    assert np.mean(np.count_nonzero(weight, axis=1) > 1) > 0.5  # most do share
+    share(surfaces, finals, rows, columns, image)
+    np.testing.assert_allclose(image[: rows * columns], expected, rtol=1e-5, atol=1e-5)
+
+
 @pytest.mark.parametrize("kind", ["closed", "open"])
 def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
     """To a factor of 1.5 in the standard deviation: rays in number as a spread that is wrong by that take 8 % more time
     for the same noise, (1.5 + 1 / 1.5) / 2. The camera sees nothing but floor, so no edges add to the noise.
     """
-    scene = dataclasses.replace(corner(kind), camera=look((1.0, 1.0, 1.4), (1.1, 0.9, 0.0), 8, 6, 0.3))
+    scene = dataclasses.replace(corner(kind), camera=look((1.0, 1.0, 1.4), (1.1, 0.9, 0.0), 64, 48, 0.3))
     plans = []
 
     def photons_alone(*inputs):
@@ -184,7 +217,9 @@ def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
     splitting, (surfaces, _, _, _, pilot, *_, reach2, neighbours, _, _) = plans[0]
     places = surfaces.sheet[pilot.code >> 1, pilot.code & 1]
     foreseen_by_photons, _ = _mean_of(splitting, places, pilot.carried, reach2, neighbours)
-    foreseen_by_rays = _STRATIFIED * np.mean(pilot.carried**2 * splitting.ray_noise[places]) / 36
+    ray = np.array([ray_variance(splitting, place, reach2, neighbours, 1.0) for place in places])
+    assert ray.mean() < 0.2 * splitting.ray_noise[places].mean()  # several gathers share
+    foreseen_by_rays = np.mean(pilot.carried**2 * ray) / 36
     for name, found, foreseen in (("photons", by_photons, foreseen_by_photons), ("rays", by_rays, foreseen_by_rays)):
         print(f"{kind}, {name}: foreseen over found {math.sqrt(foreseen / found):.2f}")
         assert 1.5**-2 < foreseen / found < 1.5**2

@@ -9,14 +9,15 @@ import numpy as np
 from numba import njit
 
 from .camera import CAMERA_SAMPLES, eye_rays, sobol_points
-from .free_space import LEAST_FREE, free_space, largest_disk
+from .final_gather import carried_by, choose_splits, largest_throughput, open_finals, share
+from .free_space import free_space, largest_disk
 from .irradiance_cache import recalled
 from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import FAST, basis, cosine_stratum, lobe_brdf, mirror, reflect_in_lobe, to_world
-from .splitting import Splitting, rays_beside
+from .splitting import Splitting
 from .surfaces import PATCH_LIMIT, facing_side, point, put_ray, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
 
@@ -26,7 +27,6 @@ _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
 _LEAST = 1.0 / 512.0  # the same of ends that recall
-_BESIDE_WALLS = 6  # least rays on each side of the square of strata where there is no room for photons
 _FULL = 0.25  # roulette starts where less than this is left of a path: below it a path matters little
 
 
@@ -49,8 +49,8 @@ class Estimate(NamedTuple):
 class Rays(NamedTuple):
     """Camera paths on their way, n of them, those of a pixel one behind the other.
 
-    origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32 in the chunk. path: (n,) uint64 key
-    of the random numbers. gathered: (n,) bool, whether it is part of a final gather.
+    origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32, row of the image that they add to.
+    path: (n,) uint64 key of the random numbers. gathered: (n,) bool, whether it is part of a final gather.
     """
 
     origin: np.ndarray
@@ -86,29 +86,29 @@ def render_pixels(
     estimate,
     keys,
     index,
-    first,
-    image,
-    seen,
+    pixels,
     cancelled,
 ):
-    """Estimate the excess radiance of pixels first..first+n-1 of the window in one pass into image (n, b) float32.
+    """Estimate the excess radiance of a tile of pixels in one pass.
 
-    keys: of the camera stream (of the seed, of this pass). index: of the pass. seen: (n,) float32, filled with the part
-    of the radiance over all bands that the surfaces send straight into the camera.
+    keys: of the camera stream (of the seed, of this pass). index: of the pass. pixels: (h, w) int64, numbers in the
+    window. Returns image (h w, b) float32, W m-2 sr-1 per band, and seen (h w,) float32: the part of the radiance over
+    all bands that the surfaces send straight into the camera.
     """
-    count, bands = CAMERA_SAMPLES * len(image), image.shape[1]
+    count, bands = CAMERA_SAMPLES * pixels.size, radiometry.reference.size
     rays = empty_rays(count, bands)
     reach = np.empty(count, np.float32)
     points = sobol_points(CAMERA_SAMPLES * index, CAMERA_SAMPLES)
-    eye_rays(eye, keys[0], points, np.arange(first, first + len(image)), rays.origin, rays.direction, reach)
-    start_paths(keys[1], first, rays)
-    image[:] = 0.0
+    eye_rays(eye, keys[0], points, pixels.ravel(), rays.origin, rays.direction, reach)
+    start_paths(keys[1], pixels.ravel(), rays)
+    image = np.zeros((pixels.size, bands), np.float32)  # and behind it, rows for what final gathers meet
+    finals = []
     bounce = 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
         gathers = meet(surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, image)
         if bounce == 0:
-            np.sum(image, axis=1, out=seen)
+            seen = image.sum(axis=1)
         split = 0
         if estimate.photons:
             found = len(gathers.ray)
@@ -119,6 +119,9 @@ def render_pixels(
             reflect(surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, free2, image)
             if bounce > 0:
                 recall(surfaces, radiometry, photon_map, cache, estimate, bounce, *hits, rays, image)
+        if split:
+            finals.append(open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, len(image)))
+            image = np.concatenate((image, np.zeros((len(finals[-1].pixel), bands), np.float32)))
         shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
         sent = send_shadows(surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, shadows)
         if sent:
@@ -129,14 +132,17 @@ def render_pixels(
         rays = onward
         reach = np.full(count, 1e37, np.float32)
         bounce += 1
+    for final in finals:
+        share(surfaces, final, *pixels.shape, image)
+    return image[: pixels.size], seen
 
 
 @njit(cache=True, nogil=True)
-def start_paths(key, first, rays):
+def start_paths(key, pixels, rays):
     """Camera rays carry an even share of their pixel."""
     for i in range(rays.pixel.size):
         rays.pixel[i] = i // CAMERA_SAMPLES
-        rays.path[i] = path_key(key, CAMERA_SAMPLES * first + i)
+        rays.path[i] = path_key(key, CAMERA_SAMPLES * pixels[i // CAMERA_SAMPLES] + i % CAMERA_SAMPLES)
         rays.gathered[i] = False
         rays.throughput[i, :] = 1.0 / CAMERA_SAMPLES
 
@@ -144,12 +150,14 @@ def start_paths(key, first, rays):
 class Gathers(NamedTuple):
     """Rays that gather: their indexes (n,) int32, and a factor on the throughput of each, which stands for others too,
     (n,) float32. side: (n,) int32, rays on each side of the square of strata where it sends rays, 0 where it asks
-    photons. of: (rays,) int32, the gather that a ray makes, or -1.
+    photons; row: (n,) int32, the row of the image that these add to. of: (rays,) int32, the gather that a ray makes, or
+    -1.
     """
 
     ray: np.ndarray
     weight: np.ndarray
     side: np.ndarray
+    row: np.ndarray
     of: np.ndarray
 
 
@@ -157,7 +165,11 @@ class Gathers(NamedTuple):
 def empty_gathers(count):
     """Room for the gathers of count rays."""
     return Gathers(
-        np.empty(count, np.int32), np.empty(count, np.float32), np.zeros(count, np.int32), np.full(count, -1, np.int32)
+        np.empty(count, np.int32),
+        np.empty(count, np.float32),
+        np.zeros(count, np.int32),
+        np.empty(count, np.int32),
+        np.full(count, -1, np.int32),
     )
 
 
@@ -230,7 +242,7 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
             continue
         if rays.gathered[i] and not (shadowed or emitters.open[t, side]):  # all that it reflects is recalled
             continue
-        carried = _largest(rays.throughput[i], radiometry.reflectance[material])
+        carried = largest_throughput(rays.throughput[i], radiometry.reflectance[material])
         if carried == 0.0:
             continue
         sheet = surfaces.sheet[t, side]
@@ -257,10 +269,10 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
         i = gathers.ray[g]
         chance = min(1.0, gathers.weight[g] / _LITTLE)
         if uniform(rays.path[i], _GATHERING + bounce) < chance:
-            carried = _largest(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
+            carried = largest_throughput(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
             gathers.ray[kept], gathers.weight[kept] = i, gathers.weight[g] / (carried * chance)
             kept += 1
-    return Gathers(gathers.ray[:kept], gathers.weight[:kept], gathers.side[:kept], gathers.of)
+    return Gathers(gathers.ray[:kept], gathers.weight[:kept], gathers.side[:kept], gathers.row[:kept], gathers.of)
 
 
 @njit(cache=True, nogil=True)
@@ -271,32 +283,6 @@ def locate(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
         place[g, 0], place[g, 1], place[g, 2] = point(surfaces.corners, triangle[i], u[i], v[i])
         code[g] = 2 * triangle[i] + facing_side(surfaces, triangle[i], rays.direction, i)
         turns[g] = uniform(rays.path[i], _FEELING + bounce)
-
-
-@njit(cache=True, nogil=True)
-def choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2):
-    """Choose the gathers that send rays, and how many. Returns the number of rays.
-
-    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone.
-    """
-    rays_sent = 0
-    for g in range(gathers.ray.size):
-        i = gathers.ray[g]
-        material = surfaces.material[code[g] >> 1]
-        specular = radiometry.specular[material]
-        if rays.gathered[i] or specular == 1.0:
-            continue
-        carried = gathers.weight[g] * _largest(rays.throughput[i], radiometry.reflectance[material]) * (1.0 - specular)
-        sheet = surfaces.sheet[code[g] >> 1, code[g] & 1]
-        side, _ = rays_beside(
-            estimate.splitting, sheet, carried, float(free2[g]), estimate.neighbours, estimate.shrink2
-        )
-        if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
-            side = max(side, _BESIDE_WALLS)
-        if side > 0:
-            gathers.side[g], gathers.of[i] = side, g
-            rays_sent += side * side
-    return rays_sent
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -352,7 +338,7 @@ def recall(surfaces, radiometry, photon_map, cache, estimate, bounce, triangle, 
         material = surfaces.material[t]
         diffuse = (1.0 - float(radiometry.specular[material])) / math.pi
         rho = radiometry.reflectance[material]
-        carried = diffuse * _largest(rays.throughput[i], rho)
+        carried = diffuse * largest_throughput(rays.throughput[i], rho)
         chance, choice = min(1.0, carried / _LEAST), uniform(rays.path[i], _RECALLING + bounce)
         if choice >= chance:
             continue
@@ -421,26 +407,23 @@ def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward):
             if is_specular:
                 sent += _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
             if g >= 0:
-                _split(surfaces, radiometry, hit, gathers.weight[g], gathers.side[g], i, rays, sent, onward)
+                carried = carried_by(radiometry, surfaces.material[hit.triangle], rays, i, gathers.weight[g])
+                _split(surfaces, hit, carried, gathers.side[g], gathers.row[g], rays.path[i], sent, onward)
                 sent += gathers.side[g] * gathers.side[g]
     return sent
 
 
 @njit(inline="always")
-def _split(surfaces, radiometry, hit, weight, side, i, rays, sent, onward):
-    """Send the rays of a final gather, cosine-distributed, one in each of side by side strata."""
-    material = surfaces.material[hit.triangle]
-    rho = radiometry.reflectance[material]
-    scale = np.float32(weight * (1.0 - radiometry.specular[material]) / (side * side))
+def _split(surfaces, hit, carried, side, row, path, sent, onward):
+    """Send the rays of a final gather, cosine-distributed, one in each of side by side strata; they add to a row."""
+    scale = np.float32(carried / (side * side))
     for stratum in range(side * side):
-        row = sent + stratum
-        path = path_key(rays.path[i], _SPLITTING + stratum)
-        lx, ly, lz = cosine_stratum(stratum, side, uniform(path, 0), uniform(path, 1))
+        key = path_key(path, _SPLITTING + stratum)
+        lx, ly, lz = cosine_stratum(stratum, side, uniform(key, 0), uniform(key, 1))
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
-        _leave(surfaces, hit, dx, dy, dz, rays.pixel[i], path, row, onward)
-        onward.gathered[row] = True
-        for b in range(rho.size):
-            onward.throughput[row, b] = rays.throughput[i, b] * rho[b] * scale
+        _leave(surfaces, hit, dx, dy, dz, row, key, sent + stratum, onward)
+        onward.gathered[sent + stratum] = True
+        onward.throughput[sent + stratum, :] = scale
 
 
 @njit(inline="always")
@@ -450,15 +433,6 @@ def _leave(surfaces, hit, dx, dy, dz, pixel, path, row, onward):
         onward.origin, onward.direction, row,
     )  # fmt: skip
     onward.pixel[row], onward.path[row] = pixel, path
-
-
-@njit(inline="always")
-def _largest(throughput, rho):
-    """Largest throughput of any band after a reflection."""
-    largest = np.float32(0.0)
-    for b in range(rho.size):
-        largest = max(largest, throughput[b] * rho[b])
-    return float(largest)
 
 
 @njit(inline="always")
@@ -477,7 +451,7 @@ def _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
             hit.dx, hit.dy, hit.dz, hit.nx, hit.ny, hit.nz, hit.cosine, alpha, s, w
         )  # fmt: skip
         scale *= weight
-    left = scale * CAMERA_SAMPLES * _largest(rays.throughput[i], rho)
+    left = scale * CAMERA_SAMPLES * largest_throughput(rays.throughput[i], rho)
     survival = min(MAX_SURVIVAL if bounce >= _SURE else 1.0, left / _FULL)
     if left <= 0.0 or uniform(path, _DIMENSIONS * bounce + 2) >= survival:
         return 0

@@ -12,6 +12,7 @@ for every pass:
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import os
@@ -45,7 +46,7 @@ log = logging.getLogger(__name__)
 
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
-PIXEL_CHUNK = 256  # of several rays each; small, so that all threads are busy to the end
+TILE = 16  # pixels on each side; small, so that all threads are busy to the end
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
 _KNOWN = 512  # photons that mattered, after which no larger trial is made
@@ -278,17 +279,24 @@ def render_pass(
     shining = lamp_points(m.lamps, m.surfaces, pass_key(settings.seed, index, LAMPS))
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
 
-    def gather(first: int):
-        if cancelled():
-            return
-        render_pixels(
-            m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, cache, estimate, keys,
-            index, first, image[first : first + PIXEL_CHUNK], seen[first : first + PIXEL_CHUNK], cancelled,
-        )  # fmt: skip
+    def gather(pixels: np.ndarray):
+        if not cancelled():
+            image[pixels.ravel()], seen[pixels.ravel()] = render_pixels(
+                m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, cache, estimate,
+                keys, index, pixels, cancelled,
+            )  # fmt: skip
 
-    for _ in pool.map(gather, range(0, len(image), PIXEL_CHUNK)):
+    for _ in pool.map(gather, tiles(m.eye.window)):
         pass
     return not cancelled()
+
+
+def tiles(window: np.ndarray) -> list[np.ndarray]:
+    """Numbers of the pixels in a window x0, y0, x1, y1, by tile of (h, w), each at most TILE."""
+    x0, y0, x1, y1 = window
+    numbers = np.arange((x1 - x0) * (y1 - y0)).reshape(y1 - y0, x1 - x0)
+    corners = itertools.product(range(0, y1 - y0, TILE), range(0, x1 - x0, TILE))
+    return [numbers[y : y + TILE, x : x + TILE] for y, x in corners]
 
 
 def cache_irradiance(

@@ -22,6 +22,9 @@ _GATHER = 6.0  # of k photons
 _FIXED = 16.0  # of a gather's share of camera rays
 _PHOTON = 2.0  # traced, sorted, and its share of the cache
 _FEWEST, _MOST = 4, 12  # rays on each side of the square of strata
+_SHARING = 0.25  # area of the disk in which final gathers share rays, over that of photons: they blur less
+_EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
+_EQUAL_MOST = 28.0  # the number of those within the window of pixels
 _STRATIFIED = 0.7  # variance of so many rays in strata, over that of as many at random
 _PRIOR = 4.0  # samples that the mean of all sheets is worth on each
 _PRICES = np.geomspace(1e-3, 1e1, 25)  # tried, over that of photons alone
@@ -33,7 +36,8 @@ class Splitting(NamedTuple):
 
     density: m-2, photons of a pass expected. photon_noise: W2 sr-2 m-2, variance of the radiance (of all bands) that a
     perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
-    the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk.
+    the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk. gathers: m-2, final
+    gathers of a pass that would share rays.
     price: W2 sr-2 m-4, variance that a ray should save.
     """
 
@@ -41,6 +45,7 @@ class Splitting(NamedTuple):
     photon_noise: np.ndarray
     ray_noise: np.ndarray
     span: np.ndarray
+    gathers: np.ndarray
     price: float
 
 
@@ -61,18 +66,37 @@ def rays_beside(splitting, sheet, carried, free2, k, shrink2):
     carried: share of a pixel that its reflected light makes up. free2: m2, squared radius of the free space around. k,
     shrink2: see Estimate.
     """
-    area = min(math.pi * free2, splitting.span[sheet])
-    if splitting.density[sheet] * area > k:
-        area = k / splitting.density[sheet]
-    area = max(area * shrink2, 1e-30)
+    area = disk_area(splitting, sheet, free2, k, shrink2)
     by_photons = carried * carried * splitting.photon_noise[sheet] / area
-    by_ray = _STRATIFIED * carried * carried * splitting.ray_noise[sheet]
+    by_ray = carried * carried * ray_variance(splitting, sheet, free2, k, shrink2)
     side = int(min(float(_MOST), math.sqrt(math.sqrt(by_ray / splitting.price)) + 0.5))
     side = max(_FEWEST, side)
     rays = side * side
     if by_photons + _GATHER * splitting.price > by_ray / rays + rays * splitting.price:
         return side, by_ray / rays
     return 0, by_photons
+
+
+@njit(inline="always")
+def disk_area(splitting, sheet, free2, k, shrink2):
+    """Area (m2) of the disk of a gather: that of k photons, in free space of this squared radius (m2), shrunk."""
+    area = min(math.pi * free2, splitting.span[sheet])
+    if splitting.density[sheet] * area > k:
+        area = k / splitting.density[sheet]
+    return max(area * shrink2, 1e-30)
+
+
+@njit(inline="always")
+def shared_area(splitting, sheet, free2, k, shrink2):
+    """Area (m2) of the disk in which final gathers share rays."""
+    return _SHARING * disk_area(splitting, sheet, free2, k, shrink2)
+
+
+@njit(inline="always")
+def ray_variance(splitting, sheet, free2, k, shrink2):
+    """Variance (W2 sr-2 m-4) of what a perfect reflector reflects if each final gather around sends one ray."""
+    sharing = _EQUAL * splitting.gathers[sheet] * shared_area(splitting, sheet, free2, k, shrink2)
+    return _STRATIFIED * splitting.ray_noise[sheet] / max(1.0, min(_EQUAL_MOST, sharing))
 
 
 def plan_splitting(
@@ -107,9 +131,11 @@ def plan_splitting(
     ray_noise = _means(pilot.left, (met - mean[pilot.left]) ** 2, labels, met.var() if met.size else 0.0)
     places = sheet[pilot.code >> 1, pilot.code & 1]
     some = slice(None, None, max(1, len(places) // _SPANS))
-    span = _spans(surfaces, pilot.code[some], pilot.place[some], reach2)
-    span = _means(places[some], span, labels, math.pi * reach2, 1e-9)
-    tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span))
+    spans = _spans(surfaces, pilot.code[some], pilot.place[some], reach2)
+    span = _means(places[some], spans, labels, math.pi * reach2, 1e-9)
+    crowd = _crowds(places, pilot.place, some.step, reach2) / spans * (pilot.gathering * pixels / max(1, len(places)))
+    gathers = _means(places[some], crowd, labels, 0.0, 1e-9)
+    tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span, gathers))
     splitting = Splitting(*tables, math.inf)
     # photons of caustics are gathered whatever is chosen
     disk = np.minimum(span, neighbours / np.maximum(density, 1e-30))
@@ -153,6 +179,19 @@ def _spans(surfaces, code, place, reach2):
             area = region_area(surfaces, surfaces.sheet[t, side], x, y, z, nx, ny, nz, reach2, stack, near)
         spans[i] = area
     return spans
+
+
+@njit(cache=True, nogil=True)
+def _crowds(label, place, step, reach2):
+    """How many of the places (n, 3) on one sheet lie within the largest disk around every step-th of them."""
+    crowds = np.zeros((label.size + step - 1) // step)
+    for i in range(crowds.size):
+        j = i * step
+        for other in range(label.size):
+            if label[other] == label[j]:
+                x, y, z = place[other, 0] - place[j, 0], place[other, 1] - place[j, 1], place[other, 2] - place[j, 2]
+                crowds[i] += 1.0 if x * x + y * y + z * z < reach2 else 0.0
+    return crowds
 
 
 @njit(cache=True, nogil=True)

@@ -30,7 +30,7 @@ from addon.solver import (  # noqa: E402
 from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
 from addon.solver.lamps import lamp_points  # noqa: E402
 from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
-from addon.solver.render import PHOTON_CHUNK, PIXEL_CHUNK, cache_irradiance, prepare  # noqa: E402
+from addon.solver.render import PHOTON_CHUNK, cache_irradiance, prepare, tiles  # noqa: E402
 from addon.solver.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
 from addon.solver.transport import trace_photons  # noqa: E402
 
@@ -75,7 +75,6 @@ def main():
     model = prepare(scene, settings)
     key = pass_key(0, 0, PHOTONS)
     camera_keys = (pass_key(0, 2**32 - 1, CAMERA), pass_key(0, 0, CAMERA))
-    image, seen = np.empty((128 * 96, 16), np.float32), np.empty(128 * 96, np.float32)
     shining = lamp_points(model.lamps, model.surfaces, pass_key(0, 0, LAMPS))
     firsts = range(0, PHOTONS_PER_PASS, PHOTON_CHUNK)
 
@@ -120,14 +119,14 @@ def main():
             )
             times["cache"].append(spent)
 
-            def camera(first, photon_map=photon_map, cache=cache, estimate=estimate):
-                m, rows = model, slice(first, first + PIXEL_CHUNK)
+            def camera(pixels, photon_map=photon_map, cache=cache, estimate=estimate):
+                m = model
                 render_pixels(
                     m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, cache,
-                    estimate, camera_keys, 0, first, image[rows], seen[rows], lambda: False,
+                    estimate, camera_keys, 0, pixels, lambda: False,
                 )  # fmt: skip
 
-            pixels = range(0, len(image), PIXEL_CHUNK)
+            pixels = tiles(model.eye.window)
             gathers, reflect, choose = [], eye_paths.reflect, eye_paths.choose_splits
             eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
             times["camera"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Final gathers: which of the camera's gathers send rays of their own, and how those of neighbouring pixels share them.
+
+Neighbours on one sheet, within a disk that is a part of the one that photons would be gathered from, average what
+their rays meet. Like that disk it shrinks from pass to pass, in the end to none but a gather's own rays, so what this
+blurs vanishes as the blur of the photon map does.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .free_space import LEAST_FREE
+from .sampling import FAST
+from .splitting import rays_beside, shared_area
+from .surfaces import SAME_SURFACE, unit_normal
+
+_BESIDE_WALLS = 6  # least rays on each side of the square of strata where there is no room for photons
+_WINDOW = 3  # pixels around, in which final gathers share rays
+
+
+@njit(cache=True, nogil=True)
+def choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2):
+    """Choose the gathers that send rays, and how many. Returns the number of rays.
+
+    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone.
+    """
+    rays_sent = 0
+    for g in range(gathers.ray.size):
+        i = gathers.ray[g]
+        if rays.gathered[i] or radiometry.specular[surfaces.material[code[g] >> 1]] == 1.0:
+            continue
+        carried = carried_by(radiometry, surfaces.material[code[g] >> 1], rays, i, gathers.weight[g])
+        sheet = surfaces.sheet[code[g] >> 1, code[g] & 1]
+        side, _ = rays_beside(
+            estimate.splitting, sheet, carried, float(free2[g]), estimate.neighbours, estimate.shrink2
+        )
+        if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
+            side = max(side, _BESIDE_WALLS)
+        if side > 0:
+            gathers.side[g], gathers.of[i] = side, g
+            rays_sent += side * side
+    return rays_sent
+
+
+class Finals(NamedTuple):
+    """Final gathers of one bounce, n of them: pixel (n,) int32 in the tile, place (n, 3) float64, m, code (n,) int32,
+    2 triangle + side, rays (n,) int32, their number, radius2 (n,) float64, m2, of the disk within which they share.
+
+    row: the first of their n rows in the image. Each holds the mean radiance that the rays meet, times `carried` (n,)
+    float64, so that roulette on the way knows what matters. factor: (n, b) float32, what the pixel gets of that mean.
+    """
+
+    pixel: np.ndarray
+    place: np.ndarray
+    code: np.ndarray
+    rays: np.ndarray
+    radius2: np.ndarray
+    row: int
+    carried: np.ndarray
+    factor: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, row):
+    """The final gathers among the gathers, which get rows from `row` on."""
+    chosen = np.flatnonzero(gathers.side)
+    count, bands = chosen.size, radiometry.reference.size
+    finals = Finals(
+        np.empty(count, np.int32), place[chosen], code[chosen], gathers.side[chosen] ** 2, np.empty(count), row,
+        np.empty(count), np.empty((count, bands), np.float32),
+    )  # fmt: skip
+    for n in range(count):
+        g = chosen[n]
+        gathers.row[g] = row + n
+        i, material = gathers.ray[g], surfaces.material[code[g] >> 1]
+        sheet = surfaces.sheet[code[g] >> 1, code[g] & 1]
+        finals.pixel[n] = rays.pixel[i]
+        area = shared_area(estimate.splitting, sheet, float(free2[g]), estimate.neighbours, estimate.shrink2)
+        finals.radius2[n] = area / math.pi
+        finals.carried[n] = carried_by(radiometry, material, rays, i, gathers.weight[g])
+        diffuse = gathers.weight[g] * (1.0 - radiometry.specular[material])
+        for b in range(bands):
+            finals.factor[n, b] = diffuse * rays.throughput[i, b] * radiometry.reflectance[material, b]
+    return finals
+
+
+@njit(inline="always")
+def carried_by(radiometry, material, rays, i, weight):
+    """Share of a pixel that is reflected diffusely in a gather of ray i, the largest of any band."""
+    diffuse = 1.0 - radiometry.specular[material]
+    return weight * largest_throughput(rays.throughput[i], radiometry.reflectance[material]) * diffuse
+
+
+@njit(inline="always")
+def largest_throughput(throughput, rho):
+    """Largest throughput of any band after a reflection."""
+    largest = np.float32(0.0)
+    for b in range(rho.size):
+        largest = max(largest, throughput[b] * rho[b])
+    return float(largest)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def share(surfaces, finals, rows, columns, image):
+    """Add to the pixels of a tile of rows by columns what their final gathers and those around reflect.
+
+    The mean of those on one sheet within the disk, which shrinks to none but their own.
+    """
+    first, following = np.full(rows * columns, -1, np.int32), np.empty(finals.pixel.size, np.int32)
+    for n in range(finals.pixel.size - 1, -1, -1):
+        following[n], first[finals.pixel[n]] = first[finals.pixel[n]], n
+    mean = np.empty(image.shape[1], np.float32)
+    for n in range(finals.pixel.size):
+        x, y = finals.pixel[n] % columns, finals.pixel[n] // columns
+        t, side = finals.code[n] >> 1, finals.code[n] & 1
+        sheet, (nx, ny, nz) = surfaces.sheet[t, side], unit_normal(surfaces, t, side)
+        mean[:], total = 0.0, 0.0
+        for row in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
+            for column in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
+                other = first[row * columns + column]
+                while other >= 0:
+                    weight = _weight(surfaces, finals, n, other, sheet, nx, ny, nz)
+                    if weight > 0.0:
+                        total += weight
+                        scale = np.float32(weight / finals.carried[other])
+                        for b in range(mean.size):
+                            mean[b] += scale * image[finals.row + other, b]
+                    other = following[other]
+        for b in range(mean.size):
+            image[finals.pixel[n], b] += finals.factor[n, b] * mean[b] / np.float32(total)
+
+
+@njit(inline="always")
+def _weight(surfaces, finals, n, other, sheet, nx, ny, nz):
+    """Weight of another final gather for gather n, in the centre of its disk."""
+    t, side = finals.code[other] >> 1, finals.code[other] & 1
+    if surfaces.sheet[t, side] != sheet:
+        return 0.0
+    p, q = finals.place[n], finals.place[other]
+    distance2 = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
+    ox, oy, oz = unit_normal(surfaces, t, side)
+    if n != other and (distance2 >= finals.radius2[n] or nx * ox + ny * oy + nz * oz < SAME_SURFACE):
+        return 0.0
+    return finals.rays[other] * (1.0 - (distance2 / finals.radius2[n] if n != other else 0.0))
