@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Error against time: this engine beside path tracers, on the scenes of speed_scenes.py.
 
-    python tests/benchmarks/speed_vs_error.py [--scene NAME ...] [--peers NAME ...] [--out FOLDER] [--slope PASSES]
-    python tests/benchmarks/speed_vs_error.py --check
+    python tests/benchmarks/speed_vs_error.py [--scene NAME ...] [--peers NAME ...] [--out FOLDER] [--paper]
+    python tests/benchmarks/speed_vs_error.py --check | --slope PASSES
 
-Prints a table and writes speed_vs_error.png. Needs what the peers are: the packages mitsuba (and LLVM 19), pyluxcore
-and bpy, all with Python 3.13, and matplotlib for the plot. Each peer runs in a process of its own, with as many
-threads as we.
+Prints a table in Markdown and writes speed_vs_error.png. Needs what the peers are: the packages mitsuba (and LLVM 19),
+pyluxcore and bpy, all with Python 3.13, and matplotlib for the plot. Each peer runs in a process of its own, with as
+many threads as we.
 
 Error is the root mean square, over the pixels, of the error of the apparent temperature (K) of the radiance of all
 bands: "trimmed" without the worst 2 % of the pixels, and over all of them. A peer renders three bands a run, and its
@@ -19,14 +19,18 @@ it renders the excess over an isothermal one (negative radiance too), which conv
 """
 
 import argparse
+import contextlib
 import functools
 import hashlib
+import importlib
+import math
 import os
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
@@ -36,7 +40,7 @@ from peers.__main__ import CLOCKS, ENGINES  # noqa: E402
 from peers.problem import build_problem  # noqa: E402
 from speed_scenes import SCENES  # noqa: E402
 
-from addon.solver import Settings, render  # noqa: E402
+from addon.solver import Settings, eye_paths, lamps, pilot, render  # noqa: E402
 from addon.solver.spectrum import apparent_temperature  # noqa: E402
 
 TARGETS = {"room": (200, 20), "ring": (10, 10), "cavity": (10, 10), "engine": (10, 10)}  # trimmed, all pixels
@@ -52,6 +56,27 @@ OTHER_REFERENCE = (0.0, 600)  # of scenes that are not in the list
 REFERENCE_PEER = "mitsuba"  # renders negative radiance too
 KEPT = 0.98  # share of the pixels in the trimmed error
 PEER_SECONDS = (1.0, 3.0)  # of a peer's curve, before the point that counts
+
+
+@contextlib.contextmanager
+def photons_alone():
+    """All light from the photon map, as in section 4.3 of the paper: no final gathers (nor the cache that they recall
+    from), no shadow rays, no rays to the sky."""
+    pass_loop = importlib.import_module("addon.solver.render")  # addon.solver.render is the function
+    with (
+        mock.patch.object(eye_paths, "choose_splits", lambda *_: 0),
+        mock.patch.object(pass_loop, "cache_points", lambda *_: 1),
+        mock.patch.object(lamps, "_TOGETHER", math.inf),
+        mock.patch.object(pilot, "_OPEN", 1.0),
+    ):
+        yield
+
+
+# Our modes: settings and what else changes. The paper is Boudet et al. 2004.
+MODES = {
+    "ours": ({}, contextlib.nullcontext),
+    "paper": ({"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}, photons_alone),
+}
 
 
 def user_cache() -> Path:
@@ -170,25 +195,35 @@ def compare(name, options):
         early = len(PEER_SECONDS)
         curves[peer] = (np.append(seconds[:early], mark[0]), np.vstack((errors[:early], mark[1:])))
         print(f"  {peer:14s} {mark[0]:6.2f} s   trimmed {mark[1]:.4g} K   all {mark[2]:.4g} K", flush=True)
-    render(scene, Settings(passes=2, threads=options.threads))  # compiles
     # their seconds differ a little; the error of each falls as their square root
     best = [min(marks, key=lambda mark, at=at: mark[at] * np.sqrt(mark[1])) for at in (2, 3)]
     enough = [best[which][2 + which] for which in (0, 1)]
-    clock = CLOCKS[options.clock](options.threads)
-    ours = []
-    for seed in range(options.seeds):
-        settings = Settings(passes=0, time_limit=1e6, threads=options.threads, seed=seed, **options.settings)
-        goal = (0.0, 0.0) if seed == 0 else enough  # the first one draws the plot
-        ours.append(our_curve(scene, settings, reference.errors, clock, options.seconds, goal))
-    curves["ours"] = ours[0][1:]
     rows = []
-    for which, label in enumerate(("trimmed", "all")):
-        peer, seconds, *_ = best[which]
-        spent = np.median([time_to_reach(curve, enough[which], which) for curve in ours])
-        target = TARGETS.get(name, (None, None))[which]
-        rows.append((name, label, peer, seconds, enough[which], spent, seconds / spent, target))
-        print(f"  {label}: ours reaches {enough[which]:.4g} K in {spent:.3f} s, 1/{seconds / spent:.1f}", flush=True)
+    for mode in ("ours", "paper") if options.paper else ("ours",):
+        ours = our_curves(scene, mode, reference.errors, enough, options)
+        curves[mode] = ours[0][1:]
+        for which, label in enumerate(("trimmed", "all")):
+            peer, seconds, *_ = best[which]
+            spent = np.median([time_to_reach(curve, enough[which], which) for curve in ours])
+            last = np.median([curve[2][-1, which] for curve in ours])
+            target = TARGETS.get(name, (None, None))[which] if mode == "ours" else None
+            rows.append((name, label, peer, seconds, enough[which], mode, spent, last, target))
+            print(f"  {label}: {mode} reaches {enough[which]:.4g} K in {spent:.3f} s", flush=True)
     return rows, curves
+
+
+def our_curves(scene, mode, measure, enough, options):
+    """Curves (see our_curve) of all seeds in a mode."""
+    changed, context = MODES[mode]
+    clock = CLOCKS[options.clock](options.threads)
+    curves = []
+    with context():
+        render(scene, Settings(passes=2, threads=options.threads, **changed))  # compiles
+        for seed in range(options.seeds):
+            settings = Settings(0, time_limit=1e6, threads=options.threads, seed=seed, **changed, **options.settings)
+            goal = (0.0, 0.0) if seed == 0 else enough  # the first one draws the plot
+            curves.append(our_curve(scene, settings, measure, clock, options.seconds, goal))
+    return curves
 
 
 def slope(name, options):
@@ -269,12 +304,14 @@ def _blocks(images):
 
 
 def print_table(rows):
-    print("\nscene    error    best peer       its time      error     our time   ratio  target")
-    for scene, label, peer, seconds, error, spent, ratio, target in rows:
+    print("\n| scene | error | best peer | its time | error, K | engine | its time | ratio | target |")
+    print("|---|---|---|--:|--:|---|--:|--:|--:|")
+    for scene, label, peer, seconds, error, mode, spent, last, target in rows:
+        reached = np.isfinite(spent)
+        ours = (f"{spent:.3f} s", f"1/{seconds / spent:.1f}") if reached else (f"never; {last:.4f} K at the end", "-")
         wanted = f"1/{target}" if target else "-"
-        print(
-            f"{scene:8s} {label:8s} {peer:14s} {seconds:7.2f} s {error:8.4f} K {spent:9.3f} s 1/{ratio:<6.1f} {wanted}"
-        )
+        cells = (scene, label, peer, f"{seconds:.2f} s", f"{error:.4f}", mode, *ours, wanted)
+        print(f"| {' | '.join(cells)} |")
 
 
 def plot(curves, path):
@@ -288,7 +325,8 @@ def plot(curves, path):
     for row, (name, engines) in zip(axes, curves.items(), strict=True):
         for which, (axis, label) in enumerate(zip(row, ("trimmed", "all pixels"), strict=True)):
             for engine, (seconds, errors) in engines.items():
-                style = {"color": "black", "linewidth": 2} if engine == "ours" else {"marker": "o"}
+                colour = {"ours": "black", "paper": "0.6"}.get(engine)
+                style = {"color": colour, "linewidth": 2} if colour else {"marker": "o"}
                 axis.loglog(seconds, errors[:, which], label=engine, **style)
             axis.set(title=f"{name}, {label}", xlabel="time, s", ylabel="error, K")
             axis.grid(True, which="both", alpha=0.3)
@@ -314,6 +352,7 @@ def parse_options():
     parser.add_argument("--repeats", type=int, default=3, help="of the peers at those seconds (%(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="of ours (%(default)s)")
     parser.add_argument("--photons", type=int, help="of ours in a pass (the engine's default)")
+    parser.add_argument("--paper", action="store_true", help="also ours with the estimator of Boudet et al. 2004")
     parser.add_argument("--slope", type=int, metavar="PASSES", help="only print our error from 1 to PASSES passes")
     parser.add_argument("--check", action="store_true", help="only compare the long-run images of all engines")
     parser.add_argument("--references", action="store_true", help="only render the references that are missing")
