@@ -116,9 +116,11 @@ def render_pixels(
             locate(surfaces, bounce, *hits, rays, gathers, place, code, turns)
             free2 = free_space(tracer, surfaces, estimate.reach2, place, code, turns)
             split = choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2)
-            reflect(surfaces, radiometry, photon_map, estimate, *hits, rays, gathers, free2, image)
+            reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, free2, image)
             if bounce > 0:
-                recall(surfaces, radiometry, photon_map, cache, estimate, bounce, *hits, rays, image)
+                lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, image)
+                free2_lost = np.full(len(lost.ray), estimate.reach2, np.float32)
+                reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, free2_lost, image)
         if split:
             finals.append(open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, len(image)))
             image = np.concatenate((image, np.zeros((len(finals[-1].pixel), bands), np.float32)))
@@ -171,6 +173,12 @@ def empty_gathers(count):
         np.empty(count, np.int32),
         np.full(count, -1, np.int32),
     )
+
+
+@njit(inline="always")
+def first_gathers(gathers, count):
+    """The first so many gathers."""
+    return Gathers(gathers.ray[:count], gathers.weight[:count], gathers.side[:count], gathers.row[:count], gathers.of)
 
 
 class Hit(NamedTuple):
@@ -272,7 +280,7 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
             carried = largest_throughput(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
             gathers.ray[kept], gathers.weight[kept] = i, gathers.weight[g] / (carried * chance)
             kept += 1
-    return Gathers(gathers.ray[:kept], gathers.weight[:kept], gathers.side[:kept], gathers.row[:kept], gathers.of)
+    return first_gathers(gathers, kept)
 
 
 @njit(cache=True, nogil=True)
@@ -286,8 +294,12 @@ def locate(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, gathers, free2, image):
-    """Add to the image what the photons around the gathers reflect. free2: (n,) m2, free space around."""
+def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, free2, image):
+    """Add to the image what the photons around the gathers reflect.
+
+    ends: whether those count that are ends of final gathers, which recall their irradiance if they can, or the others.
+    free2: (n,) m2, free space around.
+    """
     room = neighbours_room(estimate.neighbours)
     patch = np.empty(PATCH_LIMIT, np.int32)
     value = np.empty(image.shape[1])
@@ -300,8 +312,9 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
         material = surfaces.material[hit.triangle]
         specular = float(radiometry.specular[material])
-        rough = specular > 0.0 and radiometry.alpha[material] > 0.0 and estimate.straight
-        if (specular == 1.0 or rays.gathered[i]) and not rough:  # ends recall their irradiance
+        rough = specular > 0.0 and radiometry.alpha[material] > 0.0 and estimate.straight and not ends
+        is_diffuse = specular < 1.0 and rays.gathered[i] == ends
+        if not (is_diffuse or rough):
             continue
         reach2 = largest_disk(free2[g], estimate)
         kept, area, guess = gather(
@@ -311,7 +324,7 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
         if kept == 0:
             continue
         rho, out = radiometry.reflectance[material], image[rays.pixel[i]]
-        if not rays.gathered[i]:
+        if is_diffuse:
             irradiance(photon_map, room, kept, area, value)
             diffuse = gathers.weight[g] * (1.0 - specular) / math.pi
             for b in range(value.size):
@@ -322,15 +335,13 @@ def reflect(surfaces, radiometry, photon_map, estimate, triangle, u, v, rays, ga
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def recall(surfaces, radiometry, photon_map, cache, estimate, bounce, triangle, u, v, rays, image):
+def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, image):
     """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
 
-    Far from its points there are few photons to count, and they are counted.
+    Returns those far from its points as gathers: there are few photons to count around them.
     """
     room = neighbours_room(estimate.neighbours)
-    patch = np.empty(PATCH_LIMIT, np.int32)
-    value = np.empty(image.shape[1])
-    guess = estimate.reach2
+    lost, found = empty_gathers(triangle.size), 0
     for i in range(triangle.size):
         t = triangle[i]
         if t < 0 or not rays.gathered[i]:
@@ -356,14 +367,9 @@ def recall(surfaces, radiometry, photon_map, cache, estimate, bounce, triangle, 
         chance = min(1.0, carried / _LITTLE)
         if choice >= chance:
             continue
-        kept, area, guess = gather(
-            photon_map, surfaces, t, hit.side, hit.x, hit.y, hit.z,
-            estimate.neighbours, estimate.reach2, estimate.shrink2, False, guess, room, patch,
-        )  # fmt: skip
-        if kept > 0:
-            irradiance(photon_map, room, kept, area, value)
-            for b in range(rho.size):
-                out[b] += rays.throughput[i, b] * rho[b] * (diffuse / chance * value[b])
+        lost.ray[found], lost.weight[found] = i, 1.0 / chance
+        found += 1
+    return first_gathers(lost, found)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)

@@ -11,7 +11,7 @@ _TO_UNIT = 2.0**-53
 PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE = range(6)
 
 
-@njit(inline="always")
+@njit(cache=True, nogil=True)
 def _mix(z):
     """Finaliser of SplitMix64 (Steele, Lea and Flood 2014), a bijection of 64-bit integers."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -31,13 +31,13 @@ def pass_key(seed: int, index: int, stream: int) -> np.uint64:
     return np.uint64(_pass_key(np.uint64(seed), np.uint64(index), np.uint64(stream)))
 
 
-@njit(inline="always")
+@njit(cache=True, nogil=True)
 def path_key(key, path):
     """Key of one path (photon or camera ray) of a stream."""
     return _mix(key + _GOLDEN * np.uint64(path + 1))
 
 
-@njit(inline="always")
+@njit(cache=True, nogil=True)
 def uniform(key, dimension):
     """Number in [0, 1) for one dimension of a path, float64."""
     return float(_mix(key + _GOLDEN * np.uint64(dimension + 1)) >> np.uint64(11)) * _TO_UNIT

@@ -15,7 +15,7 @@ from numba import njit
 from .pilot import Pilot
 from .point_tree import STACK, WIDTH
 from .radiometry import Radiometry, excess
-from .surfaces import PATCH_LIMIT, Surfaces, patch_in_ball, region_area, temperature_at, unit_normal
+from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, patch_in_ball, region_area, temperature_at, unit_normal
 
 # Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
 _GATHER = 6.0  # of k photons
@@ -133,8 +133,8 @@ def plan_splitting(
     some = slice(None, None, max(1, len(places) // _SPANS))
     spans = _spans(surfaces, pilot.code[some], pilot.place[some], reach2)
     span = _means(places[some], spans, labels, math.pi * reach2, 1e-9)
-    crowd = _crowds(places, pilot.place, some.step, reach2) / spans * (pilot.gathering * pixels / max(1, len(places)))
-    gathers = _means(places[some], crowd, labels, 0.0, 1e-9)
+    crowds = _crowds(places, pilot.place, pilot.facing, some.step, reach2) * (pilot.gathering * pixels)
+    gathers = _means(places[some], crowds / (max(1, len(places)) * spans), labels, 0.0, 1e-9)
     tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span, gathers))
     splitting = Splitting(*tables, math.inf)
     # photons of caustics are gathered whatever is chosen
@@ -182,15 +182,18 @@ def _spans(surfaces, code, place, reach2):
 
 
 @njit(cache=True, nogil=True)
-def _crowds(label, place, step, reach2):
-    """How many of the places (n, 3) on one sheet lie within the largest disk around every step-th of them."""
+def _crowds(label, place, facing, step, reach2):
+    """How many places (n, 3) lie in the largest disk around every step-th of them, on its sheet and facing its way."""
     crowds = np.zeros((label.size + step - 1) // step)
     for i in range(crowds.size):
         j = i * step
         for other in range(label.size):
             if label[other] == label[j]:
-                x, y, z = place[other, 0] - place[j, 0], place[other, 1] - place[j, 1], place[other, 2] - place[j, 2]
-                crowds[i] += 1.0 if x * x + y * y + z * z < reach2 else 0.0
+                distance2 = cosine = 0.0
+                for axis in range(3):
+                    distance2 += (place[other, axis] - place[j, axis]) ** 2
+                    cosine += facing[other, axis] * facing[j, axis]
+                crowds[i] += 1.0 if distance2 < reach2 and cosine > SAME_SURFACE else 0.0
     return crowds
 
 

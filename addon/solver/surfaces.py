@@ -335,7 +335,7 @@ def _sheets(corners, neighbours):
     return parent.reshape((neighbours.shape[0], 2))
 
 
-@njit(inline="always")
+@njit(cache=True, nogil=True)
 def _wedge(ax, ay, bx, by, r2):
     """Signed area of the disk around the origin inside the triangle (origin, a, b)."""
     cross = ax * by - ay * bx

@@ -130,9 +130,9 @@ def main():
             gathers, reflect, choose = [], eye_paths.reflect, eye_paths.choose_splits
             eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
             times["camera"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
-            chosen = [a for a in gathers if len(a[8].ray) and not a[7].gathered[a[8].ray[0]]]
+            chosen = [a for a in gathers if not a[4] and len(a[9].ray) and not a[8].gathered[a[9].ray[0]]]
             times["gather"].append(seconds(lambda g=chosen, r=reflect: list(pool.map(lambda call: r(*call), g)))[0])
-            asked = sum(len(a[8].ray) for a in chosen)
+            asked = sum(len(a[9].ray) for a in chosen)
             sent = []
 
             def planned(surfaces, radiometry, estimate, *rest, kept=sent, choose=choose):
