@@ -74,6 +74,20 @@ def sphere(subdivisions, radius=1.0):
     return radius * points / np.linalg.norm(points, axis=1, keepdims=True), triangles
 
 
+def cylinder(count, radius, length):
+    """Closed cylinder of so many sides, from the origin up the z axis: vertices and triangles, those of sides first.
+
+    The caps are fans from one corner.
+    """
+    angle = 2 * np.pi * np.arange(count) / count
+    ring = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), 0 * angle))
+    a = np.arange(count)
+    b = (a + 1) % count
+    fan = np.column_stack((0 * a, a, b))[1:-1]
+    sides = np.column_stack((a, b, b + count)), np.column_stack((a, b + count, a + count))
+    return np.concatenate((ring, ring + (0, 0, length))), np.concatenate((*sides, fan, fan + count)).astype(np.int32)
+
+
 def make_scene(vertices, triangles, temperature, materials, camera, band_edges, material=None, **options):
     """Scene with one material index per triangle (default 0) and one temperature per triangle (or for all)."""
     count = len(triangles)

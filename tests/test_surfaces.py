@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from numba import njit
-from scenes import box, look, make_scene, sphere
+from scenes import box, cylinder, look, make_scene, sphere
 
 from addon.solver import Material
 from addon.solver.sampling import cosine_direction, to_world, triangle_point
@@ -363,6 +363,25 @@ def test_paths_stay_in_a_closed_room():
         origin, direction = start_rays(surfaces, triangle, inner[triangle], rng, steepness)
         triangle = tracer.trace(origin, direction)[0].astype(np.int64)
         assert np.all(triangle >= 0)
+
+
+@pytest.mark.parametrize("length", [1.0, 10.0])
+@pytest.mark.parametrize("steepness", [1.0, 1e-2], ids=["", "grazing"])
+def test_paths_stay_in_a_long_pipe(length, steepness):
+    """1 mm in radius: from its wall every ray meets the inside of the wall or of the caps."""
+    rng = np.random.default_rng(8)
+    vertices, triangles = cylinder(32, 1e-3, length)
+    vertices -= (0.0, 0.0, 0.5 * length)
+    surfaces, tracer, _ = build(vertices @ random_rotation(rng), triangles)
+    centroid = surfaces.corners.mean(axis=1)
+    inner = np.array(
+        [np.dot(normal(surfaces.corners, t)[:3], centroid[t]) > 0 for t in range(len(triangles))], np.int64
+    )
+    start = rng.integers(0, 64, 100_000)  # on the sides
+    origin, direction = start_rays(surfaces, start, inner[start], rng, steepness)
+    hit, _, _ = tracer.trace(origin, direction)
+    assert np.all(hit >= 0)
+    assert np.all((np.sum(direction * surfaces.plane[hit, :3], axis=1) > 0) == inner[hit])
 
 
 def test_trace_returns_the_nearest_hit_within_reach():

@@ -114,6 +114,11 @@ def _fill_leaves(corners, sheet, ranks, leaves):
         leaves[leaf, _LONGEST, slot] = longest_edge(corners, t)
 
 
+def scene_radius(surfaces: Surfaces) -> float:
+    """Radius (m) of a sphere around the origin that holds all triangles."""
+    return float(np.linalg.norm(surfaces.corners.reshape(-1, 3), axis=1).max())
+
+
 def areas(corners: np.ndarray) -> np.ndarray:
     """(m,) float64 areas of (m, 3, 3) triangles, m2."""
     return _areas(corners)
@@ -175,16 +180,19 @@ def temperature_at(temperature, t, u, v):
 
 
 @njit(inline="always")
+def _edge(corners, t, i):
+    """Length of the edge of triangle t from corner i to the next, m, float64."""
+    square = 0.0
+    for axis in range(3):
+        edge = np.float64(corners[t, (i + 1) % 3, axis]) - corners[t, i, axis]
+        square += edge * edge
+    return math.sqrt(square)
+
+
+@njit(inline="always")
 def longest_edge(corners, t):
     """Length of the longest edge of triangle t, m, float64."""
-    longest = 0.0
-    for i in range(3):
-        square = 0.0
-        for axis in range(3):
-            edge = np.float64(corners[t, (i + 1) % 3, axis]) - corners[t, i, axis]
-            square += edge * edge
-        longest = max(longest, square)
-    return math.sqrt(longest)
+    return max(_edge(corners, t, 0), _edge(corners, t, 1), _edge(corners, t, 2))
 
 
 @njit(inline="always")
@@ -192,16 +200,18 @@ def offset(corners, t):
     """Distance along the normal (m) that takes a ray's origin clear of triangle t in float32.
 
     The plane of a triangle is known to a few units in the last place of its coordinates, and Embree computes with
-    differences between origin and corners, so the error grows with the largest coordinate; its normal errs by
-    L^3 / (2 A) times as much, L the longest edge, which counts for needles (tests/test_surfaces.py).
+    differences between origin and corners, so the error grows with the largest coordinate. Its normal is the cross
+    product of a short edge a and a long one c. That errs by a c units, which is a c / (2 A) of its length and moves the
+    plane by a c^2 / (2 A) at the far end: with a + b >= c, at most 4 times the circumradius a b c / (4 A). So right
+    needles, such as the sides of a pipe, are as exact as other triangles, obtuse ones are not (tests/test_surfaces.py).
     """
-    reach, longest = 0.0, longest_edge(corners, t)
+    reach = 0.0
     for i in range(3):
         for axis in range(3):
             reach = max(reach, abs(corners[t, i, axis]))
     double_area = normal(corners, t)[3]
     if double_area > 0.0:
-        reach = max(reach, 0.25 * longest**3 / double_area)
+        reach = max(reach, _edge(corners, t, 0) * _edge(corners, t, 1) * _edge(corners, t, 2) / (2.0 * double_area))
     return reach * CLEAR
 
 
