@@ -29,14 +29,14 @@ def camera(kind, **options):
     return Camera(WIDTH, HEIGHT, kind=kind, frame=FRAMES[kind], **options)
 
 
-def rays(camera, index=0, first=0, count=None, centre=ORIGIN):
+def rays(camera, index=0, first=0, count=None, centre=ORIGIN, radius=np.inf):
     """Origins (n, 3), directions (n, 3), reaches (n,) of the pixels of the window, float32."""
     x0, y0, x1, y1 = camera.pixels
     count = (x1 - x0) * (y1 - y0) if count is None else count
     origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     reach = np.empty(count, np.float32)
     pixels = np.arange(first, first + count)
-    eye_rays(build_eye(camera, centre), KEY, sobol_points(index, 1), pixels, origin, direction, reach)
+    eye_rays(build_eye(camera, centre, radius), KEY, sobol_points(index, 1), pixels, origin, direction, reach)
     return origin, direction, reach
 
 
@@ -151,6 +151,38 @@ def test_matrix_places_the_camera():
     np.testing.assert_allclose(direction, local_direction @ rotation.T, atol=1e-6)
 
 
+@KINDS
+@pytest.mark.parametrize("clip", [(0.0, np.inf), (10.0, 1e6 + 0.25), (10.0, 5e5)])
+def test_rays_from_far_away_are_exact_where_the_scene_is(kind, clip):
+    """1000 km from a scene of 1 m, where float32 resolves 0.06 m: rays start at the scene, on the same lines."""
+    distance, radius = 1e6, 1.0
+    width = 1.0 if kind == "ORTHOGRAPHIC" else 1.0 / distance
+    view = replace(camera(kind, clip=clip), frame=tuple(width * np.array((-1.2, 1.2, -0.8, 0.8))))
+    posed = replace(view, matrix=look(np.array((0.6, 0.64, 0.48)) * distance, (0, 0, 0)).matrix)
+    origin, direction, reach = rays(posed, radius=radius)
+    # from a camera at the origin float32 keeps the small numbers that tell one ray from another
+    rotation, position = posed.matrix[:3, :3], posed.matrix[:3, 3]
+    line = [ray.astype(float) @ rotation.T for ray in rays(replace(view, clip=(0.0, np.inf)))[:2]]
+    place = line[0] + position
+    along = line[1] / np.linalg.norm(line[1], axis=1, keepdims=True)
+    rounding = 4e-7  # of float32 numbers up to 2
+    for step in (0.0, 2.0):
+        offset = origin + step * direction.astype(float) - place
+        assert np.linalg.norm(np.cross(offset, along), axis=1).max() < rounding
+    nearest = np.linalg.norm(np.cross(place, along), axis=1)
+    assert nearest.min() < 0.2 and nearest.max() > 1.2  # some rays hit the sphere and some do not
+    start = np.linalg.norm(origin, axis=1)
+    assert np.all(start <= np.maximum(nearest, 1.02 * radius) + rounding) and np.all(start > radius)
+    end = origin + np.minimum(reach, 1e9)[:, None] * direction.astype(float) - position
+    depth = np.linalg.norm(end, axis=1) if kind == "PANORAMA" else -end @ rotation[:, 2]
+    if clip[1] < distance - radius:
+        assert np.all(reach == 0)
+    elif np.isfinite(clip[1]):
+        np.testing.assert_allclose(depth - distance, clip[1] - distance, atol=rounding)
+    else:
+        assert reach.min() > 1e30
+
+
 def test_panorama_looks_along_its_axis_and_to_the_right():
     view = replace(camera("PANORAMA"), frame=(-1e-4, 1e-4, -1e-4, 1e-4))
     np.testing.assert_allclose(rays(view)[1], np.broadcast_to((0, 0, -1), (WIDTH * HEIGHT, 3)), atol=2e-4)
@@ -180,7 +212,7 @@ def test_aperture_is_covered_evenly(blades, ratio):
         "PERSPECTIVE", lens_radius=radius, focus_distance=2.0, blades=blades, blade_rotation=0.3, lens_ratio=ratio
     )
     points = sobol_points(0, count)
-    lens = lens_rays(build_eye(view, ORIGIN), KEY, points)[:, :2].astype(float) / radius * (ratio, 1.0)
+    lens = lens_rays(build_eye(view, ORIGIN, np.inf), KEY, points)[:, :2].astype(float) / radius * (ratio, 1.0)
     squares = np.sum(lens**2, axis=1)
     assert squares.max() <= 1 + 1e-6
     # second moment of a disk, or of the triangles (0, a, b) of a polygon: (|a|^2 + |b|^2 + a.b) / 6
@@ -215,4 +247,4 @@ def test_aperture_is_covered_evenly(blades, ratio):
 )
 def test_what_has_no_image_is_an_error(options, message):
     with pytest.raises(SceneError, match=message):
-        build_eye(replace(camera("PERSPECTIVE"), **options), ORIGIN)
+        build_eye(replace(camera("PERSPECTIVE"), **options), ORIGIN, np.inf)

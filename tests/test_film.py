@@ -166,7 +166,7 @@ def test_noise_of_an_edge_is_its_error(slope, count):
     """
     pixels = 400
     camera = Camera(pixels, 1, np.eye(4), "ORTHOGRAPHIC", frame=(0.0, pixels, 0.0, 1.0))
-    eye, film = build_eye(camera, np.zeros(3)), Film(pixels, 1, EDGES, 0.0)
+    eye, film = build_eye(camera, np.zeros(3), np.inf), Film(pixels, 1, EDGES, 0.0)
     middle = np.random.default_rng(8).uniform(0.25, 0.75, pixels)  # where the edge crosses half the height
     origin, direction = np.empty((2, CAMERA_SAMPLES * pixels, 3), np.float32)
     reach = np.empty(CAMERA_SAMPLES * pixels, np.float32)

@@ -14,6 +14,7 @@ from .scene import Camera, SceneError
 # Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
 # silhouettes; rays of a pixel that meet one surface share a gather.
 CAMERA_SAMPLES = 16
+_CLEAR_OF_SCENE = 1.01  # of the sphere around the scene, over its radius, so that rays start in front of all surfaces
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
 # Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).
@@ -75,7 +76,10 @@ def _scramble(reversed_points, sample, path, dimension):
 
 
 class Eye(NamedTuple):
-    """Camera for the kernels, in solver coordinates; see scene.Camera."""
+    """Camera for the kernels, in solver coordinates; see scene.Camera.
+
+    radius: m, of a sphere around the origin with nothing outside: there rays start, if the camera is further away.
+    """
 
     kind: int
     matrix: np.ndarray  # (3, 4) float64
@@ -89,10 +93,14 @@ class Eye(NamedTuple):
     blades: int
     blade_rotation: float
     lens_ratio: float
+    radius: float
 
 
-def build_eye(camera: Camera, centre: np.ndarray) -> Eye:
-    """Eye of a camera; centre (3,) is subtracted from its position. Raises SceneError for what has no image."""
+def build_eye(camera: Camera, centre: np.ndarray, radius: float) -> Eye:
+    """Eye of a camera that looks at a scene within the radius (m) around centre (3,), which is subtracted.
+
+    Raises SceneError for what has no image.
+    """
     if camera.kind not in KINDS:
         raise SceneError(f"Camera: kind '{camera.kind}' is unknown; known are {', '.join(KINDS)}")
     x0, y0, x1, y1 = camera.pixels
@@ -120,6 +128,17 @@ def build_eye(camera: Camera, centre: np.ndarray) -> Eye:
         int(camera.blades),
         float(camera.blade_rotation),
         float(camera.lens_ratio),
+        _CLEAR_OF_SCENE * radius,
+    )
+
+
+@njit(inline="always")
+def _turned(matrix, x, y, z):
+    """A direction in camera space, in the world's."""
+    return (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
     )
 
 
@@ -138,6 +157,17 @@ def _lens_point(eye, u, v):
     return x / eye.lens_ratio, s * math.sin(a) + t * math.sin(b)
 
 
+@njit(inline="always")
+def _way_to_sphere(ox, oy, oz, dx, dy, dz, radius):
+    """How far along a ray it enters the sphere around the origin, in units of the direction's length: 0 from inside;
+    where it passes by the sphere, how far it comes nearest.
+    """
+    length2 = dx * dx + dy * dy + dz * dz
+    nearest = -(ox * dx + oy * dy + oz * dz) / length2
+    x, y, z = ox + nearest * dx, oy + nearest * dy, oz + nearest * dz
+    return max(0.0, nearest - math.sqrt(max(0.0, radius * radius - (x * x + y * y + z * z)) / length2))
+
+
 @njit(cache=True, nogil=True)
 def eye_rays(eye, key, points, pixels, origin, direction, reach):
     """Fill s rays for each of n pixels, those of a pixel one behind the other.
@@ -145,6 +175,7 @@ def eye_rays(eye, key, points, pixels, origin, direction, reach):
     key: of the camera stream of the seed (not of the pass: the passes share one sequence). points: (s, 4) uint32, of
     sobol_points. pixels: (n,) int64, numbers in the window, row by row from the bottom.
     origin, direction: (n s, 3) float32; the direction is not normalised. reach: (n s,) float32 in its units.
+    Origins far from the scene are moved to it in float64, as float32 would shift the view.
     """
     columns = eye.window[2] - eye.window[0]
     m = eye.matrix
@@ -173,7 +204,10 @@ def eye_rays(eye, key, points, pixels, origin, direction, reach):
             ox = oy = 0.0
             dx, dy, dz = math.sin(fx) * math.cos(fy), math.sin(fy), -math.cos(fx) * math.cos(fy)
         ox, oy, oz = ox + dx * eye.clip[0], oy + dy * eye.clip[0], dz * eye.clip[0]
-        for axis in range(3):
-            origin[i, axis] = m[axis, 0] * ox + m[axis, 1] * oy + m[axis, 2] * oz + m[axis, 3]
-            direction[i, axis] = m[axis, 0] * dx + m[axis, 1] * dy + m[axis, 2] * dz
-        reach[i] = eye.clip[1] - eye.clip[0]
+        ox, oy, oz = _turned(m, ox, oy, oz)
+        dx, dy, dz = _turned(m, dx, dy, dz)
+        ox, oy, oz = ox + m[0, 3], oy + m[1, 3], oz + m[2, 3]
+        way = _way_to_sphere(ox, oy, oz, dx, dy, dz, eye.radius)
+        origin[i, 0], origin[i, 1], origin[i, 2] = ox + way * dx, oy + way * dy, oz + way * dz
+        direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
+        reach[i] = max(0.0, eye.clip[1] - eye.clip[0] - way)

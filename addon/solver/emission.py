@@ -13,7 +13,7 @@ from .rng import path_key, uniform
 from .sampling import FAST, basis, cone_direction, cosine_direction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
-from .surfaces import Surfaces, areas, start_ray, temperature_at
+from .surfaces import Surfaces, areas, scene_radius, start_ray, temperature_at
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 
@@ -131,7 +131,7 @@ def build_emitters(
     sky_area = (area[:, None] * arrival).ravel()
     sky = np.flatnonzero(sky_area > 0).astype(np.int32) if sky_flux > 0 else np.empty(0, np.int32)
     sky_power = sky_flux * sky_area[sky]
-    radius = float(np.linalg.norm(surfaces.corners.reshape(-1, 3), axis=1).max())
+    radius = scene_radius(surfaces)
     light_power = np.array([_flux(light) * light_spectrum(light, scene.band_edges) for light in scene.lights])
     light_power = light_power.reshape(len(scene.lights), radiometry.reference.size)
     is_sun = np.array([isinstance(light, SunLight) for light in scene.lights], bool)

@@ -39,7 +39,7 @@ from .rng import CACHE, CAMERA, LAMPS, PHOTONS, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .settings import Settings
 from .splitting import Splitting, Trial, plan_splitting
-from .surfaces import Surfaces, Tracer, areas, build_surfaces
+from .surfaces import Surfaces, Tracer, areas, build_surfaces, scene_radius
 from .transport import Optics, trace_photons
 
 log = logging.getLogger(__name__)
@@ -118,7 +118,7 @@ def render(
 def prepare(scene: Scene, settings: Settings) -> Model:
     """Build what the passes need, and only what this scene needs; the log says what that is."""
     surfaces, tracer, centre = build_surfaces(scene)
-    eye = build_eye(scene.camera, centre)
+    eye = build_eye(scene.camera, centre, scene_radius(surfaces))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     specular = np.array([material.specular for material in scene.materials])
     is_mirror = np.array([material.alpha == 0.0 for material in scene.materials])
