@@ -143,8 +143,9 @@ def prepare(scene: Scene, settings: Settings) -> Model:
     rough = bool(np.any(radiometry.alpha[used] > 0))
     caustic = lamps.power > 0 and bool(np.any(radiometry.specular[used] > 0))
     straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
-    reflecting = bool(np.any(radiometry.reflectance[used] > 0))
-    photons = settings.photons_per_pass if emitters.power > 0 and reflecting else 0
+    diffuse, lobe = radiometry.specular[used] < 1, straight & (radiometry.alpha[used] > 0)
+    storing = bool(np.any((radiometry.reflectance[used] > 0).any(axis=1) & (diffuse | lobe)))
+    photons = settings.photons_per_pass if emitters.power > 0 and storing else 0
     widths = np.diff(scene.band_edges)
     optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight, caustic)
     log.info(
@@ -157,7 +158,7 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         f"{reference:g} K" if settings.reference_subtraction else "off",
         f"{photons} photons a pass"
         if photons
-        else "no photons needed: nothing differs from the reference or nothing reflects",
+        else "no photons needed: nothing differs from the reference or nothing reflects diffusely",
     )
     if photons and len(pilot.place):
         gathers = build_gathers(pilot.place, pilot.facing, reach2)
