@@ -20,7 +20,6 @@ from .output.palette import thermal
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
-from .solver.memory import check_memory
 from .solver.spectrum import band_names
 from .version import version
 
@@ -87,7 +86,6 @@ def render_view_layer(engine, depsgraph) -> None:
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
     if scene.render.use_multiview:
         warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
-    check_memory(solver_scene, settings, IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1))
     for warning in warnings:
         _warn(engine, warning)
     solve = render
@@ -96,7 +94,8 @@ def render_view_layer(engine, depsgraph) -> None:
         solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
     for name, channels, channel_ids, _kind in passes[1:]:  # Combined is there already
         engine.add_pass(name, channels, channel_ids, layer=layer)
-    job = RenderJob(solver_scene, settings, solve)
+    copies = IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)
+    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies))
     x0, y0, x1, y1 = solver_scene.camera.pixels
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
     try:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What happens to a render when things go wrong: ended at any moment, run beside others, killed, short of memory."""
 
+import copy
 import dataclasses
 import itertools
 import json
@@ -21,9 +22,9 @@ from scenes import box, join, look, make_scene, sphere
 from addon.solver import Material, PointLight, SceneError, Settings, checkpoint, memory, render
 from addon.solver.checkpoint import CheckpointError, fingerprint, load, render_with_checkpoints, save, set_aside
 from addon.solver.film import Film
+from addon.solver.render import prepare
 
 QUICK = Settings(passes=4, photons_per_pass=20_000, threads=2)  # two pieces of photons
-ULP = 1.2e-7  # relative: the last bit of float32
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -102,6 +103,7 @@ import sys
 sys.path[:0] = [{root!r}, {tests!r}]
 from test_faults import QUICK, room
 from addon.solver import Settings, memory, render
+from addon.solver.render import prepare
 def status(name):
     return next(int(line.split()[1]) * 1024 for line in open("/proc/self/status") if line.startswith(name))
 def images(film):
@@ -111,7 +113,10 @@ images(render(room(bands=scene.band_count), QUICK))  # loads the kernels
 open("/proc/self/clear_refs", "w").write("5")  # the peak starts anew
 before = status("VmRSS")
 images(render(scene, settings))
-print(sum(memory.required_memory(scene, settings, copies=1).values()), status("VmHWM") - before)
+taken = status("VmHWM") - before
+hits = prepare(scene, settings).hits_per_photon
+needed = memory.memory_beforehand(scene, 1) | memory.memory_of_passes(scene, settings, 1, hits)
+print(sum(needed.values()), taken)
 """
 
 
@@ -121,12 +126,13 @@ print(sum(memory.required_memory(scene, settings, copies=1).values()), status("V
     [
         ({"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000),  # the film
         ({"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000),  # the photons
+        ({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000),  # photons of lamps, of which few are stored
         ({"width": 8, "bands": 4, "subdivisions": 7}, 1000),  # the triangles
     ],
-    ids=["film", "photons", "geometry"],
+    ids=["film", "photons", "lamps", "geometry"],
 )
-def test_required_memory_is_what_a_render_takes(options, photons):
-    """Within a factor of two either way: allocators round, and photons that a lamp sends are not all stored."""
+def test_memory_that_is_foreseen_is_what_a_render_takes(options, photons):
+    """Within a factor of two either way: allocators round, and stores grow in steps."""
     script = PEAK.format(root=str(ROOT), tests=str(ROOT / "tests"), options=options, photons=photons)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -142,20 +148,30 @@ def test_required_memory_is_what_a_render_takes(options, photons):
         ({"width": 4000, "bands": 64}, {}, 0, "The sums for every pixel and band need most, .*lower the resolution"),
         ({"width": 4000, "bands": 64}, {}, 9, "The images of every band need most, .*view layers"),
         ({}, {"photons_per_pass": 10**8}, 0, "The photons of a pass need most, .*lower the photons per pass"),
-        ({"subdivisions": 6}, {"photons_per_pass": 10}, 0, "The triangles need most, .*lower the subdivision"),
+        ({"subdivisions": 6}, {}, 0, "The triangles need most, .*lower the subdivision"),
     ],
 )
 def test_a_render_that_needs_too_much_memory_is_refused(monkeypatch, options, change, copies, message):
     scene, settings = room(**options), dataclasses.replace(QUICK, **change)
-    total = sum(memory.required_memory(scene, settings, copies).values())
-    monkeypatch.setattr(memory, "available_memory", lambda: total)
-    memory.check_memory(scene, settings, copies)
+    needed = memory.memory_beforehand(scene, copies)
+    if change:
+        needed = memory.memory_of_passes(scene, settings, copies, prepare(scene, settings).hits_per_photon)
+    total = sum(needed.values())
     monkeypatch.setattr(memory, "available_memory", lambda: 0.99 * total)
     numbers = f"needs about {total / 1e9:.1f} GB of memory, {0.99 * total / 1e9:.1f} GB are available. "
     with pytest.raises(SceneError, match=numbers + message):
-        memory.check_memory(scene, settings, copies)
+        render(scene, settings, pytest.fail, image_copies=copies)
+    monkeypatch.setattr(memory, "available_memory", lambda: total)
+    memory.check_memory(needed)
     monkeypatch.setattr(memory, "available_memory", lambda: None)  # no telling: no guard
-    memory.check_memory(scene, settings, copies)
+    memory.check_memory({"film": 1e30})
+
+
+def test_a_render_that_fits_is_not_refused(monkeypatch):
+    """Where nothing differs from the reference no photon is traced, whatever the settings say."""
+    scene, settings = room(293.0, lights=()), dataclasses.replace(QUICK, photons_per_pass=10**12)
+    monkeypatch.setattr(memory, "available_memory", lambda: sum(memory.memory_beforehand(scene).values()))
+    assert render(scene, settings).photons == 0
 
 
 def system(root, group="", limits=()):
@@ -196,14 +212,13 @@ def cancel_after(passes):
 
 
 def assert_same_render(film, whole):
-    """To float32 rounding: bands by the last bit; the noise is a root of sums of squares, to a few."""
-    assert (film.passes, film.photons) == (whole.passes, whole.photons)
-    np.testing.assert_allclose(film.bands(), whole.bands(), rtol=ULP)
-    np.testing.assert_allclose(film.noise(), whole.noise(), rtol=1e-6)
+    """To the last bit of the sums in float64."""
+    for name, value in whole.state().items():
+        np.testing.assert_array_equal(film.state()[name], value)
 
 
 def test_a_render_goes_on_where_it_ended(tmp_path):
-    """Twice; the image is that of the render without a break, and the checkpoint is gone at the end."""
+    """Twice; the film is that of the render without a break, and the checkpoint is gone at the end."""
     path, settings = tmp_path / "room.npz", dataclasses.replace(QUICK, passes=6, pass_offset=2)
     whole = render(room(), settings)
     saved = None
@@ -218,6 +233,28 @@ def test_a_render_goes_on_where_it_ended(tmp_path):
     assert seen == [3, 4, 5, 6]
     assert_same_render(film, whole)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_target_noise_counts_all_passes():
+    """A render with a break, wherever it was, ends after the same pass: not before the noise is reached, not later."""
+    after = []
+    render(room(), dataclasses.replace(QUICK, passes=14), lambda film: after.append(copy.deepcopy(film)))
+    noise = [np.percentile(film.noise(), 95) for film in after]
+    target = dataclasses.replace(QUICK, passes=0, target_noise=float(1.01 * noise[12]))
+    whole = render(room(), target)
+    assert whole.passes > 8  # what was there before the break counts
+    assert noise[whole.passes - 1] < target.target_noise
+    for broken in (1, whole.passes - 1, whole.passes):
+        film = render(room(), target, film=after[broken - 1])
+        assert_same_render(film, whole)
+
+
+def test_a_film_of_another_render_is_refused():
+    for other in (Film(24, 17, room().band_edges, 293.0), Film(24, 18, [8.0, 14.0], 293.0)):
+        with pytest.raises(ValueError, match="same size and bands"):
+            render(room(), QUICK, pytest.fail, film=other)
+    with pytest.raises(ValueError, match="different reference temperatures"):
+        render(room(), QUICK, pytest.fail, film=Film(24, 18, room().band_edges, 1.0))
 
 
 def test_checkpoints_are_saved_during_the_render(tmp_path):
@@ -244,7 +281,7 @@ def test_a_checkpoint_of_all_passes_needs_no_more(tmp_path):
         room(), QUICK, shown.append, path=path, interval=1e9, saved=load(path, room(), QUICK)
     )
     assert shown == [film] and not path.exists()
-    np.testing.assert_array_equal(images(film), images(whole))
+    assert_same_render(film, whole)
 
 
 CHANGES = {

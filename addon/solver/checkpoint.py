@@ -15,7 +15,7 @@ import os
 import time
 import zipfile
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -104,19 +104,17 @@ def render_with_checkpoints(
     path: Path,
     interval: float,
     saved: Film | None = None,
+    image_copies: int = 0,
 ) -> Film:
     """Render as `render` does, and save the finished passes every `interval` seconds and when cancelled.
 
-    saved: finished passes of this render (see `load`), which are not rendered again. Time limit and target noise
-    count the passes from there on alone. A complete render removes its checkpoint. One that cannot be written during
-    the render is a warning in the log. Raises OSError, before the first pass, if there is no way to write to path.
+    saved: finished passes of this render (see `load`), to which the others are added; on_pass gets them first. A
+    complete render removes its checkpoint. One that cannot be written during the render is a warning in the log. Raises
+    OSError, before the first pass, if there is no way to write to path.
     """
     marks = fingerprint(scene, settings)
     check_writable(path, _WHAT)
     last = time.monotonic()
-
-    def joined(film: Film) -> Film:
-        return film if saved is None else saved.merge(film)
 
     def try_to_save(film: Film) -> None:
         nonlocal last
@@ -128,26 +126,16 @@ def render_with_checkpoints(
         last = time.monotonic()
 
     def after_pass(film: Film) -> None:
-        film = joined(film)
         if time.monotonic() >= last + interval:
             try_to_save(film)
         if on_pass:
             on_pass(film)
 
-    rest = settings
     if saved is not None:
         log.info("Going on after %d saved passes", saved.passes)
         if on_pass:
             on_pass(saved)
-        if 0 < settings.passes <= saved.passes:
-            path.unlink(missing_ok=True)
-            return saved
-        rest = replace(
-            settings,
-            passes=settings.passes - saved.passes if settings.passes else 0,
-            pass_offset=settings.pass_offset + saved.passes,
-        )
-    film = joined(render(scene, rest, after_pass, cancelled))
+    film = render(scene, settings, after_pass, cancelled, saved, image_copies)
     if not cancelled():
         path.unlink(missing_ok=True)
     elif film.passes:

@@ -93,8 +93,8 @@ class Film:
             self.passes += 1
             self.photons += photons
 
-    def merge(self, other: Film) -> Film:
-        """Film of the passes of both (Chan, Golub and LeVeque 1979). ValueError if they do not belong together."""
+    def check_same_kind(self, other: Film) -> None:
+        """Raise ValueError if the passes of two films cannot be of one image."""
         same_shape = (self.width, self.height) == (other.width, other.height)
         if not (same_shape and np.array_equal(self.band_edges, other.band_edges)):
             raise ValueError("Only films of the same size and bands can be merged")
@@ -103,6 +103,10 @@ class Film:
                 f"Films with different reference temperatures cannot be merged: "
                 f"{self.reference_temperature:g} K and {other.reference_temperature:g} K"
             )
+
+    def merge(self, other: Film) -> Film:
+        """Film of the passes of both (Chan, Golub and LeVeque 1979). ValueError if they do not belong together."""
+        self.check_same_kind(other)
         total = Film(self.width, self.height, self.band_edges, self.reference_temperature)
         total.passes = self.passes + other.passes
         total.photons = self.photons + other.photons

@@ -1,28 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How much memory a render needs, told before its first pass, and how much there is.
 
-With P pixels, b bands, m triangles, N photons a pass and rho the mean reflectance of the surfaces by area, in bytes:
+With P pixels, b bands, m triangles and h stored hits in a pass, in bytes:
 
     film       P (12 b + 28)                  mean in float64, one pass in float32, five more values for the noise
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
-    photons    1.25 N / (1 - rho) (2 (4 b + 29) + 30)     each is stored at every hit until roulette ends it; twice
-                                              while the store grows, then sorted into the map; a quarter as many points
+    photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
     geometry   430 m                          corners, adjacency, trees of our own and Embree's, emitters
 
-It is a bound from above where photons leave the scene or come from lamps, whose first hits are not stored.
+How many hits a photon leaves, trial photons tell (see `render`): 1 / (1 - rho) in a closed room that reflects rho, and
+far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
-from .radiometry import typical_emissivity
 from .scene import Scene, SceneError
 from .settings import Settings
-from .transport import MAX_SURVIVAL
 
 _GIGABYTE = 1e9
 # What each part is called, and what makes it smaller.
@@ -34,36 +30,29 @@ _PARTS = {
 }
 
 
-def required_memory(scene: Scene, settings: Settings, copies: int = 0) -> dict[str, float]:
-    """Bytes that a render needs beyond the scene, by part (the formulae above).
+def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
+    """Bytes that a render needs beyond the scene, whatever its photons do, by part (the formulae above).
 
     copies: of all its images as float32 that are held at once beside the film.
     """
+    return _images(scene, copies) | {"geometry": 430.0 * len(scene.triangles)}
+
+
+def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_photon: float) -> dict[str, float]:
+    """Bytes that the passes need once the geometry is there. hits_per_photon: that are stored, on average."""
+    hits = settings.photons_per_pass * hits_per_photon
+    return _images(scene, copies) | {"photons": 1.25 * hits * (2 * (4 * scene.band_count + 29) + 30)}
+
+
+def _images(scene: Scene, copies: int) -> dict[str, float]:
     x0, y0, x1, y1 = scene.camera.pixels
     pixels, bands = float(x1 - x0) * (y1 - y0), scene.band_count
-    stored = settings.photons_per_pass / (1.0 - min(_mean_reflectance(scene), MAX_SURVIVAL))
-    return {
-        "film": pixels * (12 * bands + 28),
-        "images": pixels * (4 * copies * (bands + 7) + 64),
-        "photons": 1.25 * stored * (2 * (4 * bands + 29) + 30),
-        "geometry": 430.0 * len(scene.triangles),
-    }
+    return {"film": pixels * (12 * bands + 28), "images": pixels * (4 * copies * (bands + 7) + 64)}
 
 
-def _mean_reflectance(scene: Scene) -> float:
-    """Mean of 1 - emissivity over bands and area."""
-    a, b, c = (scene.vertices[scene.triangles[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    if not area.sum() > 0:
-        return 0.0
-    emissivity = typical_emissivity(scene.materials, scene.band_edges, scene.temperature).mean(axis=1)
-    return 1.0 - float(np.average(emissivity[scene.material], weights=area))
-
-
-def check_memory(scene: Scene, settings: Settings, copies: int = 0) -> None:
-    """Raise SceneError, saying what needs it, if a render needs more memory than there is; see `required_memory`."""
-    required, available = required_memory(scene, settings, copies), available_memory()
-    total = sum(required.values())
+def check_memory(required: dict[str, float]) -> None:
+    """Raise SceneError, saying what needs it, if more bytes are required than there are. required: by part."""
+    total, available = sum(required.values()), available_memory()
     if available is None or total <= available:
         return
     name = max(required, key=required.get)

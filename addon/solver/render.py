@@ -31,6 +31,7 @@ from .free_space import free_space
 from .guide import Gathers, add_scores, build_gathers, build_guide
 from .irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points
 from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
+from .memory import check_memory, memory_beforehand, memory_of_passes
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
@@ -71,6 +72,7 @@ class Model:
     splitting: Splitting | None  # None without photons
     reference_temperature: float
     photons_per_pass: int
+    hits_per_photon: float  # that are stored, of trial photons
 
 
 def render(
@@ -78,24 +80,34 @@ def render(
     settings: Settings,
     on_pass: Callable[[Film], None] | None = None,
     cancelled: Callable[[], bool] = lambda: False,
+    film: Film | None = None,
+    image_copies: int = 0,
 ) -> Film:
     """Render a scene until a stop condition of the settings holds.
 
     on_pass is called after every pass, in this thread, with the film so far (which the next pass changes).
     cancelled is asked many times a pass; once it is true the unfinished pass is dropped and the film returned.
-    Raises SceneError if the scene cannot be rendered.
+    film: of the first passes of this render, to which the others are added: the result is that of a render without a
+    break. Only the time limit does not count what it took.
+    image_copies: float32 copies of all images that the caller holds, which need memory too.
+    Raises SceneError if the scene cannot be rendered or needs more memory than there is, ValueError if the film is not
+    of this render.
     """
     threads = settings.threads or os.cpu_count() or 1
+    check_memory(memory_beforehand(scene, image_copies))
     model = prepare(scene, settings)
+    check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon))
     x0, y0, x1, y1 = scene.camera.pixels
-    film = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
+    empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
+    if film is None:
+        film = empty
+    film.check_same_kind(empty)
     image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
     seen = np.empty(len(image), np.float32)
     store = PhotonStore(scene.band_count, model.optics.keep_incoming, model.optics.keep_caustic)
     started = time.monotonic()
-    next_check = 8
     with ThreadPoolExecutor(threads) as pool:
-        while not cancelled():
+        while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
             if not render_pass(
                 model, settings, settings.pass_offset + film.passes, store, image, seen, pool, cancelled
             ):
@@ -103,16 +115,27 @@ def render(
             film.add_pass(image, seen, model.photons_per_pass)
             if on_pass:
                 on_pass(film)
-            if 0 < settings.passes <= film.passes:
-                break
-            if 0 < settings.time_limit <= time.monotonic() - started:
-                break
-            if settings.target_noise > 0 and film.passes >= next_check:
-                next_check = math.ceil(1.1 * film.passes)
-                if np.percentile(film.noise(), 95) < settings.target_noise:
-                    break
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
     return film
+
+
+def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
+    """Whether a stop condition holds after so many seconds. No image is empty: the first pass has to be there."""
+    if film.passes == 0:
+        return False
+    if 0 < settings.passes <= film.passes or 0 < settings.time_limit <= seconds:
+        return True
+    if settings.target_noise == 0 or not _is_checked(film.passes):
+        return False
+    return bool(np.percentile(film.noise(), 95) < settings.target_noise)
+
+
+def _is_checked(passes: int) -> bool:
+    """Whether the noise is looked at after so many passes: 8, and then ever more rarely, as a look takes time."""
+    check = 8
+    while check < passes:
+        check = math.ceil(1.1 * check)
+    return check == passes
 
 
 def prepare(scene: Scene, settings: Settings) -> Model:
@@ -163,10 +186,11 @@ def prepare(scene: Scene, settings: Settings) -> Model:
     if photons and len(pilot.place):
         gathers = build_gathers(pilot.place, pilot.facing, reach2)
         emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers)
-    splitting = None
+    splitting, hits = None, 0.0
     if photons:
         x0, y0, x1, y1 = scene.camera.pixels
         trial = trial_pass(tracer, surfaces, radiometry, emitters, optics)
+        hits = len(trial.code) / trial.photons
         splitting = plan_splitting(
             surfaces, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2, settings.neighbours,
             photons, (x1 - x0) * (y1 - y0),
@@ -183,6 +207,7 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         splitting,
         reference,
         photons,
+        hits,
     )
 
 
