@@ -33,7 +33,8 @@ from scenes import box, look, sphere  # noqa: E402
 from speed_scenes import Parts  # noqa: E402
 
 from addon.solver import Material, Settings, render  # noqa: E402
-from addon.solver.memory import required_memory  # noqa: E402
+from addon.solver.memory import memory_beforehand, memory_of_passes  # noqa: E402
+from addon.solver.render import prepare  # noqa: E402
 
 CORES = os.cpu_count() or 1
 PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "pyluxcore", "bpy")
@@ -119,8 +120,15 @@ def measure(size, passes):
     render(scene, settings, mark, prepared)
     spent = np.diff(marks, axis=0)
     peak = resident("VmHWM")
-    foreseen = sum(required_memory(scene, settings).values()) / 1e6
+    foreseen = foreseen_memory(scene, settings)
     return Cost(*spent[0], *np.median(spent[1:], axis=0), peak, peak - before, foreseen)
+
+
+def foreseen_memory(scene, settings):
+    """MB that the engine foresees. What a photon leaves in this room hardly depends on the sizes."""
+    hits = prepare(room(SMALL), settings_of(SMALL, 1)).hits_per_photon
+    parts = memory_beforehand(scene) | memory_of_passes(scene, settings, 0, hits)
+    return sum(parts.values()) / 1e6
 
 
 def in_own_process(function, *arguments):
