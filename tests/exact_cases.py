@@ -325,6 +325,21 @@ def disks(receiver, emitter, distance):
     return on_floor(disk(receiver), tuple(frame), [disk(emitter, distance)], distance / 2, share)
 
 
+def disks_image(distance, inside=40):
+    """The scene of disks of radius 1, the truth of each pixel, (24, 24) W m-2 sr-1, and the share that the disk fills.
+
+    From an element to a parallel disk of radius 1 at the distance r from its axis: (1 - (h^2 + r^2 - 1) / sqrt((h^2 +
+    r^2 + 1)^2 - 4 r^2)) / 2 (Howell, B-13). inside: squared, points in each pixel.
+    """
+    scene, _ = disks(1, 1, distance)
+    x = 1.01 * (2 * (np.arange(24 * inside) + 0.5) / (24 * inside) - 1)
+    r2 = x[:, None] ** 2 + x**2
+    total = distance**2 + r2
+    factor = np.where(r2 < 1, (1 - (total - 1) / np.sqrt((total + 1) ** 2 - 4 * r2)) / 2, 0.0)
+    factor, cover = (of.reshape(24, inside, 24, inside).mean(axis=(1, 3)) for of in (factor, r2 < 1))
+    return scene, 0.5 * factor * blackbody(NARROW, HOT), cover
+
+
 def parallel(a, b, distance):
     """Parallel rectangles.
 
