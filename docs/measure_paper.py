@@ -1,0 +1,590 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Repeat the results of the paper (docs/method.md names it): write the tables of docs/paper.md and draw its pictures.
+
+python docs/measure_paper.py [PART ...]        (needs matplotlib)
+python docs/measure_paper.py thousand-million [--folder FOLDER] [--ranges N]        (needs bpy too)
+
+Parts are tube, times, passes, noise, estimators and blur; without any, all of these.
+
+Times are processor time of one thread: other work on the machine then hardly counts. thousand-million can be stopped
+at any time and goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+DOCS = Path(__file__).resolve().parent
+sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests")]
+
+from scenes import join, look, make_scene, quad  # noqa: E402
+
+from addon.output.exr import channel_name  # noqa: E402
+from addon.output.palette import display, robust_range, thermal  # noqa: E402
+from addon.solver import Film, Material, PointLight, Scene, Settings, render  # noqa: E402
+from addon.solver.spectrum import apparent_temperature  # noqa: E402
+
+PAGE, IMAGES = DOCS / "paper.md", DOCS / "images"
+START, END = "<!-- {}: written by docs/measure_paper.py -->", "<!-- end of {} -->"
+
+SIZE = 256  # pixels on each side of a picture, as in the paper
+PHOTONS = 30_000_000  # thrown in all, of which about a tenth is stored: the paper's 3,000,000
+TIMED = (1, 2, 5, 10, 30, 60)  # passes of figure 2
+GATHERED = 600  # photons that all maps together count in one estimate, figure 2
+SEEDS = 2  # of figure 3, to tell chance
+NOISE_PHOTONS, NOISE_NEIGHBOURS = 3_000_000, 50  # of a pass of figure 4, a tenth of the paper's
+NOISE_PASSES = (1, 5, 20, 250)  # of its pictures
+TUBE_PHOTONS, TUBE_PASSES = 1_360_000, 50  # thrown in one pass of figure 1, of which a million are stored
+COMPARED = Settings(passes=30, photons_per_pass=1_000_000, neighbours=51)  # both estimators
+TRUTH = Settings(passes=40, photons_per_pass=1_000_000, seed=1000)
+RANGES, RANGE_PASSES, RANGE_PHOTONS = 20, 10, 5_000_000  # of thousand-million: 20 * 10 * 5,000,000
+
+
+# The scenes -----------------------------------------------------------------------------------------------------------
+
+BANDS = np.linspace(7.5, 13.5, 16)  # um
+METAL = Material("oxidised metal", np.array([[7.5, 0.24], [9.0, 0.20], [11.0, 0.17], [13.5, 0.15]]), specular=1.0)
+
+
+def wall(radius: float, low: float, high: float, segments: int = 512):
+    """Vertices and triangles of a cylinder around the z axis without ends. m."""
+    angle = 2.0 * np.pi * np.arange(segments) / segments
+    circle = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
+    return np.concatenate([np.column_stack((circle, np.full(segments, z))) for z in (low, high)]), strip(segments)
+
+
+def disk(inner: float, outer: float, height: float, segments: int = 512):
+    """Vertices and triangles of a level ring of no thickness. m."""
+    vertices, triangles = wall(1.0, 0.0, 1.0, segments)
+    scale = np.where(vertices[:, 2] == 0.0, outer, inner)
+    return np.column_stack((vertices[:, :2] * scale[:, None], np.full(len(vertices), height))), triangles
+
+
+def strip(segments: int) -> np.ndarray:
+    """Triangles that join two circles of so many points, one behind the other."""
+    here = np.arange(segments)
+    there = (here + 1) % segments
+    lower = np.stack((here, there, there + segments), axis=1)
+    return np.concatenate((lower, np.stack((here, there + segments, here + segments), axis=1)))
+
+
+def ring_scene() -> Scene:
+    """Section 5.2: an emissive specular ring on a diffuse plane, with a point light that throws a caustic into it.
+
+    The sizes are those of the demo. Space around is at 0 K: what flies off is lost, as in the paper.
+    """
+    plane = quad((0, 0, 0), (0.6, 0, 0), (0, 0.6, 0))
+    ring = [wall(0.1, 0.0, 0.05), wall(0.106, 0.0, 0.05), disk(0.1, 0.106, 0.05)]
+    parts = [(*plane, 293.0, 0), *((*part, 340.0, 1) for part in ring)]
+    vertices, triangles, temperature, material = join(*parts)
+    azimuth = math.radians(245.0)
+    light = PointLight(np.array([0.1 * math.cos(azimuth), 0.1 * math.sin(azimuth), 0.13]), 400.0, temperature=1000.0)
+    camera = look((0, -0.36, 0.46), (0, -0.01, 0.01), SIZE, SIZE, tangent=18 / 58)
+    materials = [Material("slate", 0.7), METAL]
+    return make_scene(
+        vertices, triangles, temperature, materials, camera, BANDS, material, lights=(light,), world_temperature=0.0
+    )
+
+
+def tube_scene() -> Scene:
+    """Figure 1: an emissive and specular tube, alone in space at 0 K. Half of what it reflects is diffuse.
+
+    What is seen in it is its own light, reflected again and again.
+    """
+    vertices, triangles = wall(0.1, 0.0, 0.25)
+    tube = Material("metal, half dull", METAL.emissivity, specular=0.5)
+    camera = look((0.0, -0.35, 0.62), (0.0, -0.01, 0.13), SIZE, SIZE, tangent=0.28)
+    return make_scene(vertices, triangles, 340.0, [tube], camera, BANDS, world_temperature=0.0)
+
+
+# The paper's estimator ------------------------------------------------------------------------------------------------
+
+PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}  # of Settings
+
+
+@contextmanager
+def photons_alone() -> Iterator[None]:
+    """Switch off what the paper does not have: then all reflected light is the density of photons, thrown in proportion
+    to power. What stays is named in docs/paper.md.
+    """
+    solver = {name: importlib.import_module(f"addon.solver.{name}") for name in ("render", "eye_paths", "transport")}
+    pilot = importlib.import_module("addon.solver.pilot")
+    build_lamps, emit = solver["render"].build_lamps, solver["transport"].emit
+
+    def no_lamps(*arguments):
+        lamps = build_lamps(*arguments)
+        return lamps._replace(power=0.0, shines=np.zeros_like(lamps.shines))
+
+    def emit_all(*arguments):
+        emit(*arguments)
+        wave = arguments[-1]
+        wave.direct[:] = False  # direct light is stored too
+
+    def no_walls(tracer, surfaces, reach2, place, *_):
+        return np.full(len(place), reach2, np.float32)
+
+    changes = (
+        (solver["eye_paths"], "choose_splits", lambda *_: 0),  # no final gathers
+        (solver["render"], "cache_points", lambda *_: 1),  # nobody asks the irradiance cache then
+        (solver["render"], "build_lamps", no_lamps),  # no shadow rays
+        (solver["transport"], "emit", emit_all),
+        (solver["render"], "learn_guide", lambda tracer, surfaces, radiometry, emitters, *_: emitters),
+        (pilot, "_density", lambda count, sheet, area, matters: np.where(matters, 1.0, pilot.DEFENSIVE)),
+        # disks as wide as the k-th neighbour is far: their limit holds k even where only 1 % of the photons are stored
+        (solver["render"], "gather_reach", lambda area, pilot, n, k: 100.0 * k * float(area.sum()) / (math.pi * n)),
+        (
+            solver["eye_paths"],
+            "free_space",
+            lambda tracer, surfaces, reach2, place, *_: np.full(len(place), reach2, "f"),
+        ),
+    )
+    with patched(changes):
+        yield
+
+
+@contextmanager
+def patched(changes: tuple) -> Iterator[None]:
+    """Replace names of modules for a while: (module, name, value) each."""
+    with ExitStack() as stack:
+        for module, name, value in changes:
+            stack.enter_context(patch.object(module, name, value))
+        yield
+
+
+def papers(scene: Scene, on_pass: Callable[[Film], None] | None = None, **settings) -> Film:
+    """Render with the paper's estimator in one thread. neighbours: photons that count; the engine asks for one more."""
+    settings["neighbours"] += 1
+    with photons_alone():
+        return render(scene, Settings(threads=1, **PAPER | settings), on_pass)
+
+
+@dataclass
+class Phases:
+    """Processor time of the phases of a render, s, and what it stored. gathering: the part of rendering that looks for
+    photons; the rest is camera rays.
+    """
+
+    tracing: float = 0.0
+    sorting: float = 0.0
+    rendering: float = 0.0
+    gathering: float = 0.0
+    stored: int = 0
+    _end: float = field(default=0.0, repr=False)
+
+    @property
+    def total(self) -> float:
+        return self.tracing + self.sorting + self.rendering
+
+    @contextmanager
+    def watch(self) -> Iterator[Callable[[Film], None]]:
+        """Add up what is rendered meanwhile; gives the on_pass of that render."""
+        module = importlib.import_module("addon.solver.render")  # addon.solver.render is the function
+        eye_paths = importlib.import_module("addon.solver.eye_paths")
+        prepare, build, reflect = module.prepare, module.build_photon_map, eye_paths.reflect
+
+        def after_prepare(*arguments):
+            model = prepare(*arguments)
+            self._end = time.process_time()
+            return model
+
+        def timed_build(photons, *arguments):
+            begin = time.process_time()
+            self.tracing += begin - self._end
+            photon_map = build(photons, *arguments)
+            self._end = time.process_time()
+            self.sorting += self._end - begin
+            self.stored += len(photons.surface)
+            return photon_map
+
+        def timed_reflect(*arguments):
+            begin = time.process_time()
+            reflect(*arguments)
+            self.gathering += time.process_time() - begin
+
+        def on_pass(film: Film) -> None:
+            now = time.process_time()
+            self.rendering += now - self._end
+            self._end = now
+
+        changes = (
+            (module, "prepare", after_prepare),
+            (module, "build_photon_map", timed_build),
+            (eye_paths, "reflect", timed_reflect),
+        )
+        with patched(changes):
+            yield on_pass
+
+
+# Figures --------------------------------------------------------------------------------------------------------------
+
+
+def table(head: tuple, *rows: tuple) -> str:
+    """A Markdown table."""
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+
+
+def draw(name: str, panels: list[tuple[str, np.ndarray]], unit: str, columns: int = 2) -> None:
+    """Images (h, w), row 0 at the bottom, beside each other in images/, with the colours of the last one's range."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.colors import ListedColormap
+
+    low, high = robust_range(panels[-1][1])
+    colours = ListedColormap(display(thermal(np.linspace(0, 1, 256), 0, 1)) / 255)
+    rows = math.ceil(len(panels) / columns)
+    size = (3.6 * columns + 0.8, 3.8 * rows)
+    figure, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
+    for axis, (title, image) in zip(axes.flat, panels, strict=True):
+        shown = axis.imshow(image, colours, vmin=low, vmax=high, origin="lower", interpolation="nearest")
+        axis.set_title(title, fontsize=10)
+        axis.axis("off")
+    figure.colorbar(shown, ax=axes, shrink=0.7, label=unit)
+    figure.savefig(IMAGES / f"paper-{name}.png", dpi=80)
+    plt.close(figure)
+
+
+RADIANCE = "radiance, W m-2 sr-1"
+
+
+class Blocks:
+    """Noise of the mean of so many passes, from the spread of the blocks of that size that one render falls into."""
+
+    def __init__(self, sizes: tuple[int, ...]):
+        self.images = {size: [] for size in sizes}
+        self._sums = dict.fromkeys(sizes, 0.0)
+
+    def add(self, film: Film) -> None:
+        """To be called after every pass."""
+        total = film.passes * film.radiance().astype(np.float64)
+        for size, images in self.images.items():
+            if film.passes % size == 0:
+                images.append(((total - self._sums[size]) / size).astype(np.float32))
+                self._sums[size] = total
+
+    def noise(self, size: int) -> float:
+        """Root mean square over the pixels, W m-2 sr-1; NaN if there is one block only."""
+        if len(self.images[size]) < 2:
+            return math.nan
+        return float(np.sqrt(np.var(self.images[size], axis=0, ddof=1).mean()))
+
+
+def tube() -> str:
+    """Figure 1: few and many photons."""
+    phases, blocks, few = Phases(), Blocks((1, TUBE_PASSES // 2)), []
+    with phases.watch() as add_times:
+
+        def on_pass(film):
+            add_times(film)
+            blocks.add(film)
+            if film.passes == 1:
+                few.extend((film.radiance(), phases.stored))
+
+        film = papers(tube_scene(), on_pass, passes=TUBE_PASSES, photons_per_pass=TUBE_PHOTONS, neighbours=50)
+    image, stored = few
+    draw("tube", [(f"{stored:,} photons", image), (f"{phases.stored:,} photons", film.radiance())], RADIANCE)
+    return table(
+        ("passes", "photons stored", "paper: photons in the map", "noise, W m-2 sr-1"),
+        (1, f"{stored:,}", "1,000,000", f"{blocks.noise(1):.3f}"),
+        (TUBE_PASSES // 2, f"{phases.stored // 2:,}", "", f"{blocks.noise(TUBE_PASSES // 2):.3f}"),
+        (TUBE_PASSES, f"{phases.stored:,}", "about 100,000,000", ""),
+    )
+
+
+def times() -> str:
+    """Figure 2: the same photons in more and more passes."""
+    scene, measured = ring_scene(), {}
+    papers(scene, passes=1, photons_per_pass=1000, neighbours=10)  # loads the kernels
+    for passes in TIMED:
+        measured[passes] = Phases()
+        with measured[passes].watch() as on_pass:
+            papers(scene, on_pass, passes=passes, photons_per_pass=PHOTONS // passes, neighbours=GATHERED // passes)
+    draw_times(measured)
+    head = ("tracing", "sorting", "rendering", "of it gathers", "of it camera rays", "all", "all but camera rays")
+    rows = []
+    for m, p in measured.items():
+        camera = p.rendering - p.gathering
+        spent = (p.tracing, p.sorting, p.rendering, p.gathering, camera, p.total, p.total - camera)
+        rows.append((m, f"{p.stored:,}", GATHERED // m, *(f"{seconds:.1f}" for seconds in spent)))
+    return table(("passes", "photons stored", "neighbours", *(f"{name}, s" for name in head)), *rows)
+
+
+def draw_times(measured: dict[int, Phases]) -> None:
+    """Times against passes in images/."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(7, 4), layout="constrained")
+    for name in ("tracing", "sorting", "rendering", "gathering", "total"):
+        axis.plot(list(measured), [getattr(phases, name) for phases in measured.values()], "o-", label=name)
+    axis.set(xlabel="passes", ylabel="processor time of one thread, s", ylim=(0, None), xlim=(0, None))
+    axis.grid(color="0.9")
+    axis.legend()
+    figure.savefig(IMAGES / "paper-times.png", dpi=80)
+    plt.close(figure)
+
+
+def passes() -> str:
+    """Figure 3: one pass against thirty, with the neighbours of section 4.3 and with those of the figure."""
+    scene = ring_scene()
+    cases = {"1 pass, 600 neighbours": (1, 600), "30 passes, 20": (30, 20), "30 passes, 50": (30, 50)}
+    images = {
+        name: [
+            papers(
+                scene, passes=m, photons_per_pass=PHOTONS // m, neighbours=neighbours, seed=seed
+            ).radiance().astype(float)
+            for seed in range(SEEDS)
+        ]
+        for name, (m, neighbours) in cases.items()
+    }  # fmt: skip
+    draw("passes", [(name, images[name][0]) for name in cases], RADIANCE, columns=3)
+    statistics = {}
+    for name, of_seeds in images.items():
+        mean, deviation = np.mean(of_seeds, axis=(1, 2)), np.std(of_seeds, axis=(1, 2))
+        statistics[name] = np.array([mean, deviation])
+
+    def cell(values):
+        return f"{values.mean():.4f} +- {values.std(ddof=1) / SEEDS**0.5:.4f}"
+
+    def change(values, one):  # of independent seeds
+        error = math.hypot(*(v.std(ddof=1) / SEEDS**0.5 / v.mean() for v in (values, one)))
+        return f"{values.mean() / one.mean() - 1:+.3%} +- {error:.3%}"
+
+    one, *many = statistics.values()
+    return table(
+        ("", *cases, "paper: 1 pass", "paper: 30 passes"),
+        ("mean", *(cell(mean) for mean, _ in statistics.values()), "1.39736", "1.39929"),
+        ("standard deviation", *(cell(deviation) for _, deviation in statistics.values()), "1.19078", "1.19402"),
+        ("mean, against 1 pass", "", *(change(other[0], one[0]) for other in many), "", "+0.138%"),
+        ("standard deviation, against 1 pass", "", *(change(other[1], one[1]) for other in many), "", "+0.272%"),
+    )
+
+
+def noise() -> str:
+    """Figure 4: more and more passes."""
+    most = NOISE_PASSES[-1]
+    sizes = (*NOISE_PASSES[:-1], 2 * NOISE_PASSES[1], 2 * NOISE_PASSES[2], most // 2)
+    blocks, shown = Blocks(tuple(sorted(sizes))), []
+
+    def on_pass(film):
+        blocks.add(film)
+        if film.passes in NOISE_PASSES:
+            shown.append((f"{film.passes} pass{'es' * (film.passes > 1)}", film.radiance()))
+
+    papers(ring_scene(), on_pass, passes=most, photons_per_pass=NOISE_PHOTONS, neighbours=NOISE_NEIGHBOURS)
+    draw("noise", shown, RADIANCE)
+    one = blocks.noise(1)
+    return table(
+        ("passes", "blocks", "noise, W m-2 sr-1", "over that of 1 pass", "1 / root of the passes", "paper: 1 / passes"),
+        *(
+            (m, len(images), f"{blocks.noise(m):.4f}", f"{blocks.noise(m) / one:.4f}", f"{m**-0.5:.4f}", f"{1 / m:.4f}")
+            for m, images in blocks.images.items()
+        ),
+    )
+
+
+def estimators() -> str:
+    """The paper's estimator and the engine's, as it is by default, on the paper's scene."""
+    scene = ring_scene()
+    truth = render(scene, TRUTH)
+    exact = apparent_temperature(truth.radiance().astype(float), BANDS)
+    own = float(np.sqrt(np.mean(truth.noise() ** 2)))
+    render(scene, Settings(passes=1, photons_per_pass=1000, threads=1))  # loads the kernels, as above
+    papers(scene, passes=1, photons_per_pass=1000, neighbours=10)
+    rows, shown = [], []
+
+    def measure(name, draw_it):
+        phases = Phases()
+        with phases.watch() as on_pass:
+            film = draw_it(on_pass)
+        error = film.temperature() - exact
+        sizes = np.sort(np.abs(error.ravel()))
+        rows.append(
+            (
+                name,
+                film.passes,
+                f"{film.photons / 1e6:g} million",
+                f"{phases.total:.1f}",
+                f"{film.radiance().mean(dtype=float):.3f}",
+                f"{math.sqrt(max(0.0, np.mean(error**2) - own**2)):.3f}",
+                f"{np.median(sizes):.3f}",
+            )
+        )
+        shown.append((f"{name}, {film.passes} passes", film.temperature()))
+        return phases.total
+
+    values = {name: getattr(COMPARED, name) for name in ("passes", "photons_per_pass")}
+    spent = measure("paper", lambda on_pass: papers(scene, on_pass, neighbours=COMPARED.neighbours - 1, **values))
+    measure("here, same photons", lambda on_pass: render(scene, Settings(threads=1, **values), on_pass))
+    limit = time.process_time() + spent
+    measure(
+        "here, same time",
+        lambda on_pass: render(
+            scene, Settings(threads=1, passes=10**6), on_pass, cancelled=lambda: time.process_time() > limit
+        ),
+    )
+    draw("estimators", [*shown, ("truth", exact)], "apparent temperature, K")
+    head = ("estimator", "passes", "photons thrown", "processor time, s", "mean, W m-2 sr-1", "error, K", "median, K")
+    last = f"Truth: {truth.passes} passes of {TRUTH.photons_per_pass:,} photons of another seed, mean "
+    last += f"{truth.radiance().mean(dtype=float):.3f} W m-2 sr-1, noise {own:.3f} K (root mean square)."
+    return f"{table(head, *rows)}\n\n{last}"
+
+
+def blur() -> str:
+    """The mean of the paper's estimator with smaller and smaller disks of the same maps."""
+    scene, rows = ring_scene(), []
+    for neighbours in (667, 67, 7):
+        film = papers(scene, passes=3, photons_per_pass=PHOTONS // 3, neighbours=neighbours, seed=7)
+        rows.append((neighbours, f"{math.sqrt(neighbours / 667):.2f}", f"{film.radiance().mean(dtype=float):.3f}"))
+    return table(("neighbours", "radius of the disk, over the first", "mean, W m-2 sr-1"), *rows)
+
+
+# A thousand million photons in Blender --------------------------------------------------------------------------------
+
+BLENDER_ALONE = """
+import bpy
+def peak():
+    return next(int(line.split()[1]) / 1024 for line in open("/proc/self/status") if line.startswith("VmHWM"))
+bpy.ops.wm.open_mainfile(filepath={blend!r}, load_ui=False)
+class Blank(bpy.types.RenderEngine):
+    bl_idname, bl_label = "BLANK", "A render result of the same passes, without a solver"
+    def update_render_passes(self, scene=None, renderlayer=None):
+        for name in {names!r}:
+            self.register_pass(scene, renderlayer, name, 1, "V", "VALUE")
+    def render(self, depsgraph):
+        for name in {names!r}:
+            self.add_pass(name, 1, "V")
+        self.end_result(self.begin_result(0, 0, {size}, {size}))
+bpy.utils.register_class(Blank)
+scene = bpy.context.scene
+scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "BLANK", {size}, {size}
+bpy.ops.render.render()
+bpy.utils.unregister_class(Blank)
+print("peak", peak())
+"""
+DEMO = DOCS / "demo" / "demo.blend"
+
+
+def peak_memory() -> float:
+    """The most that this process has held, MiB (Linux)."""
+    status = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmHWM"))
+
+
+def memory_of_blender(names: list[str]) -> float:
+    """Peak memory of Blender that opens the demo and makes a render result of these passes, MiB."""
+    script = BLENDER_ALONE.format(blend=str(DEMO), names=names, size=SIZE)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=300)
+    return float(done.stdout.split("peak")[-1])
+
+
+def render_ranges(folder: Path, count: int) -> None:
+    """Render the demo as F12 does, the first so many ranges of passes, into folder; those that are there stay."""
+    import bpy
+
+    import addon
+
+    addon.register()
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(DEMO), load_ui=False)
+        scene = bpy.context.scene
+        scene.render.resolution_x = scene.render.resolution_y = SIZE
+        infrared = scene.infrared
+        infrared.passes, infrared.photons_per_pass, infrared.threads = RANGE_PASSES, RANGE_PHOTONS, 1
+        for number in range(count):
+            path = folder / f"range-{number:03}.exr"
+            if path.exists():
+                continue
+            infrared.pass_offset, infrared.band_exr_path = number * RANGE_PASSES, str(path)
+            begin = time.monotonic(), time.process_time()
+            bpy.ops.render.render()
+            spent = time.monotonic() - begin[0], time.process_time() - begin[1]
+            figures = {"seconds": spent[0], "processor": spent[1], "peak": peak_memory()}
+            path.with_suffix(".json").write_text(json.dumps(figures))
+            print(f"{path.name}: {figures}", flush=True)
+    finally:
+        addon.unregister()
+
+
+def thousand_million(folder: Path, count: int) -> str:
+    """Render what folder lacks; the first so many ranges as one picture, and the memory that they took."""
+    import OpenEXR
+
+    folder.mkdir(parents=True, exist_ok=True)
+    render_ranges(folder, count)
+    done = sorted(folder.glob("range-*.json"))[:count]
+    figures = [json.loads(path.read_text()) for path in done]
+    radiance, variance, photons = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE)), 0
+    for path in done:
+        with OpenEXR.File(str(path.with_suffix(".exr"))) as file:
+            channels = file.channels()
+            radiance += channels[channel_name("Radiance")].pixels[::-1] / len(done)
+            variance += (channels[channel_name("Noise")].pixels[::-1] / len(done)) ** 2
+            photons += int(file.header()["photons"])
+            names = list(channels)
+    noise = np.sqrt(variance)  # ranges are independent
+    draw("thousand-million", [(f"{photons:,} photons", apparent_temperature(radiance, BANDS))], "K", columns=1)
+    alone, peak = memory_of_blender(names), max(row["peak"] for row in figures)
+    minutes, processor = (sum(row[name] for row in figures) / 60 for name in ("seconds", "processor"))
+    return table(
+        ("", "here", "wanted"),
+        ("photons", f"{photons:,}", "1,000,000,000"),
+        ("passes", RANGE_PASSES * len(done), ""),
+        ("peak memory of Blender alone, MiB", f"{alone:.0f}", ""),
+        ("peak memory with the render, MiB", f"{peak:.0f}", ""),
+        ("above Blender, MiB", f"{peak - alone:.0f}", "at most 512"),
+        ("minutes, and of processor time", f"{minutes:.0f}, {processor:.0f}", ""),
+        (
+            "noise, K: median of the pixels; 95 % are below",
+            f"{np.median(noise):.4f}; {np.percentile(noise, 95):.4f}",
+            "",
+        ),
+    )
+
+
+# The page -------------------------------------------------------------------------------------------------------------
+
+PARTS = {"tube": tube, "times": times, "passes": passes, "noise": noise, "estimators": estimators, "blur": blur}
+
+
+def write(page: Path, name: str, text: str) -> None:
+    """Replace what stands between the marks of this name in the page."""
+    start, end = START.format(name), END.format(name)
+    before, after = page.read_text(encoding="utf-8").split(start)
+    page.write_text(f"{before}{start}\n{text}\n{end}{after.split(end)[1]}", encoding="utf-8")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)} or thousand-million")
+    parser.add_argument("--folder", type=Path, default=DOCS.parent / "render" / "thousand-million")
+    parser.add_argument("--ranges", type=int, default=RANGES, help="render so many of thousand-million's %(default)s")
+    options = parser.parse_args(arguments)
+    parts = PARTS | {"thousand-million": lambda: thousand_million(options.folder, options.ranges)}
+    for name in options.parts or PARTS:
+        if name not in parts:
+            parser.error(f"there is no part '{name}'")
+        text = parts[name]()
+        write(PAGE, name, text)
+        print(f"{name}\n\n{text}\n", flush=True)
+
+
+if __name__ == "__main__":
+    main()
