@@ -11,9 +11,8 @@ Time is processor time of all threads, preparation included: other work on the m
 take turns, seed by seed, and ratios are to the default with the same seed; the table shows medians over the seeds.
 
 Error is the root mean square of the error of the apparent temperature (K) of the radiance of all bands: "trimmed"
-without the worst 2 % of the pixels, and over all. It is taken against two independent long renders of the default with
-more photons a pass (less blur), as the mean product of the differences from both, so that their own noise is no part of
-it. They are kept in the folder --refs; delete them when the solver's results have changed.
+without the worst 2 % of the pixels, and over all. References are those of speed_vs_error.py, rendered by a peer; their
+own noise is no part of the error.
 """
 
 import argparse
@@ -22,7 +21,6 @@ import importlib
 import itertools
 import multiprocessing
 import os
-import pickle
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -34,14 +32,12 @@ from numba import njit
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
 from speed_scenes import SCENES  # noqa: E402
+from speed_vs_error import load_reference, user_cache  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
 from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
 
 WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
-REFERENCE = {"passes": 64, "photons_per_pass": 500_000}
-REFERENCE_SEEDS = (1_000_001, 1_000_002)
-KEPT = 0.98  # share of the pixels in the trimmed error
 
 
 @njit(nogil=True)
@@ -86,6 +82,7 @@ VARIANTS = {
     "lamps in mesh order": {"lamps.morton_ranks": lambda points: np.arange(len(points))},
     "photons alone": {"eye_paths.choose_splits": split_none},
     "36 rays everywhere": {"eye_paths.choose_splits": split_all},
+    "rays not shared": {"splitting._SHARING": 1e-12},
     "at most 64 rays": {"splitting._MOST": 8},
     "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
     "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
@@ -153,33 +150,13 @@ def start(variant, folder):
     return pool
 
 
-def load_reference(name, folder, threads):
-    """Two independent long renders (2, height, width), K, from the folder, rendered there first if need be."""
-    scene = SCENES[name]()
-    digest = hashlib.sha256(pickle.dumps((scene, REFERENCE, REFERENCE_SEEDS))).hexdigest()[:12]
-    path = folder / f"own-{name}-{digest}.npy"
-    if not path.exists():
-        print(f"{name}: rendering the reference", flush=True)
-        halves = [render(scene, Settings(seed=s, threads=threads, **REFERENCE)).temperature() for s in REFERENCE_SEEDS]
-        folder.mkdir(parents=True, exist_ok=True)
-        np.save(path, halves)
-    return np.load(path).astype(np.float64)
-
-
-def errors(image, halves):
-    """Error of an image, K: trimmed, and over all pixels."""
-    order = np.argsort(np.abs(image - halves.mean(axis=0)).ravel())
-    products = np.prod(image - halves, axis=0).ravel()[order]
-    return np.sqrt(np.maximum([products[: int(KEPT * products.size)].mean(), products.mean()], 0.0))
-
-
 def compare(name, pools, options):
     """Print the table of one scene."""
-    halves = load_reference(name, options.refs, options.threads)
+    reference = load_reference(name, SCENES[name](), options.cache, options.threads)
     results = {variant: [] for variant in pools}
     for seed, variant in itertools.product(range(options.seeds), pools):
         image, passes, each = pools[variant].submit(measure, variant, name, seed, options).result()
-        results[variant].append((*(errors(image, halves) if passes else (np.nan, np.nan)), passes, each))
+        results[variant].append((*(reference.own_errors(image) if passes else (np.nan, np.nan)), passes, each))
     table = {variant: np.array(rows) for variant, rows in results.items()}
     print(f"\n{name:24s}  trimmed         all pixels      passes  time of a pass", flush=True)
     for variant, rows in table.items():
@@ -192,10 +169,6 @@ def compare(name, pools, options):
         )
 
 
-def user_cache():
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "infrared_photons" / "benchmarks"
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
@@ -204,10 +177,10 @@ def main():
     parser.add_argument("--passes", type=int, default=0, help="equal passes instead of equal time")
     parser.add_argument("--seeds", type=int, default=3, help="renders of each variant and scene (%(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="(%(default)s)")
-    parser.add_argument("--refs", type=Path, default=user_cache(), help="folder of references, kernels (%(default)s)")
+    parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of references, kernels (%(default)s)")
     options = parser.parse_args()
     chosen = ["default", *(variant for variant in options.variant if variant != "default")]
-    pools = {variant: start(variant, options.refs.absolute()) for variant in chosen}
+    pools = {variant: start(variant, options.cache.absolute()) for variant in chosen}
     for name in options.scene:
         compare(name, pools, options)
 
