@@ -71,6 +71,17 @@ def test_cancelled_at_any_moment_the_film_is_that_of_the_finished_passes(seed):
         assert film.photons == 0
 
 
+def test_cancelled_at_every_moment_of_a_pass():
+    """One thread, so that the moments are the same in each render."""
+    settings, calls = dataclasses.replace(QUICK, passes=1, threads=1), itertools.count()
+    render(room(), settings, cancelled=lambda: next(calls) < 0)
+    asked = next(calls)
+    for moment in range(asked):
+        calls = itertools.count()
+        film = render(room(), settings, cancelled=lambda calls=calls, moment=moment: next(calls) >= moment)
+        assert film.passes == 0, f"asked for the {moment}th time of {asked}"
+
+
 # Beside others --------------------------------------------------------------------------------------------------------
 
 

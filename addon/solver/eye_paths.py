@@ -102,13 +102,14 @@ def render_pixels(
     eye_rays(eye, keys[0], points, pixels.ravel(), rays.origin, rays.direction, reach)
     start_paths(keys[1], pixels.ravel(), rays)
     image = np.zeros((pixels.size, bands), np.float32)  # and behind it, rows for what final gathers meet
+    seen = np.zeros(pixels.size, np.float32)
     finals = []
     bounce = 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
         gathers = meet(surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, image)
         if bounce == 0:
-            seen = image.sum(axis=1)
+            image.sum(axis=1, out=seen)
         split = 0
         if estimate.photons:
             found = len(gathers.ray)
