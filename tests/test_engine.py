@@ -259,7 +259,7 @@ def test_break_during_compilation_leaves_the_solver_behind(monkeypatch):
     wall(300.0)
     release = threading.Event()
 
-    def compiling(scene, settings, on_pass, cancelled):
+    def compiling(scene, settings, on_pass, cancelled, **_):
         release.wait(10.0)
         assert cancelled()
 
@@ -348,7 +348,7 @@ def test_a_later_render_works_after_an_error(tmp_path):
 def test_solver_failure_reaches_the_user(tmp_path, monkeypatch, caplog):
     wall(300.0)
 
-    def fail(*_args):
+    def fail(*_args, **_):
         raise ZeroDivisionError("by a mistake of ours")
 
     monkeypatch.setattr(final_render, "render", fail)
