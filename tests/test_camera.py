@@ -9,7 +9,7 @@ from scenes import look
 from scipy.stats import qmc
 
 from addon.solver import Camera, SceneError
-from addon.solver.camera import build_eye, eye_rays, sobol_points
+from addon.solver.camera import build_eye, eye_rays, reversed_sobol
 from addon.solver.rng import CAMERA, pass_key
 
 KEY = pass_key(0, 2**32 - 1, CAMERA)
@@ -36,7 +36,8 @@ def rays(camera, index=0, first=0, count=None, centre=ORIGIN, radius=np.inf):
     origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     reach = np.empty(count, np.float32)
     pixels = np.arange(first, first + count)
-    eye_rays(build_eye(camera, centre, radius), KEY, sobol_points(index, 1), pixels, origin, direction, reach)
+    once = np.ones(count, np.uint8)
+    eye_rays(build_eye(camera, centre, radius), KEY, index, once, pixels, origin, direction, reach)
     return origin, direction, reach
 
 
@@ -61,11 +62,16 @@ def corners(camera):
     return np.array([(x, y) for y in range(y0, y1) for x in range(x0, x1)], float)
 
 
-def lens_rays(eye, key, points):
-    """Origins (n, 3) of the first pixel's rays, one for each point of the sequence."""
-    origins, directions = np.empty((2, len(points), 3), np.float32)
-    eye_rays(eye, key, points, np.zeros(1, np.int64), origins, directions, np.empty(len(points), np.float32))
+def lens_rays(eye, key, count):
+    """Origins (count, 3) of the first pixel's rays in one pass."""
+    origins, directions = np.empty((2, count, 3), np.float32)
+    eye_rays(eye, key, 0, np.array([count]), np.zeros(1, np.int64), origins, directions, np.empty(count, np.float32))
     return origins
+
+
+def sobol(count, dimension):
+    """The first points' coordinates as fractions of 2^32."""
+    return np.array([int(f"{reversed_sobol(i, dimension):032b}"[::-1], 2) for i in range(count)], float)
 
 
 def test_sequence_is_sobols():
@@ -73,9 +79,9 @@ def test_sequence_is_sobols():
     count = 1024
     expected = qmc.Sobol(4, scramble=False, bits=32).random(count)
     index = np.arange(count)
-    points = sobol_points(0, count)[index ^ (index >> 1)] * 2.0**-32
-    np.testing.assert_array_equal(points, expected)
-    assert sobol_points(2**32 - 1, 2).dtype == np.uint32
+    for dimension in range(4):
+        points = sobol(count, dimension)[index ^ (index >> 1)] * 2.0**-32
+        np.testing.assert_array_equal(points, expected[:, dimension])
 
 
 @KINDS
@@ -211,8 +217,7 @@ def test_aperture_is_covered_evenly(blades, ratio):
     view = camera(
         "PERSPECTIVE", lens_radius=radius, focus_distance=2.0, blades=blades, blade_rotation=0.3, lens_ratio=ratio
     )
-    points = sobol_points(0, count)
-    lens = lens_rays(build_eye(view, ORIGIN, np.inf), KEY, points)[:, :2].astype(float) / radius * (ratio, 1.0)
+    lens = lens_rays(build_eye(view, ORIGIN, np.inf), KEY, count)[:, :2].astype(float) / radius * (ratio, 1.0)
     squares = np.sum(lens**2, axis=1)
     assert squares.max() <= 1 + 1e-6
     # second moment of a disk, or of the triangles (0, a, b) of a polygon: (|a|^2 + |b|^2 + a.b) / 6

@@ -215,7 +215,7 @@ def test_guide_finds_what_few_photons_find():
 
 
 def test_guide_depends_on_the_scene_alone():
-    """And on its gather disks: neither on the seed nor on the pass, so passes rendered elsewhere belong to the image."""
+    """Neither on the seed nor on the pass: passes rendered elsewhere belong to the same image."""
     guides = [
         solver.prepare(dark_room(), settings).emitters.guide
         for settings in (Settings(), Settings(seed=5, passes=3, pass_offset=9, threads=1))

@@ -11,9 +11,6 @@ from .rng import path_key, uniform
 from .sampling import triangle_point, turn
 from .scene import Camera, SceneError
 
-# Rays of a pixel in one pass. What they meet first costs a fraction of a gather and is all there is to see at
-# silhouettes; rays of a pixel that meet one surface share a gather.
-CAMERA_SAMPLES = 16
 _CLEAR_OF_SCENE = 1.01  # of the sphere around the scene, over its radius, so that rays start in front of all surfaces
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
@@ -34,18 +31,23 @@ def _direction_numbers() -> np.ndarray:
     return (numbers << np.arange(31, -1, -1, dtype=np.uint64)).astype(np.uint32)
 
 
-_DIRECTIONS = _direction_numbers()
+# Bits from last to first, as scrambling wants them; in this order the sequence reads its own index from the top.
+_DIRECTIONS = np.array([[int(f"{number:032b}"[::-1], 2) for number in row] for row in _direction_numbers()], np.uint32)
 
 
-def sobol_points(first: int, count: int) -> np.ndarray:
-    """Points first..first+count-1 of the Sobol' sequence, modulo its 2^32 points, (count, 4) uint32 fractions of 2^32:
-    pixel x, y, lens u, v.
+@njit(cache=True, nogil=True)
+def reversed_sobol(index, dimension):
+    """Coordinate of point `index` of the Sobol' sequence (uint32, modulo its 2^32 points) as a fraction of 2^32 with
+    its bits from last to first. dimension: 0 and 1 for the place in the pixel, 2 and 3 for that on the lens.
     """
-    index = (np.arange(count, dtype=np.uint64) + np.uint64(first % 2**32)).astype(np.uint32)
-    points = np.zeros((count, 4), np.uint32)
-    for bit in range(32):
-        points ^= np.where((index >> np.uint32(bit) & np.uint32(1))[:, None] > 0, _DIRECTIONS[:, bit], np.uint32(0))
-    return points
+    x = np.uint32(0)
+    bit = 0
+    while index > 0:
+        if index & 1:
+            x ^= _DIRECTIONS[dimension, bit]
+        index >>= 1
+        bit += 1
+    return x
 
 
 @njit(inline="always")
@@ -59,15 +61,14 @@ def _reverse(x):
 
 
 @njit(inline="always")
-def _scramble(reversed_points, sample, path, dimension):
+def _scrambled(index, path, dimension):
     """Coordinate of the sequence in [0, 1), scrambled for every path on its own as Owen's nested permutations do.
 
-    reversed_points: with their bits from last to first. A digit is flipped or not by a hash of the digits before it
-    (Burley 2020, "Practical hash-based Owen scrambling", listing 2): stratified as before, and unlike a digital shift
-    it also smooths edges along a pixel's diagonal.
+    A digit is flipped or not by a hash of the digits before it (Burley 2020, "Practical hash-based Owen scrambling",
+    listing 2): stratified as before, and unlike a digital shift it also smooths edges along a pixel's diagonal.
     """
     seed = np.uint32(uniform(path, dimension) * 4294967296.0)
-    x = reversed_points[sample, dimension]  # numba widens products, so each is cut to 32 bits again
+    x = reversed_sobol(index, dimension)  # numba widens products, so each is cut to 32 bits again
     x = np.uint32(x ^ (x * np.uint32(0x3D20ADEA)))
     x = np.uint32((x + seed) * ((seed >> np.uint32(16)) | np.uint32(1)))
     x = np.uint32(x ^ (x * np.uint32(0x05526C56)))
@@ -168,46 +169,62 @@ def _way_to_sphere(ox, oy, oz, dx, dy, dz, radius):
     return max(0.0, nearest - math.sqrt(max(0.0, radius * radius - (x * x + y * y + z * z)) / length2))
 
 
-@njit(cache=True, nogil=True)
-def eye_rays(eye, key, points, pixels, origin, direction, reach):
-    """Fill s rays for each of n pixels, those of a pixel one behind the other.
+def empty_eye_rays(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Room for count rays: origin, direction and reach, see eye_rays."""
+    return np.empty((count, 3), np.float32), np.empty((count, 3), np.float32), np.empty(count, np.float32)
 
-    key: of the camera stream of the seed (not of the pass: the passes share one sequence). points: (s, 4) uint32, of
-    sobol_points. pixels: (n,) int64, numbers in the window, row by row from the bottom.
-    origin, direction: (n s, 3) float32; the direction is not normalised. reach: (n s,) float32 in its units.
-    Origins far from the scene are moved to it in float64, as float32 would shift the view.
+
+@njit(cache=True, nogil=True)
+def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
+    """Fill the rays of pass `index`: samples (n,) of each of n pixels, those of a pixel one behind the other.
+
+    key: of the camera stream of the seed (not of the pass: the passes share one sequence). pixels: (n,) int64, numbers
+    in the window, row by row from the bottom.
+    origin, direction: (r, 3) float32, r the sum of samples; the direction is not normalised. reach: (r,) float32 in its
+    units.
     """
     columns = eye.window[2] - eye.window[0]
-    m = eye.matrix
-    turned = np.empty_like(points)
-    for sample in range(points.shape[0]):
-        for dimension in range(points.shape[1]):
-            turned[sample, dimension] = _reverse(points[sample, dimension])
-    for i in range(origin.shape[0]):
-        pixel, sample = pixels[i // points.shape[0]], i % points.shape[0]
-        x, y = eye.window[0] + pixel % columns, eye.window[1] + pixel // columns
+    row = 0
+    for i in range(pixels.size):
+        x, y = eye.window[0] + pixels[i] % columns, eye.window[1] + pixels[i] // columns
         path = path_key(key, y * eye.width + x)
-        s0, s1 = _scramble(turned, sample, path, 0), _scramble(turned, sample, path, 1)
-        fx = eye.frame[0] + (eye.frame[1] - eye.frame[0]) * ((x + s0) / eye.width)
-        fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * ((y + s1) / eye.height)
-        lx = ly = 0.0
-        if eye.lens_radius > 0.0:
-            lx, ly = _lens_point(eye, _scramble(turned, sample, path, 2), _scramble(turned, sample, path, 3))
-            lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
-        if eye.kind == 0:
-            ox, oy = lx, ly
-            dx, dy, dz = fx - lx / eye.focus_distance, fy - ly / eye.focus_distance, -1.0
-        elif eye.kind == 1:
-            ox, oy = fx + lx, fy + ly
-            dx, dy, dz = -lx / eye.focus_distance, -ly / eye.focus_distance, -1.0
-        else:
-            ox = oy = 0.0
-            dx, dy, dz = math.sin(fx) * math.cos(fy), math.sin(fy), -math.cos(fx) * math.cos(fy)
-        ox, oy, oz = ox + dx * eye.clip[0], oy + dy * eye.clip[0], dz * eye.clip[0]
-        ox, oy, oz = _turned(m, ox, oy, oz)
-        dx, dy, dz = _turned(m, dx, dy, dz)
-        ox, oy, oz = ox + m[0, 3], oy + m[1, 3], oz + m[2, 3]
-        way = _way_to_sphere(ox, oy, oz, dx, dy, dz, eye.radius)
-        origin[i, 0], origin[i, 1], origin[i, 2] = ox + way * dx, oy + way * dy, oz + way * dz
-        direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
-        reach[i] = max(0.0, eye.clip[1] - eye.clip[0] - way)
+        for sample in range(samples[i]):
+            n = (np.int64(index) * samples[i] + sample) & 0xFFFFFFFF
+            s, t = _scrambled(n, path, 0), _scrambled(n, path, 1)
+            u = v = 0.0
+            if eye.lens_radius > 0.0:
+                u, v = _scrambled(n, path, 2), _scrambled(n, path, 3)
+            _put_eye_ray(eye, x + s, y + t, u, v, origin, direction, reach, row)
+            row += 1
+
+
+@njit(inline="always")
+def _put_eye_ray(eye, x, y, u, v, origin, direction, reach, row):
+    """Fill one ray: through the frame at (x, y), in pixels from its lower left, and point (u, v) of the lens.
+
+    Origins far from the scene are moved to it in float64, as float32 would shift the view.
+    """
+    m = eye.matrix
+    fx = eye.frame[0] + (eye.frame[1] - eye.frame[0]) * (x / eye.width)
+    fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * (y / eye.height)
+    lx = ly = 0.0
+    if eye.lens_radius > 0.0:
+        lx, ly = _lens_point(eye, u, v)
+        lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
+    if eye.kind == 0:
+        ox, oy = lx, ly
+        dx, dy, dz = fx - lx / eye.focus_distance, fy - ly / eye.focus_distance, -1.0
+    elif eye.kind == 1:
+        ox, oy = fx + lx, fy + ly
+        dx, dy, dz = -lx / eye.focus_distance, -ly / eye.focus_distance, -1.0
+    else:
+        ox = oy = 0.0
+        dx, dy, dz = math.sin(fx) * math.cos(fy), math.sin(fy), -math.cos(fx) * math.cos(fy)
+    ox, oy, oz = ox + dx * eye.clip[0], oy + dy * eye.clip[0], dz * eye.clip[0]
+    ox, oy, oz = _turned(m, ox, oy, oz)
+    dx, dy, dz = _turned(m, dx, dy, dz)
+    ox, oy, oz = ox + m[0, 3], oy + m[1, 3], oz + m[2, 3]
+    way = _way_to_sphere(ox, oy, oz, dx, dy, dz, eye.radius)
+    origin[row, 0], origin[row, 1], origin[row, 2] = ox + way * dx, oy + way * dy, oz + way * dz
+    direction[row, 0], direction[row, 1], direction[row, 2] = dx, dy, dz
+    reach[row] = max(0.0, eye.clip[1] - eye.clip[0] - way)

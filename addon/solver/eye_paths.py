@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .camera import CAMERA_SAMPLES, eye_rays, sobol_points
+from .antialiasing import MOST
+from .camera import eye_rays
 from .final_gather import carried_by, choose_splits, largest_throughput, open_finals, share
 from .free_space import free_space, largest_disk
 from .irradiance_cache import recalled
@@ -27,7 +28,7 @@ _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
 _LEAST = 1.0 / 512.0  # the same of ends that recall
-_FULL = 0.25  # roulette starts where less than this is left of a path: below it a path matters little
+_FULL = 1.0 / 64.0  # of a pixel: roulette starts where a path carries less
 
 
 class Estimate(NamedTuple):
@@ -81,6 +82,7 @@ def render_pixels(
     lamps,
     lamp_points,
     eye,
+    samples,
     photon_map,
     cache,
     estimate,
@@ -91,16 +93,16 @@ def render_pixels(
 ):
     """Estimate the excess radiance of a tile of pixels in one pass.
 
-    keys: of the camera stream (of the seed, of this pass). index: of the pass. pixels: (h, w) int64, numbers in the
-    window. Returns image (h w, b) float32, W m-2 sr-1 per band, and seen (h w,) float32: the part of the radiance over
-    all bands that the surfaces send straight into the camera.
+    samples: (n,) uint8, rays of every pixel in a pass. keys: of the camera stream (of the seed, of this pass). index:
+    of the pass. pixels: (h, w) int64, numbers in the window. Returns image (h w, b) float32, W m-2 sr-1 per band, and
+    seen (h w,) float32: the part of the radiance over all bands that the surfaces send straight into the camera.
     """
-    count, bands = CAMERA_SAMPLES * pixels.size, radiometry.reference.size
+    samples, bands = samples[pixels.ravel()], radiometry.reference.size
+    count = int(samples.sum())
     rays = empty_rays(count, bands)
     reach = np.empty(count, np.float32)
-    points = sobol_points(CAMERA_SAMPLES * index, CAMERA_SAMPLES)
-    eye_rays(eye, keys[0], points, pixels.ravel(), rays.origin, rays.direction, reach)
-    start_paths(keys[1], pixels.ravel(), rays)
+    eye_rays(eye, keys[0], index, samples, pixels.ravel(), rays.origin, rays.direction, reach)
+    start_paths(keys[1], samples, pixels.ravel(), rays)
     image = np.zeros((pixels.size, bands), np.float32)  # and behind it, rows for what final gathers meet
     seen = np.zeros(pixels.size, np.float32)
     finals = []
@@ -141,13 +143,15 @@ def render_pixels(
 
 
 @njit(cache=True, nogil=True)
-def start_paths(key, pixels, rays):
+def start_paths(key, samples, pixels, rays):
     """Camera rays carry an even share of their pixel."""
-    for i in range(rays.pixel.size):
-        rays.pixel[i] = i // CAMERA_SAMPLES
-        rays.path[i] = path_key(key, CAMERA_SAMPLES * pixels[i // CAMERA_SAMPLES] + i % CAMERA_SAMPLES)
-        rays.gathered[i] = False
-        rays.throughput[i, :] = 1.0 / CAMERA_SAMPLES
+    row = 0
+    for i in range(pixels.size):
+        for sample in range(samples[i]):
+            rays.pixel[row], rays.gathered[row] = i, False
+            rays.path[row] = path_key(key, MOST * pixels[i] + sample)
+            rays.throughput[row, :] = np.float32(1.0) / samples[i]
+            row += 1
 
 
 class Gathers(NamedTuple):
@@ -458,7 +462,7 @@ def _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
             hit.dx, hit.dy, hit.dz, hit.nx, hit.ny, hit.nz, hit.cosine, alpha, s, w
         )  # fmt: skip
         scale *= weight
-    left = scale * CAMERA_SAMPLES * largest_throughput(rays.throughput[i], rho)
+    left = scale * largest_throughput(rays.throughput[i], rho)
     survival = min(MAX_SURVIVAL if bounce >= _SURE else 1.0, left / _FULL)
     if left <= 0.0 or uniform(path, _DIMENSIONS * bounce + 2) >= survival:
         return 0

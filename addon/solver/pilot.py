@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .camera import Eye, eye_rays, sobol_points
+from .camera import Eye, empty_eye_rays, eye_rays
 from .lamps import SKY_RAYS
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, mirror, triangle_point
@@ -78,9 +78,9 @@ def explore(
     reached = np.zeros(2 * len(sheet), np.bool_)  # by label
     count = _CAMERA_PATHS
     pixels = int((eye.window[2] - eye.window[0]) * (eye.window[3] - eye.window[1]))
-    origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
-    reach = np.empty(count, np.float32)
-    eye_rays(eye, key, sobol_points(0, 1), np.arange(count) * pixels // count, origin, direction, reach)
+    origin, direction, reach = empty_eye_rays(count)
+    once = np.ones(count, np.uint8)
+    eye_rays(eye, key, 0, once, np.arange(count) * pixels // count, origin, direction, reach)
     paths = _Paths(
         origin, direction, np.ones(count), np.full(count, -1), np.zeros(count, np.bool_),
         np.empty((count, 3)), np.zeros((count, 3)), np.empty(count, np.int32), np.empty(count),

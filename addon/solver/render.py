@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .antialiasing import choose_samples
 from .camera import Eye, build_eye
 from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
@@ -36,7 +37,7 @@ from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import choose_reference
-from .rng import CACHE, CAMERA, LAMPS, PHOTONS, TRIAL, pass_key, uniforms
+from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .settings import Settings
 from .splitting import Splitting, Trial, plan_splitting
@@ -68,6 +69,7 @@ class Model:
     lamps: Lamps
     optics: Optics
     eye: Eye
+    samples: np.ndarray  # rays of every pixel in a pass
     reach2: float
     splitting: Splitting | None  # None without photons
     reference_temperature: float
@@ -195,6 +197,9 @@ def prepare(scene: Scene, settings: Settings) -> Model:
             surfaces, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2, settings.neighbours,
             photons, (x1 - x0) * (y1 - y0),
         )  # fmt: skip
+    noise = (None, None) if splitting is None else (splitting.price, splitting.reflected)
+    samples = choose_samples(surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), *noise)
+    log.info("%.1f camera rays a pixel and pass", samples.mean())
     return Model(
         surfaces,
         tracer,
@@ -203,6 +208,7 @@ def prepare(scene: Scene, settings: Settings) -> Model:
         lamps,
         optics,
         eye,
+        samples,
         reach2,
         splitting,
         reference,
@@ -308,8 +314,8 @@ def render_pass(
     def gather(pixels: np.ndarray):
         if not cancelled():
             image[pixels.ravel()], seen[pixels.ravel()] = render_pixels(
-                m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, cache, estimate,
-                keys, index, pixels, cancelled,
+                m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, m.samples, photon_map, cache,
+                estimate, keys, index, pixels, cancelled,
             )  # fmt: skip
 
     for _ in pool.map(gather, tiles(m.eye.window)):

@@ -37,7 +37,7 @@ class Splitting(NamedTuple):
     density: m-2, photons of a pass expected. photon_noise: W2 sr-2 m-2, variance of the radiance (of all bands) that a
     perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
     the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk. gathers: m-2, final
-    gathers of a pass that would share rays.
+    gathers of a pass that would share rays. reflected: W sr-1 m-2, mean radiance that a perfect reflector reflects.
     price: W2 sr-2 m-4, variance that a ray should save.
     """
 
@@ -46,6 +46,7 @@ class Splitting(NamedTuple):
     ray_noise: np.ndarray
     span: np.ndarray
     gathers: np.ndarray
+    reflected: np.ndarray
     price: float
 
 
@@ -124,6 +125,7 @@ def plan_splitting(
     squares = trial.power**2 * (trial.photons / photons) / math.pi**2
     photon_noise = np.bincount(hit, squares * ~trial.caustic, labels) / size
     caustic_noise = np.bincount(hit, squares * trial.caustic, labels) / size
+    reflected = np.bincount(hit, trial.power, labels) / size / math.pi
     radiance = np.append(_radiance(surfaces, radiometry), surroundings.sum())
     radiance[:-1][shines.any(axis=1)] = 0.0
     met = radiance[pilot.met]
@@ -135,7 +137,7 @@ def plan_splitting(
     span = _means(places[some], spans, labels, math.pi * reach2, 1e-9)
     crowds = _crowds(places, pilot.place, pilot.facing, some.step, reach2) * (pilot.gathering * pixels)
     gathers = _means(places[some], crowds / (max(1, len(places)) * spans), labels, 0.0, 1e-9)
-    tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span, gathers))
+    tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span, gathers, reflected))
     splitting = Splitting(*tables, math.inf)
     # photons of caustics are gathered whatever is chosen
     disk = np.minimum(span, neighbours / np.maximum(density, 1e-30))

@@ -65,7 +65,8 @@ def by_area(count, sheet, area, matters):
 
 
 def camera_samples(count):
-    return {"camera.CAMERA_SAMPLES": count, "eye_paths.CAMERA_SAMPLES": count}
+    """Every pixel sends as many."""
+    return {"antialiasing.FEWEST": count, "antialiasing.MOST": count}
 
 
 _OPEN = {"pilot._OPEN": -1.0, "pilot._LEAST_OPEN": 0}
@@ -73,9 +74,10 @@ _OPEN = {"pilot._OPEN": -1.0, "pilot._LEAST_OPEN": 0}
 # and the scene).
 VARIANTS = {
     "default": {},
-    "1 camera ray": camera_samples(1),
     "4 camera rays": camera_samples(4),
-    "32 camera rays": camera_samples(32),
+    "16 camera rays": camera_samples(16),
+    "64 camera rays": camera_samples(64),
+    "16 to 64 camera rays": {"antialiasing.FEWEST": 16},
     "no lamps": {"lamps._TOGETHER": 1e9},
     "everything a lamp": {"lamps._MOST": 10**6, "lamps._COMPACT": 1e9, "lamps._MATTERS": 0.0, "lamps._TOGETHER": -1.0},
     "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},

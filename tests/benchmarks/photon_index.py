@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from throughput import room, seconds
 
 from addon.solver import Material, Settings  # throughput has put the project on the path
-from addon.solver.camera import eye_rays, sobol_points
+from addon.solver.camera import empty_eye_rays, eye_rays
 from addon.solver.photon_map import Photons, PhotonStore, build_photon_map, gather, neighbours_room
 from addon.solver.render import PHOTON_CHUNK, prepare
 from addon.solver.rng import CAMERA, PHOTONS, pass_key
@@ -93,9 +93,9 @@ def room_case(count):
         ):  # fmt: skip
             store.append(batch)
     pixels = WIDTH * HEIGHT
-    origin, direction = np.empty((2, pixels, 3), np.float32)
-    reach = np.empty(pixels, np.float32)
-    eye_rays(m.eye, pass_key(0, 0, CAMERA), sobol_points(0, 1), np.arange(pixels), origin, direction, reach)
+    origin, direction, reach = empty_eye_rays(pixels)
+    once = np.ones(pixels, np.uint8)
+    eye_rays(m.eye, pass_key(0, 0, CAMERA), 0, once, np.arange(pixels), origin, direction, reach)
     triangle, u, v = m.tracer.trace(origin, direction, reach)
     place, side = hit_points(m.surfaces, triangle, u, v, direction)
     return Case("room", store.photons, m.surfaces, m.reach2, triangle, side, place)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How many camera rays a pixel sends in a pass: more where what it sees differs within.
+
+A few rays of a sequence of their own look at every pixel before the first pass, so the mean does not depend on them.
+The error of an edge falls as n^-3/2 in variance, as only n^1/2 of n strata lie on it (Mitchell 1996); a further ray
+pays where it saves as much variance as one of a final gather does (see splitting).
+"""
+
+import numpy as np
+from numba import njit
+
+from .camera import Eye, empty_eye_rays, eye_rays
+from .radiometry import Radiometry, excess
+from .surfaces import Surfaces, Tracer, facing_side, temperature_at
+
+FEWEST, MOST = 4, 64  # rays of a pixel in a pass; powers of two, so that those of each pass are stratified
+_MEAN = 16.0  # that is aimed at where nothing but edges is noisy
+_LOOKS = 8  # rays that look at a pixel
+_AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
+_TOGETHER = 1 << 14  # pixels that are looked at together
+
+
+def choose_samples(
+    surfaces: Surfaces,
+    tracer: Tracer,
+    radiometry: Radiometry,
+    surroundings: np.ndarray,
+    eye: Eye,
+    key: int,
+    price: float | None,
+    reflected: np.ndarray | None,
+) -> np.ndarray:
+    """(pixels,) uint8 rays of every pixel of the window in a pass.
+
+    surroundings: (b,) float64, their excess radiance. key: of the rays that look. price, reflected: of Splitting, None
+    without photons.
+    """
+    x0, y0, x1, y1 = (int(edge) for edge in eye.window)
+    width, height = x1 - x0, y1 - y0
+    if reflected is None:
+        reflected = np.zeros(surfaces.sheet.size, np.float32)
+    variance = np.empty(width * height)
+    for first in range(0, len(variance), _TOGETHER):
+        pixels = np.arange(first, min(first + _TOGETHER, len(variance)))
+        rays = empty_eye_rays(_LOOKS * len(pixels))
+        eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint8), pixels, *rays)
+        seen = np.empty(len(rays[0]))
+        _see(surfaces, radiometry, surroundings.sum(), reflected, *tracer.trace(*rays), rays[1], seen)
+        variance[pixels] = seen.reshape(-1, _LOOKS).var(axis=1, ddof=1)
+    around = np.pad(variance.reshape(height, width), 1)
+    around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
+    variance = np.maximum(variance, _AROUND * around)
+    if price is None:
+        prices = max(variance.max(), 1e-30) * np.geomspace(1e-9, 1.0, 30)
+        price = next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1])
+    return _samples(variance, price)
+
+
+def _samples(variance: np.ndarray, price: float) -> np.ndarray:
+    """Rays n at which a further one saves what it costs: d(variance n^-3/2)/dn = -price, rounded to powers of two."""
+    best = (1.5 * variance / max(price, 1e-300)) ** 0.4
+    return (2 ** np.rint(np.log2(np.clip(best, FEWEST, MOST)))).astype(np.uint8)
+
+
+@njit(cache=True, nogil=True)
+def _see(surfaces, radiometry, surroundings, reflected, triangle, u, v, direction, seen):
+    """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see, its reflected part as the sheet's mean.
+
+    What mirrors show counts for nothing.
+    """
+    emitted = np.empty(radiometry.reference.size)
+    known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
+    for i in range(triangle.size):
+        t = triangle[i]
+        if t < 0:
+            seen[i] = surroundings
+            continue
+        material, kelvin = surfaces.material[t], temperature_at(surfaces.temperature, t, u[i], v[i])
+        if material != known or kelvin != known_kelvin:
+            excess(radiometry, material, kelvin, 1.0, emitted)
+            known, known_kelvin = material, kelvin
+        diffuse = (1.0 - radiometry.specular[material]) * radiometry.reflectance[material].mean()
+        seen[i] = emitted.sum() + diffuse * reflected[surfaces.sheet[t, facing_side(surfaces, t, direction, i)]]
