@@ -15,6 +15,17 @@ sys.path.insert(0, str(ROOT))
 HAS_BLENDER = importlib.util.find_spec("bpy") is not None
 
 
+def pytest_addoption(parser):
+    parser.addoption("--long", action="store_true", help="run the long tests, too (some ten minutes more)")
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--long"):
+        long = [item for item in items if item.get_closest_marker("long")]
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in long]
+
+
 @pytest.fixture(autouse=True)
 def reset_blender():
     """Every test starts from an empty file with the add-on registered, wherever there is a Blender."""

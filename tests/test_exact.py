@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes with an exact solution (exact_cases.py), rendered through the camera, and the formulas of the truths.
 
-The mean of the image must lie within 3 standard errors (from the spread of the passes) of the truth, and within 0.3 %,
-after PASSES passes. docs/accuracy.md has longer renders of more cases.
+The mean of the image must lie within CHANCE standard errors (from the spread of the passes) of the truth, and within
+0.3 %, after PASSES passes. docs/accuracy.md has longer renders of more cases, and of them against 3 standard errors.
 """
 
 import math
@@ -13,9 +13,11 @@ from exact_cases import (
     ALL,
     CASES,
     NARROW,
+    OFF,
     PHOTONS,
     SIGMA,
     WINDOWS,
+    WRONG,
     blackbody,
     concentric,
     corner_factor,
@@ -39,17 +41,26 @@ from scenes import pass_means, quad
 from addon.solver import Settings, render
 
 PASSES = 64
-SHORT = [case for case in CASES if case.short]
+CHANCE = 4.0  # of some 60 means, one strays further than 3 standard errors in every sixth suite, than 4 in every 260th
+SHORT = [
+    pytest.param(
+        case,
+        id=f"{case.build.__name__}-{case.name}",
+        marks=[pytest.mark.long] if case.settings in (OFF, WRONG) else [],
+    )
+    for case in CASES
+    if case.short
+]
 
 
-@pytest.mark.parametrize("case", SHORT, ids=lambda case: f"{case.build.__name__}-{case.name}")
+@pytest.mark.parametrize("case", SHORT)
 def test_exact_case(case):
     scene, truth = case.build(**case.arguments)
     passes = pass_means(scene, case.render_settings(passes=PASSES))
     deviation = passes.mean(axis=0) / truth - 1.0
     error = passes.std(axis=0, ddof=1) / math.sqrt(PASSES) / truth
     print("; ".join(f"deviation {d:+.5%}, standard error {e:.5%}" for d, e in zip(deviation, error, strict=True)))
-    assert np.all(np.abs(deviation) <= np.maximum(3 * error, case.tolerance))
+    assert np.all(np.abs(deviation) <= np.maximum(CHANCE * error, case.tolerance))
     assert np.all(np.abs(deviation) < 0.003)
 
 

@@ -101,7 +101,7 @@ def test_noise_is_the_spread_over_independent_renders(scene):
     assert np.percentile(ratio, 99) < 2.0  # nowhere is the error much larger than said
 
 
-@pytest.mark.parametrize("passes", [2, 5, 16, 32])
+@pytest.mark.parametrize("passes", [2, 5, *(pytest.param(count, marks=pytest.mark.long) for count in (16, 32))])
 def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
     """What is seen directly errs as n^-3/2 in the square for n passes, if n is a power of two: else the last points of
     the sequence are not spread as evenly, up to 14 % of the error for the best of sequences.
@@ -117,7 +117,7 @@ def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
     "scene, target",
     [
         (room, 0.1),
-        (silhouettes, 1.5),
+        pytest.param(silhouettes, 1.5, marks=pytest.mark.long),
     ],
 )
 def test_target_noise_is_reached(scene, target):

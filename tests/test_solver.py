@@ -131,6 +131,7 @@ def test_choices_of_the_estimator_do_not_change_the_mean(change):
     assert np.hypot(error, other_error) < 0.01 * mean  # else the comparison would say little
 
 
+@pytest.mark.long
 def test_many_small_maps_equal_one_big_map(monkeypatch):
     """Section 4.3 of Boudet et al.: m maps of N photons with n neighbours against one of m N with m n.
 
