@@ -13,7 +13,7 @@ from addon.solver.irradiance_cache import build_irradiance_cache, cache_points, 
 from addon.solver.photon_map import neighbours_room
 from addon.solver.splitting import Splitting
 
-NO_RAYS = Splitting(*np.zeros((5, 1), np.float32), math.inf)
+NO_RAYS = Splitting(*np.zeros((6, 1), np.float32), math.inf)
 
 
 def choices(neighbours, reach2, shrink2):

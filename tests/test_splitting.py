@@ -27,7 +27,7 @@ def test_the_cheapest_is_chosen(photon_noise, ray_noise, price, carried, free2, 
     """Variance and its price in time together, over photons and every number of rays. The number that is best is
     rounded to a square: by half a step of the side, of 4 or more, which costs (x + 1 / x) / 2 - 1 < 3.2 %, x = (7/8)^2.
     """
-    tables = [np.full(1, value, np.float32) for value in (1e4, photon_noise, ray_noise, 1e9, gathers)]
+    tables = [np.full(1, value, np.float32) for value in (1e4, photon_noise, ray_noise, 1e9, gathers, 0.0)]
     splitting = Splitting(*tables, price)
     side, variance = rays_beside(splitting, 0, carried, free2, 50, shrink2)
     area = min(math.pi * free2, 50 / 1e4) * shrink2

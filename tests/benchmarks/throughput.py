@@ -122,8 +122,8 @@ def main():
             def camera(pixels, photon_map=photon_map, cache=cache, estimate=estimate):
                 m = model
                 render_pixels(
-                    m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, photon_map, cache,
-                    estimate, camera_keys, 0, pixels, lambda: False,
+                    m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, m.samples, photon_map,
+                    cache, estimate, camera_keys, 0, pixels, lambda: False,
                 )  # fmt: skip
 
             pixels = tiles(model.eye.window)
