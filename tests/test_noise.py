@@ -80,18 +80,19 @@ def below_a_hole():
     return assemble(parts, [Material("metal", 0.4)], camera, world_temperature=150.0)
 
 
-def spread_and_noise(scene, **settings):
-    """Standard deviation of the temperature over RENDERS renders and root mean square of their noise, (h, w), K."""
-    films = [render(scene, Settings(seed=1 + seed, **settings)) for seed in range(RENDERS)]
+def spread_and_noise(scene, renders=RENDERS, **settings):
+    """Standard deviation of the temperature over so many renders and root mean square of their noise, (h, w), K."""
+    films = [render(scene, Settings(seed=1 + seed, **settings)) for seed in range(renders)]
     spread = np.std([film.temperature() for film in films], axis=0, ddof=1, dtype=float)
     noise = np.sqrt(np.mean([film.noise() ** 2 for film in films], axis=0, dtype=float))
     return spread, noise
 
 
+@pytest.mark.parametrize("renders", [RENDERS, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("scene", [room, silhouettes, lamps_and_mirrors, below_a_hole])
-def test_noise_is_the_spread_over_independent_renders(scene):
+def test_noise_is_the_spread_over_independent_renders(scene, renders):
     """True over predicted, in the mean over the image, within 10 %."""
-    spread, noise = spread_and_noise(scene(), passes=8, photons_per_pass=10_000)
+    spread, noise = spread_and_noise(scene(), renders, passes=8, photons_per_pass=10_000)
     noisy = noise > 1e-4  # K; elsewhere what is seen is known: the sky, an edge that no ray meets
     assert np.all(spread[~noisy] < 1e-3)
     ratio = spread[noisy] / noise[noisy]
