@@ -6,6 +6,9 @@ The error of an edge falls as n^-3/2 in variance, as only n^1/2 of n strata lie 
 pays where it saves as much variance as one of a final gather does (see splitting).
 """
 
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from numba import njit
 
@@ -13,11 +16,11 @@ from .camera import Eye, empty_eye_rays, eye_rays
 from .radiometry import Radiometry, excess
 from .surfaces import Surfaces, Tracer, facing_side, temperature_at
 
-FEWEST, MOST = 4, 64  # rays of a pixel in a pass; powers of two, so that those of each pass are stratified
-_MEAN = 16.0  # that is aimed at where nothing but edges is noisy
+FEWEST, MOST = 4, 128  # rays of a pixel in a pass; powers of two, so that those of each pass are stratified
+_MEAN = 32.0  # of a pixel at most, where little but edges is noisy
 _LOOKS = 8  # rays that look at a pixel
 _AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
-_TOGETHER = 1 << 14  # pixels that are looked at together
+_TOGETHER = 1 << 11  # pixels that are looked at together
 
 
 def choose_samples(
@@ -27,33 +30,37 @@ def choose_samples(
     surroundings: np.ndarray,
     eye: Eye,
     key: int,
-    price: float | None,
+    price: float,
     reflected: np.ndarray | None,
+    threads: int,
 ) -> np.ndarray:
     """(pixels,) uint8 rays of every pixel of the window in a pass.
 
-    surroundings: (b,) float64, their excess radiance. key: of the rays that look. price, reflected: of Splitting, None
-    without photons.
+    surroundings: (b,) float64, their excess radiance. key: of the rays that look. price, reflected: of Splitting; 0 and
+    None without photons.
     """
     x0, y0, x1, y1 = (int(edge) for edge in eye.window)
     width, height = x1 - x0, y1 - y0
     if reflected is None:
         reflected = np.zeros(surfaces.sheet.size, np.float32)
     variance = np.empty(width * height)
-    for first in range(0, len(variance), _TOGETHER):
+
+    def look(first: int) -> None:
         pixels = np.arange(first, min(first + _TOGETHER, len(variance)))
         rays = empty_eye_rays(_LOOKS * len(pixels))
         eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint8), pixels, *rays)
         seen = np.empty(len(rays[0]))
         _see(surfaces, radiometry, surroundings.sum(), reflected, *tracer.trace(*rays), rays[1], seen)
         variance[pixels] = seen.reshape(-1, _LOOKS).var(axis=1, ddof=1)
+
+    with ThreadPoolExecutor(threads) as pool:
+        deque(pool.map(look, range(0, len(variance), _TOGETHER)), 0)
     around = np.pad(variance.reshape(height, width), 1)
     around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
     variance = np.maximum(variance, _AROUND * around)
-    if price is None:
-        prices = max(variance.max(), 1e-30) * np.geomspace(1e-9, 1.0, 30)
-        price = next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1])
-    return _samples(variance, price)
+    prices = max(variance.max(), 1e-30) * np.geomspace(1e-9, 1.0, 30)
+    least = next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1])
+    return _samples(variance, max(price, least))
 
 
 def _samples(variance: np.ndarray, price: float) -> np.ndarray:

@@ -41,7 +41,7 @@ from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .settings import Settings
 from .splitting import Splitting, Trial, plan_splitting
-from .surfaces import Surfaces, Tracer, areas, build_surfaces, scene_radius
+from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius
 from .transport import Optics, trace_photons
 
 log = logging.getLogger(__name__)
@@ -84,6 +84,7 @@ def render(
     cancelled: Callable[[], bool] = lambda: False,
     film: Film | None = None,
     image_copies: int = 0,
+    geometry: Geometry | None = None,
 ) -> Film:
     """Render a scene until a stop condition of the settings holds.
 
@@ -92,12 +93,12 @@ def render(
     film: of the first passes of this render, to which the others are added: the result is that of a render without a
     break. Only the time limit does not count what it took.
     image_copies: float32 copies of all images that the caller holds, which need memory too.
+    geometry: of an earlier scene, kept if its vertices and triangles are the same; the image is the same either way.
     Raises SceneError if the scene cannot be rendered or needs more memory than there is, ValueError if the film is not
     of this render.
     """
-    threads = settings.threads or os.cpu_count() or 1
     check_memory(memory_beforehand(scene, image_copies))
-    model = prepare(scene, settings)
+    model = prepare(scene, settings, geometry)
     check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon))
     x0, y0, x1, y1 = scene.camera.pixels
     empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
@@ -108,7 +109,7 @@ def render(
     seen = np.empty(len(image), np.float32)
     store = PhotonStore(scene.band_count, model.optics.keep_incoming, model.optics.keep_caustic)
     started = time.monotonic()
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(_threads(settings)) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
             if not render_pass(
                 model, settings, settings.pass_offset + film.passes, store, image, seen, pool, cancelled
@@ -119,6 +120,10 @@ def render(
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
     return film
+
+
+def _threads(settings: Settings) -> int:
+    return settings.threads or os.cpu_count() or 1
 
 
 def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
@@ -140,9 +145,12 @@ def _is_checked(passes: int) -> bool:
     return check == passes
 
 
-def prepare(scene: Scene, settings: Settings) -> Model:
-    """Build what the passes need, and only what this scene needs; the log says what that is."""
-    surfaces, tracer, centre = build_surfaces(scene)
+def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) -> Model:
+    """Build what the passes need, and only what this scene needs; the log says what that is.
+
+    geometry: of an earlier scene, kept if its vertices and triangles are the same.
+    """
+    surfaces, tracer, centre = build_surfaces(scene, geometry)
     eye = build_eye(scene.camera, centre, scene_radius(surfaces))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     specular = np.array([material.specular for material in scene.materials])
@@ -197,8 +205,10 @@ def prepare(scene: Scene, settings: Settings) -> Model:
             surfaces, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2, settings.neighbours,
             photons, (x1 - x0) * (y1 - y0),
         )  # fmt: skip
-    noise = (None, None) if splitting is None else (splitting.price, splitting.reflected)
-    samples = choose_samples(surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), *noise)
+    noise = (0.0, None) if splitting is None else (splitting.price, splitting.reflected)
+    samples = choose_samples(
+        surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), *noise, _threads(settings)
+    )
     log.info("%.1f camera rays a pixel and pass", samples.mean())
     return Model(
         surfaces,
