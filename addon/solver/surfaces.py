@@ -66,11 +66,34 @@ class Tracer:
         return hits["primID"], hits["u"], hits["v"]
 
 
-def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
-    """Surfaces, Tracer and the centre (3,) float64 that was subtracted, so that float32 resolves small detail.
+class Geometry(NamedTuple):
+    """What the triangles of a scene alone say, whatever their materials and temperatures.
+
+    vertices, triangles: those of the Scene. kept: (m,) indices of the triangles that count.
+    centre: (3,) float64, m, subtracted from the vertices, so that float32 resolves small detail.
+    tracer: see Tracer. The others: see Surfaces.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    kept: np.ndarray
+    centre: np.ndarray
+    tracer: Tracer
+    corners: np.ndarray
+    neighbours: np.ndarray
+    sheet: np.ndarray
+    mesh: PointTree
+    leaf_triangle: np.ndarray
+    plane: np.ndarray
+
+
+def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
+    """The geometry of a scene; that of an earlier scene itself, if all vertices and triangles are the same.
 
     Of triangles with the same corners only the first counts: a surface that is there twice does not emit twice.
     """
+    if earlier and all(np.array_equal(getattr(earlier, name), getattr(scene, name)) for name in Geometry._fields[:2]):
+        return earlier
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     centre = 0.5 * (low.astype(np.float64) + high)
     vertices = (scene.vertices - centre).astype(np.float32)
@@ -86,17 +109,36 @@ def build_surfaces(scene: Scene) -> tuple[Surfaces, Tracer, np.ndarray]:
     _fill_leaves(corners, sheet, ranks, leaves)
     leaf_triangle = np.empty(len(ranks), np.int32)
     leaf_triangle[ranks] = np.arange(len(ranks), dtype=np.int32)
-    surfaces = Surfaces(
+    return Geometry(
+        vertices=scene.vertices,
+        triangles=scene.triangles,
+        kept=kept,
+        centre=centre,
+        tracer=Tracer(vertices, triangles),
         corners=corners,
-        material=np.ascontiguousarray(scene.material[kept], dtype=np.int32),
-        temperature=np.ascontiguousarray(scene.temperature[kept].reshape(len(kept), -1), dtype=np.float32),
         neighbours=neighbours,
         sheet=sheet,
         mesh=build_tree(leaves, _LONGEST),
         leaf_triangle=leaf_triangle,
         plane=_planes(corners),
     )
-    return surfaces, Tracer(vertices, triangles), centre
+
+
+def build_surfaces(scene: Scene, geometry: Geometry | None = None) -> tuple[Surfaces, Tracer, np.ndarray]:
+    """Surfaces, Tracer and the centre (3,) float64 that was subtracted. geometry: of an earlier scene, see above."""
+    geometry = build_geometry(scene, geometry)
+    kept = geometry.kept
+    surfaces = Surfaces(
+        corners=geometry.corners,
+        material=np.ascontiguousarray(scene.material[kept], dtype=np.int32),
+        temperature=np.ascontiguousarray(scene.temperature[kept].reshape(len(kept), -1), dtype=np.float32),
+        neighbours=geometry.neighbours,
+        sheet=geometry.sheet,
+        mesh=geometry.mesh,
+        leaf_triangle=geometry.leaf_triangle,
+        plane=geometry.plane,
+    )
+    return surfaces, geometry.tracer, geometry.centre
 
 
 @njit(cache=True, nogil=True)
