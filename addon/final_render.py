@@ -10,13 +10,16 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Color
 
-from .output.palette import thermal
+from .heat_settings import read_scale
+from .output.temperature_scale import TemperatureScale
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
@@ -31,7 +34,24 @@ LIVE_SHARE = 0.1  # most of the time that updates may take
 IMAGE_COPIES = 5  # of all passes that are held at once: a live one, the last one, Blender's own and some on their way
 LAYER_COPIES = 2  # of all passes that a finished view layer keeps: Blender's, and one for the export
 
+
+@dataclass(frozen=True)
+class FinishedFrame:
+    """How the images of a finished view layer lie in Blender's render result, and what the colours there mean."""
+
+    scene: str  # its name
+    slot: int  # of the render result, from 0
+    size: tuple[int, int]  # width and height of the render result, pixels
+    origin: tuple[int, int]  # pixel of the render result that the lower left pixel of the images is
+    composited: bool  # the first layer of the render result is the compositor's
+    scale: TemperatureScale  # of Combined
+
+
+DEFAULT_SCALE = TemperatureScale()
+REC709 = np.eye(3, dtype=np.float32)
+
 finished_layers: dict[str, dict] = {}  # view layer -> arguments of write_band_exr, of the last finished render
+finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
 
 
 def render_passes(band_edges):
@@ -44,20 +64,31 @@ def render_passes(band_edges):
         yield name, 1, "V", "VALUE"
 
 
-def film_images(film) -> dict[str, np.ndarray]:
-    """The image of every pass by its name, (height, width[, channels]) float32."""
+def film_images(film, paint: Callable) -> dict[str, np.ndarray]:
+    """The image of every pass by its name, (height, width[, channels]) float32. paint: `thermal_picture` or alike."""
     with ThreadPoolExecutor(2) as pool:  # Esc must not wait for large images
         noise, bands = pool.submit(film.noise), pool.submit(film.bands)
         temperature = film.temperature()
-        images = {"Combined": thermal_picture(temperature), "Radiance": film.radiance(), "Temperature": temperature}
+        images = {"Combined": paint(temperature), "Radiance": film.radiance(), "Temperature": temperature}
         return {**images, **dict(zip(film.band_names, bands.result(), strict=True)), "Noise": noise.result()}
 
 
-def thermal_picture(temperature: np.ndarray) -> np.ndarray:
-    """Temperatures (height, width), K, in a thermal palette, (height, width, 4) float32, linear RGB and alpha 1."""
+def thermal_picture(
+    temperature: np.ndarray, scale: TemperatureScale = DEFAULT_SCALE, primaries: np.ndarray = REC709
+) -> np.ndarray:
+    """Temperatures (height, width), K, in the colours of a scale: (height, width, 4) float32, alpha 1.
+
+    The colours are linear. primaries: (3, 3), each row a primary of Rec.709 in the space that they are wanted in.
+    """
     picture = np.ones((*temperature.shape, 4), dtype=np.float32)
-    picture[..., :3] = thermal(temperature)
+    picture[..., :3] = scale.colours(temperature) @ primaries
     return picture
+
+
+def working_primaries() -> np.ndarray:
+    """(3, 3) float32: the primaries of Rec.709 in the working space of the open file. On Blender's thread only."""
+    primaries = [Color(primary).from_rec709_linear_to_scene_linear() for primary in np.eye(3)]
+    return np.round(primaries, 4).astype(np.float32)  # Blender rounds alike: Rec.709 in Rec.709 is not quite itself
 
 
 def register_passes(engine, scene, view_layer) -> None:
@@ -81,6 +112,7 @@ def render_view_layer(engine, depsgraph) -> None:
     layers = [each.name for each in scene.view_layers if each.use]
     if layer in layers[:1] or layer not in layers:  # the first of this render, or a single one
         finished_layers.clear()
+        finished_frames.clear()
     settings = read_settings(scene.infrared)
     passes = tuple(render_passes(read_band_edges(scene.infrared)))
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
@@ -95,7 +127,9 @@ def render_view_layer(engine, depsgraph) -> None:
     for name, channels, channel_ids, _kind in passes[1:]:  # Combined is there already
         engine.add_pass(name, channels, channel_ids, layer=layer)
     copies = IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)
-    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies))
+    scale, slot = read_scale(scene.infrared), render_slot()
+    paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
+    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint)
     x0, y0, x1, y1 = solver_scene.camera.pixels
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
     try:
@@ -109,6 +143,7 @@ def render_view_layer(engine, depsgraph) -> None:
     log.info("%s: %s", layer, job.status())
     if images and not job.cancelled:
         finished_layers[layer] = exr_arguments(job, images)
+        finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale.fitted(images["Temperature"]))
         if scene.infrared.band_exr_path:
             path = band_exr_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
             write_layer(path, layer)
@@ -159,10 +194,10 @@ def _watch(engine, job: RenderJob, result) -> None:
 class RenderJob(threading.Thread):
     """The solver in a background thread. It touches no Blender data; images are handed over on request."""
 
-    def __init__(self, scene, settings, solve: Callable):
-        """solve: `render`, or what takes the same arguments."""
+    def __init__(self, scene, settings, solve: Callable, paint: Callable = thermal_picture):
+        """solve, paint: `render` and `thermal_picture`, or what takes the same arguments."""
         super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
-        self.scene, self.settings, self.film, self._solve = scene, settings, None, solve
+        self.scene, self.settings, self.film, self._solve, self._paint = scene, settings, None, solve, paint
         self.snapshot_seconds = 0.0
         self._cancel, self._request = threading.Event(), threading.Event()
         self._images = self._latest = self._error = self._noise = None
@@ -185,7 +220,7 @@ class RenderJob(threading.Thread):
         begin = time.monotonic()
         with film.lock:
             if self._latest is None or self._latest[0] != film.passes:  # only once for a pass
-                self._latest = film.passes, film_images(film)
+                self._latest = film.passes, film_images(film, self._paint)
         passes, images = self._latest
         self._noise = float(np.percentile(images["Noise"], 95)) if passes > 1 else None
         self.snapshot_seconds = time.monotonic() - begin
@@ -236,6 +271,21 @@ class RenderJob(threading.Thread):
         memory = process_memory()
         peak = f" | Peak {memory:.0f} MB" if memory else ""
         return f"Pass {self._passes}{total} | {self._photons:,} photons{noise}{peak}"
+
+
+def render_slot() -> int:
+    """The slot of the render result that a render started now goes to, from 0."""
+    image = next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
+    return image.render_slots.active_index if image else 0
+
+
+def finished_frame(scene, slot: int, camera, scale: TemperatureScale) -> FinishedFrame:
+    """The FinishedFrame of a solver's camera in the render result of a Blender scene."""
+    x0, y0, x1, y1 = camera.pixels
+    cropped = scene.render.use_border and scene.render.use_crop_to_border
+    size, origin = ((x1 - x0, y1 - y0), (0, 0)) if cropped else ((camera.width, camera.height), (x0, y0))
+    nodes = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.use_nodes  # Blender 5
+    return FinishedFrame(scene.name, slot, size, origin, scene.render.use_compositing and bool(nodes), scale)
 
 
 def write_images(result, images: dict[str, np.ndarray]) -> None:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from .heat_settings import HeatDisplaySettings, InfraredSpot
+
 ROOM_TEMPERATURE = 293.15  # K
 
 # Custom property -> what Blender's interface shows of it. The limits are soft for the reason above.
@@ -68,7 +70,7 @@ def add_custom_property(id_block, key: str, value: float) -> None:
     id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
-class InfraredSettings(bpy.types.PropertyGroup):
+class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     """Settings of the Infrared Photons engine, one set in every scene."""
 
     passes: IntProperty(
@@ -233,6 +235,7 @@ class InfraredSettings(bpy.types.PropertyGroup):
 
 
 def register():
+    bpy.utils.register_class(InfraredSpot)
     bpy.utils.register_class(InfraredSettings)
     bpy.types.Scene.infrared = PointerProperty(type=InfraredSettings, name="Infrared Photons")
 
@@ -240,3 +243,4 @@ def register():
 def unregister():
     del bpy.types.Scene.infrared
     bpy.utils.unregister_class(InfraredSettings)
+    bpy.utils.unregister_class(InfraredSpot)

@@ -54,7 +54,7 @@ def describe(scene):
     infrared = scene.infrared
     settings = [name for name in infrared.bl_rna.properties.keys() if name not in ("rna_type", "name")]  # noqa: SIM118
     result = {
-        "settings": {name: getattr(infrared, name) for name in settings},
+        "settings": {name: plain(getattr(infrared, name)) for name in settings},
         "render": (scene.render.engine, scene.render.resolution_x, scene.render.resolution_y, scene.camera.name),
         "world": custom_properties(scene.world),
     }
@@ -70,6 +70,11 @@ def describe(scene):
             entry["camera"] = (obj.data.lens, obj.data.sensor_width, obj.data.clip_start, obj.data.clip_end)
         result[obj.name] = entry
     return result
+
+
+def plain(value):
+    """A setting's value that outlives its file: vectors and collections are lists."""
+    return list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
 def custom_properties(block):

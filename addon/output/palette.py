@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A thermal palette: black, indigo, magenta, red, orange, yellow, white, as thermal cameras paint iron.
+"""Thermal palettes: which colour stands for which share of a range.
 
-The palette is laid out in CIE L*a*b* with a lightness L* that grows linearly from 0 to 100, so equal steps of the value
-look equally large, and a print in grey keeps their order.
+Iron, White Hot and Black Hot are laid out in CIE L*a*b* with a lightness L* that changes linearly, so equal steps of
+the value look equally bright, and a print in grey keeps their order. Viridis and Inferno go through the colours that
+S. van der Walt and N. Smith made for matplotlib (2015, CC0) at equal steps of the distance in CIE L*a*b* (CIE 1976), so
+that equal steps of the value look equally large. Rainbow follows the hues and promises nothing: bands of one hue hide
+small differences, and yellow is brighter than the red above it.
 """
 
 from __future__ import annotations
@@ -10,8 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 _SIZE = 1024  # colours in the table: four times what 8 bits of lightness can show
-# Lightness L*, chroma and hue (degrees) in CIE L*a*b*; chroma stays inside the gamut of Rec.709 at that lightness.
-_POINTS = np.array(
+# Iron: black, indigo, magenta, red, orange, yellow, white. Lightness L*, chroma and hue (degrees) in CIE L*a*b*; chroma
+# stays inside the gamut of Rec.709 at that lightness.
+_IRON = np.array(
     [
         (0.0, 0.0, 290.0),
         (8.0, 30.0, 292.0),
@@ -25,6 +29,10 @@ _POINTS = np.array(
         (100.0, 0.0, 465.0),
     ]
 )
+# 8-bit sRGB
+_VIRIDIS = "440154 482878 3e4a89 31688e 26828e 1f9e89 35b779 6dcd59 b4de2c fde725"
+_INFERNO = "000004 1b0c42 4b0c6b 781c6d a52c60 cf4446 ed6925 fb9a06 f7d03c fcffa4"
+_RAINBOW = "000080 0000ff 00ffff 00ff00 ffff00 ff0000 800000"
 _WHITE = np.array([0.95047, 1.0, 1.08883])  # XYZ of D65, the white of Rec.709
 _XYZ_TO_LINEAR = np.array(  # IEC 61966-2-1
     [
@@ -43,16 +51,66 @@ def _lab_to_linear(lightness: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.nd
     return xyz @ _XYZ_TO_LINEAR.T
 
 
-def _table() -> np.ndarray:
-    """(_SIZE, 3) float32 linear Rec.709 colours, from the lowest value to the highest."""
-    lightness = np.linspace(0.0, 100.0, _SIZE)
-    chroma = np.interp(lightness, _POINTS[:, 0], _POINTS[:, 1])
-    hue = np.radians(np.interp(lightness, _POINTS[:, 0], _POINTS[:, 2]))
-    linear = _lab_to_linear(lightness, chroma * np.cos(hue), chroma * np.sin(hue))
+def _linear_to_lab(linear: np.ndarray) -> np.ndarray:
+    """(n, 3) CIE L*a*b* of linear Rec.709 colours, the inverse of `_lab_to_linear`."""
+    ratio = linear @ np.linalg.inv(_XYZ_TO_LINEAR).T / _WHITE
+    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.stack((116.0 * f[:, 1] - 16.0, 500.0 * (f[:, 0] - f[:, 1]), 200.0 * (f[:, 1] - f[:, 2])), axis=-1)
+
+
+def _table(linear: np.ndarray) -> np.ndarray:
+    """Colours (_SIZE, 3), from the lowest value to the highest, as a table: float32 in 0..1."""
     return np.clip(linear, 0.0, 1.0).astype(np.float32)
 
 
-_COLOURS = _table()
+def _iron() -> np.ndarray:
+    lightness = np.linspace(0.0, 100.0, _SIZE)
+    chroma = np.interp(lightness, _IRON[:, 0], _IRON[:, 1])
+    hue = np.radians(np.interp(lightness, _IRON[:, 0], _IRON[:, 2]))
+    return _table(_lab_to_linear(lightness, chroma * np.cos(hue), chroma * np.sin(hue)))
+
+
+def _grey(first: float, last: float) -> np.ndarray:
+    """Greys between two values of the lightness L*."""
+    return _table(_lab_to_linear(np.linspace(first, last, _SIZE), np.zeros(_SIZE), np.zeros(_SIZE)))
+
+
+def _even(colours: str) -> np.ndarray:
+    """The way through the colours by straight lines in CIE L*a*b*, at equal steps of its length."""
+    corners = _linear_to_lab(linear(_from_hex(colours)))
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+    steps = np.linspace(0.0, length[-1], _SIZE)
+    return _table(_lab_to_linear(*(np.interp(steps, length, axis) for axis in corners.T)))
+
+
+def _rainbow() -> np.ndarray:
+    """The way through the colours by straight lines in sRGB."""
+    corners = _from_hex(_RAINBOW)
+    position = np.linspace(0.0, len(corners) - 1.0, _SIZE)
+    mixed = np.stack([np.interp(position, np.arange(len(corners)), channel) for channel in corners.T], axis=-1)
+    return _table(linear(mixed))
+
+
+def _from_hex(colours: str) -> np.ndarray:
+    """(n, 3) sRGB 0..1 of colours such as '440154 482878'."""
+    return np.array([list(bytes.fromhex(colour)) for colour in colours.split()]) / 255.0
+
+
+def linear(encoded: np.ndarray) -> np.ndarray:
+    """Linear Rec.709 of sRGB colours, both 0..1, any shape (IEC 61966-2-1)."""
+    encoded = np.asarray(encoded, dtype=np.float64)
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+# Name -> (_SIZE, 3) float32 linear Rec.709 colours, from the lowest value to the highest.
+PALETTES = {
+    "IRON": _iron(),
+    "RAINBOW": _rainbow(),
+    "WHITE_HOT": _grey(0.0, 100.0),
+    "BLACK_HOT": _grey(100.0, 0.0),
+    "VIRIDIS": _even(_VIRIDIS),
+    "INFERNO": _even(_INFERNO),
+}
 
 
 def robust_range(values: np.ndarray) -> tuple[float, float]:
@@ -67,25 +125,35 @@ def robust_range(values: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def thermal(values: np.ndarray, low: float | None = None, high: float | None = None) -> np.ndarray:
+def spread(low: float, high: float) -> tuple[float, float]:
+    """The range in ascending order. One narrower than float32 can resolve (a constant image) is widened by 0.5 to each
+    side at least, so that the image gets the middle of the palette.
+    """
+    low, high = min(low, high), max(low, high)
+    resolution = 4 * np.finfo(np.float32).eps * max(abs(low), abs(high))
+    if high - low <= resolution:
+        low, high = low - max(0.5, resolution), high + max(0.5, resolution)
+    return low, high
+
+
+def thermal(
+    values: np.ndarray, low: float | None = None, high: float | None = None, palette: str = "IRON"
+) -> np.ndarray:
     """Colours of values (any shape s, any unit): s + (3,) float32, linear Rec.709, 0..1 and always finite.
 
-    low and high, in the unit of the values, get the ends of the palette; None takes that end from `robust_range`.
-    Values outside get the nearer end, NaN gets the low end. A range narrower than float32 can resolve (a constant
-    image) is widened, so that the image gets the middle of the palette.
+    low and high, in the unit of the values, get the ends of the palette, a name in PALETTES; None takes that end from
+    `robust_range`. Values outside get the nearer end, NaN gets the low end; ranges are as `spread` makes them.
     """
     values = np.asarray(values, dtype=np.float32)
     if low is None or high is None:
         robust_low, robust_high = robust_range(values)
         low = robust_low if low is None else low
         high = robust_high if high is None else high
-    resolution = 4 * np.finfo(np.float32).eps * max(abs(low), abs(high))
-    if abs(high - low) <= resolution:
-        low, high = low - max(0.5, resolution), high + max(0.5, resolution)
+    low, high = spread(low, high)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite or far outside is settled below
         position = np.clip((values - np.float32(low)) * np.float32((_SIZE - 1) / (high - low)), 0, _SIZE - 1)
     position = np.where(np.isnan(position), 0, position)
-    return _COLOURS[np.rint(position).astype(np.intp)]
+    return PALETTES[palette][np.rint(position).astype(np.intp)]
 
 
 def display(linear: np.ndarray) -> np.ndarray:

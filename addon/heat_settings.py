@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The part of scene.infrared that says how temperatures are shown, and what the rest of the add-on makes of it."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, FloatVectorProperty
+
+
+def redraw_image_editors(_owner=None, _context=None) -> None:
+    """Draw what lies over pictures again; also the update function of settings that it depends on."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                area.tag_redraw()
+
+
+def temperature_property(name: str, description: str, default: float):
+    """A temperature in K that Blender shows in the scene's unit; default in K."""
+    return FloatProperty(
+        name=name,
+        description=description,
+        default=default,
+        min=0.0,
+        soft_max=2_000.0,
+        precision=2,
+        step=100,
+        subtype="TEMPERATURE",
+        unit="TEMPERATURE",
+    )
+
+
+class InfraredSpot(bpy.types.PropertyGroup):
+    """A fixed spot of the spot meter."""
+
+    position: FloatVectorProperty(
+        name="Position",
+        description="Place in the picture, as shares of its width and height from the lower left corner",
+        size=2,
+        min=0.0,
+        max=1.0,
+    )
+
+
+class HeatDisplaySettings:
+    """Base of InfraredSettings: palette, range, isotherm, color bar and spots."""
+
+    palette: EnumProperty(
+        name="Palette",
+        description="Colors of the temperatures in Combined, and in exported pictures",
+        items=(
+            ("IRON", "Iron", "Black, violet, red, yellow, white: equal steps look equally bright", 0),
+            ("RAINBOW", "Rainbow", "Blue, green, yellow, red: strong contrast, but brightness does not follow heat", 1),
+            ("WHITE_HOT", "White Hot", "Greys, hot is white", 2),
+            ("BLACK_HOT", "Black Hot", "Greys, hot is black", 3),
+            ("VIRIDIS", "Viridis", "Violet, green, yellow: equal steps look equally large", 4),
+            ("INFERNO", "Inferno", "Black, violet, orange, pale yellow: equal steps look equally large", 5),
+        ),
+        default="IRON",
+    )
+    range_mode: EnumProperty(
+        name="Range",
+        description="Which temperatures get the two ends of the palette",
+        items=(
+            ("AUTOMATIC", "Automatic", "From the coldest to the hottest of each image, outliers aside", 0),
+            ("FIXED", "Fixed", "The same in every image, so that images and frames can be compared", 1),
+        ),
+        default="AUTOMATIC",
+    )
+    range_low: temperature_property("Low", "What is at this temperature or below gets the palette's cold end", 283.15)
+    range_high: temperature_property("High", "What is at this temperature or above gets the palette's hot end", 323.15)
+    use_isotherm: BoolProperty(
+        name="Isotherm",
+        description="Paint what is between two temperatures in one color",
+        default=False,
+    )
+    isotherm_low: temperature_property("From", "Lowest temperature that is painted in the isotherm's color", 303.15)
+    isotherm_high: temperature_property("To", "Highest temperature that is painted in the isotherm's color", 308.15)
+    isotherm_colour: FloatVectorProperty(
+        name="Color",
+        description="Color of the temperatures of the isotherm",
+        size=3,
+        subtype="COLOR_GAMMA",  # sRGB, as a screen shows it
+        default=(0.0, 1.0, 0.0),
+        min=0.0,
+        max=1.0,
+    )
+    isotherm_rest: EnumProperty(
+        name="Elsewhere",
+        description="Colors of the temperatures that the isotherm leaves",
+        items=(
+            ("PALETTE", "Palette", "The chosen palette", 0),
+            ("GREY", "Grey", "Greys, hot is white", 1),
+        ),
+        default="PALETTE",
+    )
+    show_colour_bar: BoolProperty(
+        name="Color Bar",
+        description="Show beside a render what temperatures its colors stand for",
+        default=True,
+        update=redraw_image_editors,
+    )
+    spots: CollectionProperty(
+        name="Spots",
+        description="Fixed spots at which the temperature of a render is shown",
+        type=InfraredSpot,
+    )
+
+
+def read_scale(infrared):
+    """The TemperatureScale that scene.infrared asks for; its automatic ends are None."""
+    from .output.temperature_scale import Isotherm, TemperatureScale
+
+    isotherm, ends = None, (None, None)
+    if infrared.use_isotherm:
+        grey = infrared.isotherm_rest == "GREY"
+        isotherm = Isotherm(infrared.isotherm_low, infrared.isotherm_high, tuple(infrared.isotherm_colour), grey)
+    if infrared.range_mode == "FIXED":
+        ends = infrared.range_low, infrared.range_high
+    return TemperatureScale(infrared.palette, *ends, isotherm)
+
+
+def scene_unit(scene):
+    """The TemperatureUnit that Blender shows this scene's temperatures in."""
+    from .output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN
+
+    units = scene.unit_settings
+    if units.system == "NONE":  # its temperature_unit is then no valid value
+        return KELVIN
+    return {"CELSIUS": CELSIUS, "FAHRENHEIT": FAHRENHEIT}.get(units.temperature_unit, KELVIN)
+
+
+def view_problem(scene) -> str:
+    """What of the scene's color management changes the palette's colors on screen, or an empty text."""
+    view = scene.view_settings
+    if view.view_transform != "Standard":
+        return f"View transform '{view.view_transform}'"
+    if view.look not in ("None", ""):
+        return f"Look '{view.look}'"
+    if view.exposure != 0.0:
+        return f"Exposure {view.exposure:g}"
+    if view.gamma != 1.0:
+        return f"Gamma {view.gamma:g}"
+    if view.use_curve_mapping:
+        return "Curves"
+    return "White balance" if view.use_white_balance else ""
+
+
+def use_true_colours(scene) -> None:
+    """Let the scene's color management show the palette's colors as they are."""
+    view = scene.view_settings
+    view.view_transform = "Standard"  # first: the choice of looks depends on it
+    view.look = "None"
+    view.exposure, view.gamma = 0.0, 1.0
+    view.use_curve_mapping = view.use_white_balance = False

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which colour stands for which temperature, and how temperatures are written: units, ticks of a bar, readings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .palette import linear, robust_range, spread, thermal
+
+TICKS = 8  # most of them on a bar
+
+
+@dataclass(frozen=True)
+class TemperatureUnit:
+    """A unit of temperature: value = scale * kelvin + offset."""
+
+    symbol: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+    def of_kelvin(self, kelvin):
+        """A temperature (number or array, K) in this unit."""
+        return self.scale * kelvin + self.offset
+
+    def in_kelvin(self, value):
+        """A temperature (number or array) of this unit in K."""
+        return (value - self.offset) / self.scale
+
+
+KELVIN = TemperatureUnit("K")
+CELSIUS = TemperatureUnit("°C", 1.0, -273.15)
+FAHRENHEIT = TemperatureUnit("°F", 1.8, -459.67)
+
+
+@dataclass(frozen=True)
+class Isotherm:
+    """Temperatures from low to high, both included, K, in one colour (sRGB 0..1). grey: what is outside is in grey."""
+
+    low: float
+    high: float
+    colour: tuple[float, float, float]
+    grey: bool = False
+
+
+@dataclass(frozen=True)
+class TemperatureScale:
+    """The colour of each temperature: a palette (a name in PALETTES) from low to high, K, and an isotherm or None.
+
+    None for low or high takes that end from the image that is painted.
+    """
+
+    palette: str = "IRON"
+    low: float | None = None
+    high: float | None = None
+    isotherm: Isotherm | None = None
+
+    def fitted(self, temperature: np.ndarray) -> TemperatureScale:
+        """The same scale with both ends, for an image in K of any shape."""
+        low, high = self.low, self.high
+        if low is None or high is None:
+            robust_low, robust_high = robust_range(temperature)
+            low = robust_low if low is None else low
+            high = robust_high if high is None else high
+        low, high = spread(low, high)
+        return replace(self, low=low, high=high)
+
+    def colours(self, temperature: np.ndarray) -> np.ndarray:
+        """Colours of temperatures (any shape s, K): s + (3,) float32, linear Rec.709."""
+        isotherm = self.isotherm
+        palette = "WHITE_HOT" if isotherm and isotherm.grey else self.palette
+        result = thermal(temperature, self.low, self.high, palette)
+        if isotherm:
+            low, high = sorted((isotherm.low, isotherm.high))
+            result[(temperature >= low) & (temperature <= high)] = linear(isotherm.colour)
+        return result
+
+    def bar(self, count: int) -> np.ndarray:
+        """(count, 3) float32 linear Rec.709: a bar of so many rows from the low end to the high; needs both ends."""
+        return self.colours(self.low + (self.high - self.low) * (np.arange(count) + 0.5) / count)
+
+    def ticks(self, unit: TemperatureUnit, most: int = TICKS) -> list[tuple[float, str]]:
+        """(place, label) of at most `most` round temperatures of a unit; places are 0 at the low end, 1 at the high."""
+        values = list(ticks(unit.of_kelvin(self.low), unit.of_kelvin(self.high), most))
+        decimals = max(0, -math.floor(math.log10(np.ptp(values[:2])) + 1e-9)) if len(values) > 1 else 2
+        places = ((unit.in_kelvin(value) - self.low) / (self.high - self.low) for value in values)
+        return [(place, f"{value:.{decimals}f}") for place, value in zip(places, values, strict=True)]
+
+
+def ticks(low: float, high: float, most: int = TICKS) -> Iterator[float]:
+    """At most `most` round values from low to high: multiples of 1, 2 or 5 times a power of ten."""
+    if not high > low:
+        return
+    step = next(
+        step
+        for exponent in range(int(np.floor(np.log10(high - low))) - 2, 40)
+        for step in (1.0 * 10.0**exponent, 2.0 * 10.0**exponent, 5.0 * 10.0**exponent)
+        if (high - low) / step <= most - 1
+    )
+    for multiple in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1):
+        yield multiple * step
+
+
+def reading(kelvin: float, noise: float, unit: TemperatureUnit) -> str:
+    """A temperature (K) and its standard error (K) in a unit, such as '31.42 ± 0.05 °C'.
+
+    The error has one digit, but at most three decimals. An error as large as the temperature is what the engine gives
+    after a single pass, when nothing is known of it.
+    """
+    value = unit.of_kelvin(kelvin)
+    if not math.isfinite(value):
+        return f"no value ({kelvin})"
+    if noise >= kelvin > 0.0 or not math.isfinite(noise):
+        return f"{value:.2f} {unit.symbol} (error unknown)"
+    error = unit.scale * noise
+    decimals = min(3, max(0, -math.floor(math.log10(error)))) if error > 0.0 else 2
+    return f"{value:.{decimals}f} ± {error:.{decimals}f} {unit.symbol}"
