@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fixtures of all tests. Tests that need Blender take `blender`; the solver's tests run without it."""
+"""Fixtures of all tests. Those in a module with `bpy` start with Blender reset; the solver's tests run without it."""
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 
@@ -11,8 +10,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-
-HAS_BLENDER = importlib.util.find_spec("bpy") is not None
 
 
 def pytest_addoption(parser):
@@ -27,9 +24,9 @@ def pytest_collection_modifyitems(config, items):
 
 
 @pytest.fixture(autouse=True)
-def reset_blender():
-    """Every test starts from an empty file with the add-on registered, wherever there is a Blender."""
-    if not HAS_BLENDER:
+def reset_blender(request):
+    """Every test of a module with `bpy` starts from an empty file with the add-on registered."""
+    if not hasattr(request.module, "bpy"):
         yield
         return
     import bpy
