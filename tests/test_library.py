@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from addon.solver import library
-from addon.solver.scene import Material
+from addon.solver.scene import Material, SceneError
 
 DOCS = Path(__file__).parents[1] / "docs"
 MATERIALS = library.load()
@@ -209,3 +209,97 @@ def load_docs_script(name):
 def test_page_shows_the_library_as_it_is():
     """`python docs/plot_materials.py` writes the table again."""
     assert load_docs_script("plot_materials").table() in (DOCS / "materials.md").read_text(encoding="utf-8")
+
+
+# The artist's own materials -------------------------------------------------------------------------------------------
+
+CURVE = np.array([[8.0, 0.9], [14.0, 0.8]])
+
+
+@pytest.fixture
+def own_file(tmp_path, monkeypatch):
+    """The artist's file, which does not exist yet."""
+    path = tmp_path / "my materials.csv"
+    monkeypatch.setenv(library.USER_VARIABLE, str(path))
+    return path
+
+
+def test_without_a_file_there_are_no_own_materials(own_file):
+    assert library.user_materials() == {}
+    assert library.materials() == MATERIALS
+
+
+def test_own_materials_are_kept_exactly_and_found(own_file):
+    third = np.array([[0.1 + 0.2, 1.0 / 7.0], [1.0 / 3.0, 0.5]])
+    library.add_user_material("Oak, oiled", CURVE, "measured\nby me")
+    library.add_user_material("Paint", third, "")
+    library._read_user.cache_clear()  # as in the next Blender
+    assert np.array_equal(library.find("oak, OILED"), CURVE)
+    assert np.array_equal(library.find("Paint"), third)
+    assert library.get("Oak, oiled").source == "measured by me"
+    assert "Paint" in library.names() and "Water" in library.names()
+    assert "Paint" not in library.load()
+    assert own_file.read_text(encoding="utf-8").startswith("material,wavelength_um,emissivity,source\n")
+    library.remove_user_material("Oak, oiled")
+    assert list(library.user_materials()) == ["Paint"]
+
+
+def test_changes_by_another_program_are_seen(own_file):
+    library.add_user_material("Oak", CURVE, "")
+    own_file.write_text(own_file.read_text(encoding="utf-8").replace("Oak", "Walnut"), encoding="utf-8")
+    assert list(library.user_materials()) == ["Walnut"]
+
+
+def test_names_that_are_taken_are_refused(own_file):
+    with pytest.raises(library.LibraryError, match="'WATER' comes with the add-on"):
+        library.add_user_material("WATER", CURVE, "")
+    with pytest.raises(library.LibraryError, match="needs a name"):
+        library.add_user_material("  ", CURVE, "")
+    library.add_user_material("Oak", CURVE, "")
+    with pytest.raises(library.LibraryError, match="have 'Oak' already"):
+        library.add_user_material("oak", CURVE / 2.0, "")
+    library.add_user_material("oak", CURVE * [1.0, 0.5], "", replace=True)
+    assert list(library.user_materials()) == ["oak"]
+    assert np.array_equal(library.find("Oak"), CURVE * [1.0, 0.5])
+    with pytest.raises(library.LibraryError, match="'Water' is none of my materials"):
+        library.remove_user_material("Water")
+
+
+@pytest.mark.parametrize("points", [CURVE[::-1], CURVE + 1.0, CURVE * np.nan])
+def test_own_materials_must_be_emissivities(own_file, points):
+    with pytest.raises(SceneError, match="'Oak'"):
+        library.add_user_material("Oak", points, "")
+    assert not own_file.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("Oak,8,0.9,x\nOak,nine,0.8,\n", r"my materials\.csv, line 3: nine, 0\.8 are not two numbers"),
+        ("Oak,8,1.9,x\n", r"my materials\.csv, line 2: emissivity 1\.9 is outside"),
+        ("Water,8,0.9,x\n", r"my materials\.csv, line 2: 'Water' comes with the add-on"),
+        ("Oak,8,0.9,x\noak,9,0.9,x\n", r"my materials\.csv, line 3: 'oak' comes with the add-on or is listed twice"),
+        ("Oak,8,0.9\n", r"my materials\.csv, line 2: expected"),
+        ("\x00\x01", r"my materials\.csv, line 2"),
+    ],
+)
+def test_a_damaged_file_is_named_and_left_out(own_file, caplog, text, message):
+    own_file.write_text("material,wavelength_um,emissivity,source\n" + text, encoding="utf-8")
+    assert re.search(message, library.user_problem())
+    assert library.materials() == MATERIALS
+    assert re.search(message, caplog.text)
+    assert library.find("Water") is MATERIALS["Water"].points
+    with pytest.raises(KeyError) as caught:
+        library.find("Oak")
+    assert re.search(message, caught.value.args[0])
+    with pytest.raises(library.LibraryError, match=message):  # what is left of the file is not overwritten
+        library.add_user_material("Beech", CURVE, "")
+
+
+def test_without_a_place_nothing_is_kept(monkeypatch, tmp_path):
+    monkeypatch.delenv(library.USER_VARIABLE, raising=False)
+    with pytest.raises(OSError, match=library.USER_VARIABLE):
+        library.add_user_material("Oak", CURVE, "")
+    monkeypatch.setenv(library.USER_VARIABLE, str(tmp_path / "nowhere" / "my.csv"))
+    with pytest.raises(OSError, match="nowhere"):
+        library.add_user_material("Oak", CURVE, "")
