@@ -11,7 +11,7 @@ def register():
     """Make the engine, its settings and its panels known to Blender; the solver is loaded by the first render."""
     import bpy  # here, so that `addon.solver` is usable without Blender
 
-    _keep_kernels()
+    _use_own_folder()
     for module in _modules():
         module.register()
     if bpy.app.module:  # as a Python module, Blender 4.5 hangs at exit while an engine class is registered
@@ -25,21 +25,48 @@ def unregister():
         module.unregister()
 
 
-def _keep_kernels():
-    """Let the solver keep compiled kernels in the extension's own folder, which survives updates and is writable.
+def _use_own_folder():
+    """Let the solver keep compiled kernels, and the artist's materials, in the extension's own folder, which survives
+    updates and is writable.
 
-    Without an extension (the add-on as a Python package) they stay beside the sources.
+    Without an extension (the add-on as a Python package) kernels stay beside the sources, and there are no such
+    materials unless the environment names their file.
     """
     import bpy
 
     try:
-        folder = bpy.utils.extension_path_user(__package__, path="kernels", create=True)
+        kernels = bpy.utils.extension_path_user(__package__, path="kernels", create=True)
+        library = bpy.utils.extension_path_user(__package__, path="library", create=True)
     except (ValueError, OSError):
         return
-    os.environ["INFRARED_PHOTONS_KERNELS"] = folder  # solver.kernel_cache reads it; importing that would load numba
+    # The solver reads these; to tell it by importing it would load numba.
+    os.environ["INFRARED_PHOTONS_KERNELS"] = kernels
+    os.environ.setdefault("INFRARED_PHOTONS_LIBRARY", os.path.join(library, "my_materials.csv"))
 
 
 def _modules():
-    from . import engine, operators, panels, properties
+    from . import (
+        band_presets,
+        checks,
+        curve_points,
+        curve_previews,
+        engine,
+        material_assets,
+        material_library,
+        operators,
+        panels,
+        properties,
+    )
 
-    return properties, operators, panels, engine
+    return (
+        properties,
+        operators,
+        curve_previews,
+        material_library,
+        material_assets,
+        panels,
+        curve_points,
+        band_presets,
+        checks,
+        engine,
+    )

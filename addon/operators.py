@@ -75,32 +75,6 @@ class EmissivityOperator:
         return material is not None and material.is_editable
 
 
-def _library_items(_self, _context):
-    from .solver import library
-
-    _library_items.kept = [(name, name, "") for name in library.names()]  # Blender keeps no reference to the texts
-    return _library_items.kept
-
-
-class INFRARED_OT_emissivity_library(EmissivityOperator, Operator):
-    """Use the measured spectral emissivity of a library material"""
-
-    bl_idname = "infrared.emissivity_library"
-    bl_label = "Emissivity from Library"
-    bl_property = "name"
-
-    name: EnumProperty(name="Material", items=_library_items)
-
-    def invoke(self, context, _event):
-        context.window_manager.invoke_search_popup(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context):
-        context.material["emissivity"] = self.name
-        context.material.update_tag()
-        return {"FINISHED"}
-
-
 class INFRARED_OT_emissivity_curve(EmissivityOperator, Operator):
     """Give the emissivity at several wavelengths; it is linear between them and constant outside"""
 
@@ -169,7 +143,6 @@ register, unregister = bpy.utils.register_classes_factory(
     (
         INFRARED_OT_property_add,
         INFRARED_OT_property_remove,
-        INFRARED_OT_emissivity_library,
         INFRARED_OT_emissivity_curve,
         INFRARED_OT_export_bands,
     )

@@ -77,6 +77,11 @@ class INFRARED_PT_photons_advanced(RenderSettingsPanel, Panel):
 class INFRARED_PT_spectrum(RenderSettingsPanel, Panel):
     bl_label = "Spectrum"
 
+    def draw_header_preset(self, _context):
+        from .band_presets import INFRARED_PT_band_presets
+
+        INFRARED_PT_band_presets.draw_panel_header(self.layout)
+
     def draw_settings(self, column, infrared):
         column.row().prop(infrared, "band_mode", expand=True)
         if infrared.band_mode == "UNIFORM":
@@ -150,6 +155,8 @@ class INFRARED_PT_material(InfraredPanel, Panel):
         return super().poll(context) and material is not None and not material.grease_pencil
 
     def draw(self, context):
+        from .checks import draw_problems, material_checks
+
         material, default = context.material, context.scene.infrared.default_emissivity
         column = self.column()
         emissivity = material.get("emissivity")
@@ -159,7 +166,8 @@ class INFRARED_PT_material(InfraredPanel, Panel):
             draw_spectrum(column, emissivity)
         row = column.row(align=True)
         row.operator("infrared.emissivity_library", text="From Library...", icon="VIEWZOOM")
-        row.operator("infrared.emissivity_curve", text="Over Wavelength...", icon="FCURVE")
+        row.menu("INFRARED_MT_material_curve", text="Over Wavelength...", icon="FCURVE")
+        draw_problems(column, material_checks(material, context.scene.infrared), context.region)
         column.separator()
         draw_custom_property(column, material, "MATERIAL", "specular", "0 (diffuse)")
         draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
