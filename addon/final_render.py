@@ -44,7 +44,8 @@ class FinishedFrame:
     size: tuple[int, int]  # width and height of the render result, pixels
     origin: tuple[int, int]  # pixel of the render result that the lower left pixel of the images is
     composited: bool  # the first layer of the render result is the compositor's
-    scale: TemperatureScale  # of Combined
+    asked: TemperatureScale  # that of the settings at the time
+    scale: TemperatureScale  # the same with the ends that Combined has
 
 
 DEFAULT_SCALE = TemperatureScale()
@@ -143,7 +144,7 @@ def render_view_layer(engine, depsgraph) -> None:
     log.info("%s: %s", layer, job.status())
     if images and not job.cancelled:
         finished_layers[layer] = exr_arguments(job, images)
-        finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale.fitted(images["Temperature"]))
+        finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
         if scene.infrared.band_exr_path:
             path = band_exr_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
             write_layer(path, layer)
@@ -279,13 +280,14 @@ def render_slot() -> int:
     return image.render_slots.active_index if image else 0
 
 
-def finished_frame(scene, slot: int, camera, scale: TemperatureScale) -> FinishedFrame:
-    """The FinishedFrame of a solver's camera in the render result of a Blender scene."""
+def finished_frame(scene, slot: int, camera, scale: TemperatureScale, temperature: np.ndarray) -> FinishedFrame:
+    """The FinishedFrame of a solver's camera in the render result of a Blender scene. temperature: the image, K."""
     x0, y0, x1, y1 = camera.pixels
     cropped = scene.render.use_border and scene.render.use_crop_to_border
     size, origin = ((x1 - x0, y1 - y0), (0, 0)) if cropped else ((camera.width, camera.height), (x0, y0))
     nodes = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.use_nodes  # Blender 5
-    return FinishedFrame(scene.name, slot, size, origin, scene.render.use_compositing and bool(nodes), scale)
+    composited = scene.render.use_compositing and bool(nodes)
+    return FinishedFrame(scene.name, slot, size, origin, composited, scale, scale.fitted(temperature))
 
 
 def write_images(result, images: dict[str, np.ndarray]) -> None:

@@ -15,14 +15,14 @@ import OpenEXR
 from PIL import Image, ImageDraw, ImageFont
 
 FOLDER = Path(__file__).resolve().parent
-sys.path[:0] = [str(FOLDER.parent), str(FOLDER / "demo")]
-
-from picture import BACKGROUND, INK, ticks  # noqa: E402
+sys.path.insert(0, str(FOLDER.parent))
 
 from addon.output.exr import channel_name  # noqa: E402
 from addon.output.palette import display, robust_range, thermal  # noqa: E402
+from addon.output.temperature_scale import ticks  # noqa: E402
 
 SHOWN = (("7.50-7.90um", "W/(m2 sr um)"), ("13.10-13.50um", "W/(m2 sr um)"), ("Noise", "K"))
+BACKGROUND, INK = (24, 24, 28), (225, 225, 225)
 WIDTH, TITLE, MARGIN, BAR, GAP = 320, 24, 70, 14, 8  # pixels: of a picture, above and beside it, of the bar, between
 
 

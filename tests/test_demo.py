@@ -13,7 +13,11 @@ bpy = pytest.importorskip("bpy")
 Image = pytest.importorskip("PIL.Image")
 OpenEXR = pytest.importorskip("OpenEXR")
 
+from addon.heat_picture import LEAST_HEIGHT  # noqa: E402
+from addon.output.colour_bar import ColourBar  # noqa: E402
 from addon.output.exr import channel_name  # noqa: E402
+from addon.output.palette import display  # noqa: E402
+from addon.output.temperature_scale import KELVIN, TemperatureScale  # noqa: E402
 from addon.solver.spectrum import apparent_temperature, band_names  # noqa: E402
 
 DEMO = Path(__file__).resolve().parents[1] / "docs" / "demo"
@@ -144,13 +148,15 @@ def test_the_images_belong_together(images):
     np.testing.assert_allclose(images["Temperature"], apparent_temperature(radiance, EDGES), rtol=1e-5)
 
 
-def test_the_picture_has_its_size_and_a_bar_from_black_to_white(rendered, script):
+def test_the_picture_shows_the_temperatures_and_their_bar(rendered, images):
     picture = np.asarray(Image.open(rendered[0] / "demo.png"))
-    margin, least = script("picture").MARGIN, script("picture").LEAST
-    assert picture.shape == (max(HEIGHT, least), WIDTH + margin, 3)
-    bar = picture[:, WIDTH + margin // 2].astype(int).sum(axis=1)
-    assert bar.max() == 3 * 255 and bar.min() == 0
-    assert np.ptp(picture[:HEIGHT, :WIDTH].astype(int), axis=(0, 1)).min() > 200  # all of the palette is in use
+    scale = TemperatureScale().fitted(images["Temperature"])
+    bar = ColourBar(scale, KELVIN, WIDTH, 0, LEAST_HEIGHT)
+    assert picture.shape == (LEAST_HEIGHT, WIDTH + bar.panel_width(bar.text), 3)
+    np.testing.assert_array_equal(picture[:HEIGHT, :WIDTH], display(scale.colours(images["Temperature"]))[::-1])
+    left, bottom, width, height = bar.bar
+    drawn = picture[::-1][bottom : bottom + height, left + width // 2]
+    np.testing.assert_array_equal(drawn, display(bar.colours()))
 
 
 def at(scene, image, points):
@@ -201,22 +207,3 @@ def test_bad_options_are_told_without_a_traceback(tmp_path):
             [sys.executable, DEMO / "render.py", *options], capture_output=True, text=True, timeout=120
         )
         assert run.returncode != 0 and message in run.stderr and "Traceback" not in run.stderr
-
-
-@pytest.mark.parametrize("temperature", [np.full((1, 1), 293.15), np.full((300, 2), np.nan)])
-def test_any_image_makes_a_picture(script, temperature):
-    picture = script("picture")
-    size = picture.thermal_picture(temperature.astype(np.float32)).size
-    assert size == (temperature.shape[1] + picture.MARGIN, max(temperature.shape[0], picture.LEAST))
-
-
-@pytest.mark.parametrize(
-    "low, high, expected",
-    [
-        (275.0, 320.0, [280, 290, 300, 310, 320]),
-        (0.0, 0.34, [0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3]),
-        (5.0, 5.0, []),
-    ],
-)
-def test_ticks_are_round_and_few(script, low, high, expected):
-    assert list(script("picture").ticks(low, high)) == pytest.approx(expected)

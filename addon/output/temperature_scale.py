@@ -84,22 +84,29 @@ class TemperatureScale:
 
     def ticks(self, unit: TemperatureUnit, most: int = TICKS) -> list[tuple[float, str]]:
         """(place, label) of at most `most` round temperatures of a unit; places are 0 at the low end, 1 at the high."""
-        values = list(ticks(unit.of_kelvin(self.low), unit.of_kelvin(self.high), most))
-        decimals = max(0, -math.floor(math.log10(np.ptp(values[:2])) + 1e-9)) if len(values) > 1 else 2
-        places = ((unit.in_kelvin(value) - self.low) / (self.high - self.low) for value in values)
-        return [(place, f"{value:.{decimals}f}") for place, value in zip(places, values, strict=True)]
+        low, high = unit.of_kelvin(self.low), unit.of_kelvin(self.high)
+        decimals = max(0, -math.floor(math.log10(tick_step(low, high, most)) + 1e-9))  # 0.1 has the logarithm -1
+        span = self.high - self.low
+        return [
+            ((unit.in_kelvin(value) - self.low) / span, f"{value:.{decimals}f}") for value in ticks(low, high, most)
+        ]
 
 
-def ticks(low: float, high: float, most: int = TICKS) -> Iterator[float]:
-    """At most `most` round values from low to high: multiples of 1, 2 or 5 times a power of ten."""
-    if not high > low:
-        return
-    step = next(
+def tick_step(low: float, high: float, most: int = TICKS) -> float:
+    """The least step, 1, 2 or 5 times a power of ten, of which at most `most` multiples lie from low to high > low."""
+    return next(
         step
         for exponent in range(int(np.floor(np.log10(high - low))) - 2, 40)
         for step in (1.0 * 10.0**exponent, 2.0 * 10.0**exponent, 5.0 * 10.0**exponent)
         if (high - low) / step <= most - 1
     )
+
+
+def ticks(low: float, high: float, most: int = TICKS) -> Iterator[float]:
+    """The multiples of `tick_step` from low to high; none if high is not above low."""
+    if not high > low:
+        return
+    step = tick_step(low, high, most)
     for multiple in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1):
         yield multiple * step
 

@@ -4,7 +4,7 @@
 Writes to the output folder:
     demo.exr        every pass, Blender's multilayer OpenEXR
     demo-bands.exr  every band with its edges and units, the add-on's own OpenEXR
-    demo.png        the apparent temperature in a thermal palette, with a colour bar
+    demo.png        the apparent temperature in the scene's palette, with a colour bar
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
-sys.path[:0] = [str(ROOT), str(FOLDER)]
+sys.path.insert(0, str(ROOT))
 
 import bpy  # noqa: E402
 import numpy as np  # noqa: E402
 import OpenEXR  # noqa: E402
-from picture import thermal_picture  # noqa: E402
 
 import addon  # noqa: E402
 from addon.final_render import process_memory  # noqa: E402
+from addon.heat_picture import write_picture  # noqa: E402
+from addon.heat_settings import read_scale, scene_unit  # noqa: E402
 from addon.output.exr import channel_name  # noqa: E402
 
 
@@ -35,9 +36,10 @@ def main(arguments: list[str] | None = None) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "demo.blend"), load_ui=False)
     try:
         options.output.mkdir(parents=True, exist_ok=True)
-        seconds = render(bpy.context.scene, options)
+        scene = bpy.context.scene
+        seconds = render(scene, options)
         header, temperature, noise = read(options.output / "demo-bands.exr")
-        thermal_picture(temperature).save(options.output / "demo.png")
+        write_picture(options.output / "demo.png", temperature, read_scale(scene.infrared), scene_unit(scene))
     except (OSError, RuntimeError) as error:  # Blender raises what an engine reports as RuntimeError
         sys.exit(str(error))
     print(

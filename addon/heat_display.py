@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How temperatures are shown: the colour bar and the spots over the Image Editor, the panels and the PNG export."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import blf
+import bpy
+import gpu
+from bpy.props import BoolProperty, StringProperty
+from bpy.types import Operator, Panel
+from bpy_extras.io_utils import ExportHelper
+
+from . import spot_meter
+from .heat_settings import read_scale, scene_unit, use_true_colours, view_problem
+from .panels import ENGINE, RenderSettingsPanel
+
+FONT = 0  # Blender's own
+TEXT = 13  # pixels at a scale of 1: height of the text
+GAP = 12  # pixels at a scale of 1: between the bar and the edges of its region
+MOST_HEIGHT = 420  # pixels at a scale of 1, of the bar's panel
+PANEL_OPACITY = 0.8
+
+
+# Drawing --------------------------------------------------------------------------------------------------------------
+
+
+def draw_colour_bar(right: int, bottom: int, height: int, scale, unit, note: str = "") -> None:
+    """Draw a colour bar into the region that is being drawn, in its pixels (a POST_PIXEL draw handler's coordinates).
+
+    right, bottom: lower right corner of the bar's panel, which is made no higher than it needs. height: there is.
+    scale: a TemperatureScale whose ends are known. unit: a TemperatureUnit. note: a line over the bar.
+    """
+    from .output.colour_bar import BACKGROUND, INK, ColourBar
+    from .output.palette import display
+
+    ui = bpy.context.preferences.system.ui_scale
+    text = round(TEXT * ui)
+    height = min(height, round(MOST_HEIGHT * ui))
+    if height < 8 * text:
+        return
+    width = ColourBar.panel_width(text)
+    bar = ColourBar(scale, unit, right - width, bottom, height, text)
+    rectangles = [(bar.left, bottom, width, height, (*BACKGROUND, PANEL_OPACITY))]
+    left, low, across, _ = bar.bar
+    rows = (display(bar.colours()) / 255.0).tolist()
+    rectangles += [(left, low + row, across, 1, (*colour, 1.0)) for row, colour in enumerate(rows)]
+    rectangles += [(start, y, end - start, max(1.0, ui), (*INK, 1.0)) for start, end, y in bar.ticks()]
+    draw_rectangles(rectangles)
+    for x, y, label in bar.labels():
+        draw_text(x, y, label, text)
+    if note:
+        draw_label(right, bottom + height + text, note, text, from_right=True)
+
+
+def draw_rectangles(rectangles) -> None:
+    """Draw (left, bottom, width, height, colour) rectangles; colours are sRGB and opacity, 0..1."""
+    from gpu_extras.batch import batch_for_shader
+
+    corners, colours = [], []
+    for x, y, width, height, colour in rectangles:
+        a, b, c, d = (x, y, 0.0), (x + width, y, 0.0), (x + width, y + height, 0.0), (x, y + height, 0.0)
+        corners += (a, b, c, a, c, d)
+        colours += (colour,) * 6
+    shader = gpu.shader.from_builtin("FLAT_COLOR")
+    gpu.state.blend_set("ALPHA")
+    batch_for_shader(shader, "TRIS", {"pos": corners, "color": colours}).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def draw_text(x: float, y: float, text: str, size: int) -> None:
+    """Draw a line of text whose lower left corner is given, in pixels."""
+    from .output.colour_bar import INK
+
+    blf.size(FONT, size)
+    blf.color(FONT, *INK, 1.0)
+    blf.position(FONT, x, y, 0.0)
+    blf.draw(FONT, text)
+
+
+def draw_label(x: float, y: float, text: str, size: int, from_right: bool = False) -> None:
+    """Draw a line of text on a background, in pixels; from_right: x is its right end."""
+    from .output.colour_bar import BACKGROUND
+
+    blf.size(FONT, size)
+    width = blf.dimensions(FONT, text)[0]
+    left, pad = x - width - 0.5 * size if from_right else x, 0.5 * size
+    draw_rectangles([(left - pad, y - pad, width + 2 * pad, size + pad, (*BACKGROUND, PANEL_OPACITY))])
+    draw_text(left, y, text, size)
+
+
+def draw_spot(x: float, y: float, text: str, size: int) -> None:
+    """Draw a cross at a region's pixel and a reading beside it."""
+    arm, gap, white, black = 0.7 * size, 0.2 * size, (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0)
+    for thick, colour in ((3.0, black), (1.0, white)):  # to be seen on any colour
+        half, long = 0.5 * thick, arm - gap + (thick - 1.0)
+        start = gap - 0.5 * (thick - 1.0)
+        draw_rectangles(
+            [
+                (x + start, y - half, long, thick, colour),
+                (x - start - long, y - half, long, thick, colour),
+                (x - half, y + start, thick, long, colour),
+                (x - half, y - start - long, thick, long, colour),
+            ]
+        )
+    draw_label(x + 1.5 * size, y - 0.35 * size, text, size)
+
+
+def draw_over_image_editor() -> None:
+    """Draw the bar and the spots over an Image Editor that shows a finished render of ours."""
+    context = bpy.context
+    space, region, scene = context.space_data, context.region, context.scene
+    shown = spot_meter.shown_layer(space, scene)
+    if shown is None or not space.overlay.show_overlays:
+        return
+    layer, is_combined = shown
+    unit = scene_unit(scene)
+    text = round(TEXT * context.preferences.system.ui_scale)
+    for spot in scene.infrared.spots:
+        value = spot_meter.reading_at(layer, *spot.position, unit)
+        draw_spot(*region.view2d.view_to_region(*spot.position, clip=False), value or "not rendered", text)
+    if scene.infrared.show_colour_bar and is_combined:
+        gap = round(GAP * context.preferences.system.ui_scale)
+        right = region.width - gap - overlapping_width(context.area)
+        problem = view_problem(scene)
+        note = f"Colors changed by: {problem}" if problem else ""
+        scale = spot_meter.finished()[1][layer].scale
+        draw_colour_bar(right, gap, region.height - 5 * gap, scale, unit, note)
+    cursor = spot_meter.Cursor
+    if cursor.meter is not None and cursor.area == context.area.as_pointer():
+        value = spot_meter.reading_at(layer, *spot_meter.cursor_position(region.view2d, cursor.x, cursor.y), unit)
+        if value:
+            draw_label(cursor.x + 1.5 * text, cursor.y + 1.5 * text, value, text)
+
+
+def overlapping_width(area) -> int:
+    """Pixels at the right of an area's main region that the sidebar lies over."""
+    if not bpy.context.preferences.system.use_region_overlap:
+        return 0
+    return max((region.width for region in area.regions if region.type == "UI" and region.width > 1), default=0)
+
+
+# Operators ------------------------------------------------------------------------------------------------------------
+
+
+class AfterRender:
+    """Base of operators that need a finished render."""
+
+    @classmethod
+    def poll(cls, _context):
+        return bool(spot_meter.finished()[0])
+
+
+class INFRARED_OT_export_picture(AfterRender, Operator, ExportHelper):
+    """Write the last render to a PNG as Heat Display says, one for each view layer. No view transform changes it"""
+
+    bl_idname = "infrared.export_picture"
+    bl_label = "Export Thermal Picture"
+
+    filename_ext = ".png"
+    filter_glob: StringProperty(default="*.png", options={"HIDDEN"})
+    colour_bar: BoolProperty(name="Color Bar", description="Add a bar that tells what the colors mean", default=True)
+
+    def execute(self, context):
+        from .heat_picture import write_picture
+
+        path, (layers, _) = Path(bpy.path.abspath(self.filepath)), spot_meter.finished()
+        scale, unit = read_scale(context.scene.infrared), scene_unit(context.scene)
+        try:
+            for layer, images in layers.items():
+                suffix = f"_{bpy.path.clean_name(layer)}" if len(layers) > 1 else ""
+                target = path.with_name(f"{path.stem}{suffix}.png")
+                write_picture(target, images["temperature"], scale, unit, self.colour_bar)
+        except OSError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class INFRARED_OT_range_from_render(AfterRender, Operator):
+    """Fix the range at what an automatic one is in the last render"""
+
+    bl_idname = "infrared.range_from_render"
+    bl_label = "Range from Last Render"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        import numpy as np
+
+        from .output.temperature_scale import TemperatureScale
+
+        images = spot_meter.finished()[0].values()
+        scale = TemperatureScale().fitted(np.concatenate([layer["temperature"].ravel() for layer in images]))
+        infrared = context.scene.infrared
+        infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", scale.low, scale.high
+        return {"FINISHED"}
+
+
+class INFRARED_OT_true_colours(Operator):
+    """Set Color Management to Standard without changes, which shows the palette's colors as they are"""
+
+    bl_idname = "infrared.true_colours"
+    bl_label = "Show True Colors"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        use_true_colours(context.scene)
+        return {"FINISHED"}
+
+
+# Panels ---------------------------------------------------------------------------------------------------------------
+
+
+def draw_scale_settings(column, scene) -> None:
+    """The palette, its range and the isotherm."""
+    infrared = scene.infrared
+    column.prop(infrared, "palette")
+    column.prop(infrared, "range_mode")
+    if infrared.range_mode == "FIXED":
+        ends = column.column(align=True)
+        ends.prop(infrared, "range_low")
+        ends.prop(infrared, "range_high")
+    column.operator("infrared.range_from_render")
+    column.separator()
+    column.prop(infrared, "use_isotherm")
+    if infrared.use_isotherm:
+        ends = column.column(align=True)
+        ends.prop(infrared, "isotherm_low")
+        ends.prop(infrared, "isotherm_high")
+        column.prop(infrared, "isotherm_colour")
+        column.prop(infrared, "isotherm_rest")
+    column.separator()
+    problem = view_problem(scene)
+    if problem:
+        column.label(text=f"{problem} changes the colors", icon="ERROR")
+        column.operator("infrared.true_colours", icon="COLOR")
+    column.operator("infrared.export_picture", text="Export Picture...", icon="EXPORT")
+
+
+class INFRARED_PT_heat_display(RenderSettingsPanel, Panel):
+    bl_label = "Heat Display"
+
+    def draw_settings(self, column, infrared):
+        draw_scale_settings(column, infrared.id_data)
+
+
+class HeatSidebarPanel:
+    """Base of panels in the sidebar of an Image Editor that shows a render."""
+
+    bl_space_type = "IMAGE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "Infrared"
+
+    @classmethod
+    def poll(cls, context):
+        image = context.space_data.image
+        return image is not None and image.type == "RENDER_RESULT" and context.scene.render.engine == ENGINE
+
+
+class INFRARED_PT_image_heat_display(HeatSidebarPanel, Panel):
+    bl_label = "Heat Display"
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        column = self.layout.column()
+        column.prop(context.scene.infrared, "show_colour_bar")
+        draw_scale_settings(column, context.scene)
+        shown = spot_meter.shown_layer(context.space_data, context.scene)
+        if shown and spot_meter.finished()[1][shown[0]].asked != read_scale(context.scene.infrared):
+            column.label(text="Changed since this render", icon="INFO")
+
+
+class INFRARED_PT_image_spots(HeatSidebarPanel, Panel):
+    bl_label = "Spot Meter"
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        running = spot_meter.Cursor.meter is not None
+        layout.operator("infrared.spot_meter", icon="EYEDROPPER", depress=running)
+        shown, unit = spot_meter.shown_layer(context.space_data, scene), scene_unit(scene)
+        column = layout.column(align=True)
+        for index, spot in enumerate(scene.infrared.spots):
+            value = shown and spot_meter.reading_at(shown[0], *spot.position, unit)
+            row = column.row(align=True)
+            row.label(text=f"{index + 1}:  {value or 'not rendered'}")
+            row.operator("infrared.spot_remove", text="", icon="X").index = index
+        if scene.infrared.spots:
+            layout.operator("infrared.spot_remove", text="Remove All Spots").index = -1
+
+
+CLASSES = (
+    INFRARED_OT_export_picture,
+    INFRARED_OT_range_from_render,
+    INFRARED_OT_true_colours,
+    INFRARED_PT_heat_display,
+    INFRARED_PT_image_heat_display,
+    INFRARED_PT_image_spots,
+)
+_draw_handler = None
+
+
+def register():
+    global _draw_handler
+    spot_meter.register()
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    _draw_handler = bpy.types.SpaceImageEditor.draw_handler_add(draw_over_image_editor, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister():
+    global _draw_handler
+    bpy.types.SpaceImageEditor.draw_handler_remove(_draw_handler, "WINDOW")
+    _draw_handler = None
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    spot_meter.unregister()
