@@ -51,16 +51,20 @@ def _modules():
         curve_points,
         curve_previews,
         engine,
+        heat_map,
         material_assets,
         material_library,
         operators,
         panels,
         properties,
+        temperature_tools,
     )
 
     return (
         properties,
         operators,
+        temperature_tools,
+        heat_map,
         curve_previews,
         material_library,
         material_assets,

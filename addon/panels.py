@@ -6,6 +6,9 @@ from __future__ import annotations
 import bpy
 from bpy.types import Panel
 
+from . import heat_map
+from .temperature_tools import DOMAINS, SURFACE_TYPES, in_scene_unit, usable_attribute
+
 ENGINE = "INFRARED_PHOTONS"
 
 # Blender's panels for every engine are marked BLENDER_RENDER; these do nothing here, or ours stand in their place.
@@ -136,13 +139,43 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         return super().poll(context) and context.object is not None and context.object.type in SURFACE_TYPES
 
     def draw(self, context):
-        obj, ambient = context.object, context.scene.infrared.ambient_temperature
-        attribute = obj.data.attributes.get("temperature") if obj.type == "MESH" else None
-        if attribute is not None:
-            self.layout.label(text="The mesh attribute 'temperature' sets it", icon="MESH_DATA")
+        obj, scene = context.object, context.scene
+        source = temperature_source(obj, context.view_layer.depsgraph)
         column = self.column()
-        column.active = attribute is None
-        draw_custom_property(column, obj, "OBJECT", "temperature", f"{ambient:g} K (ambient)")
+        row = column.row(align=True)
+        row.active = source != "ATTRIBUTE"
+        ambient = f"{in_scene_unit(scene.infrared.ambient_temperature, scene)} (ambient)"
+        draw_custom_property(row, obj, "OBJECT", "temperature", ambient)
+        row.menu("INFRARED_MT_object_temperatures", text="", icon="DOWNARROW_HLT")
+        if obj.type != "MESH":
+            return
+        self.draw_surface(column, obj, source)
+        self.draw_heat_map(column, context)
+
+    def draw_surface(self, column, obj, source):
+        """What the mesh attribute does, and the menu that makes one."""
+        if source == "ATTRIBUTE":
+            own = usable_attribute(obj.data)
+            where = f"on {DOMAINS[own.domain]}" if own else "from its modifiers"
+            row = draw_text(column.row(align=True), "Over the Surface", f"Mesh attribute {where}")
+            if own:
+                row.operator("infrared.temperature_remove_attribute", text="", icon="X")
+        elif "temperature" in obj.data.attributes:
+            text = "Attribute 'temperature' is no float on points, corners or faces"
+            column.label(text=text, icon="ERROR")
+        column.menu("INFRARED_MT_surface_temperature", text="Over the Surface from...")
+
+    def draw_heat_map(self, column, context):
+        """The switch of the heat map, and its range."""
+        shown = heat_map.is_shown(context.screen)
+        row = column.row(align=True)
+        row.operator(
+            f"infrared.heat_map_{'hide' if shown else 'show'}", text="Heat Map", icon="SHADING_SOLID", depress=shown
+        )
+        if shown:
+            row.operator("infrared.heat_map_show", text="", icon="FILE_REFRESH")
+            low, high = (in_scene_unit(kelvin, context.scene) for kelvin in heat_map.shown_range(context.screen))
+            column.label(text=f"From {low} to {high}")
 
 
 class INFRARED_PT_material(InfraredPanel, Panel):
@@ -237,7 +270,12 @@ class INFRARED_PT_panorama(InfraredPanel, Panel):
             limits.prop(camera, f"{angle}_max", text="Max")
 
 
-SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+def temperature_source(obj, depsgraph) -> str:
+    """What counts for an object with a surface: the ATTRIBUTE of its mesh, its PROPERTY, or what is AMBIENT."""
+    mesh = obj.evaluated_get(depsgraph).data
+    if obj.type == "MESH" and usable_attribute(mesh):
+        return "ATTRIBUTE"
+    return "PROPERTY" if "temperature" in obj else "AMBIENT"
 
 
 def draw_custom_property(column, id_block, owner: str, key: str, without: str) -> None:
