@@ -9,7 +9,7 @@ BACKGROUND = (0.10, 0.10, 0.11, 1.0)
 BAND = (0.17, 0.19, 0.23, 1.0), (0.22, 0.25, 0.30, 1.0)  # neighbouring bands differ
 GRID = (0.40, 0.40, 0.42, 1.0)
 CURVE = (1.0, 0.62, 0.20, 1.0)
-HELD = (0.62, 0.45, 0.30, 1.0)  # outside the points, where the nearest value is held
+HELD = (0.62, 0.62, 0.62, 1.0)  # outside the points, where the nearest value is held
 
 
 def draw_curve(
@@ -29,7 +29,7 @@ def draw_curve(
         band = np.searchsorted(edges, middle, side="right") - 1
         for parity, colour in enumerate(BAND):
             image[:, (band >= 0) & (band < len(edges) - 1) & (band % 2 == parity)] = colour
-    margin, thickness = 0.04 * height, max(1.5, height / 60.0)
+    margin, thickness = 0.04 * height, max(3.0, height / 60.0)
     for value in (0.0, 0.5, 1.0):
         image[int(margin + value * (height - 1 - 2 * margin))] = GRID
     # The line covers, in each column, all values that the curve takes there, so that steep slopes have no gaps.
@@ -43,6 +43,7 @@ def draw_curve(
     top = margin + highest * (height - 2 * margin) + 0.5 * thickness
     row = np.arange(height)[:, None]
     cover = np.clip(np.minimum(row + 1, top) - np.maximum(row, bottom), 0.0, 1.0)[..., None]
+    cover[:, 1:] = np.maximum(cover[:, 1:], cover[:, :-1])  # so that steep slopes are no hair lines
     known = (middle >= points[0, 0]) & (middle <= points[-1, 0])
     colour = np.where(known[:, None], CURVE, HELD)
     image += cover * (colour - image)
