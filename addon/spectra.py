@@ -23,7 +23,7 @@ import numpy as np
 SHORTEST, LONGEST = 0.1, 250.0  # um; what lies outside is in another unit: the libraries span 0.2 to 216 um
 TOLERANCE = 0.02  # spectrometers are calibrated to one or two percent, so that a black sample may reflect -1 %
 DELETED = -1.23e34  # USGS: this channel has no value
-APPROXIMATE = "the reflectance is not hemispherical, so the emissivity is approximate"
+APPROXIMATE = "the file does not say that its reflectance is hemispherical; if it is not, the emissivity is approximate"
 
 QUANTITIES = ("emissivity", "reflectance")
 UNITS = {"fraction": 1.0, "percent": 100.0}  # what counts as 1
@@ -261,15 +261,13 @@ def _read_table(path: Path, lines: list[str], quantity: str, unit: str) -> Spect
 
 def _check_titles(path: Path, line: int, titles: str, quantity: str, unit: str) -> None:
     """Refuse titles that contradict what the columns are said to be."""
-    other = next(other for other in QUANTITIES if other != quantity)
-    signs = {other[:7]: other, "nanomet": "nanometres", "(nm": "nanometres", "_nm": "nanometres", "cm-1": "wavenumbers",
-             "wavenumber": "wavenumbers", "transmi": "transmittance"}  # fmt: skip
-    if unit == "fraction":
-        signs |= {"%": "percent", "percent": "percent"}
-    else:
-        signs |= {"fraction": "fractions"}
-    for sign, meaning in signs.items():
-        if sign in titles and not (sign == other[:7] and quantity[:7] in titles):
+    strange = {"nanomet": "nanometres", "(nm": "nanometres", "_nm": "nanometres", "cm-1": "wavenumbers",
+               "wavenumber": "wavenumbers", "transmi": "transmittance"}  # fmt: skip
+    strange |= {"%": "percent", "percent": "percent"} if unit == "fraction" else {"fraction": "fractions"}
+    if quantity[:7] not in titles:  # 'reflect' also stands in reflectivity, 'emissiv' in emissivities
+        strange |= {other[:7]: other for other in QUANTITIES if other != quantity}
+    for sign, meaning in strange.items():
+        if sign in titles:
             raise SpectrumError(
                 f"{path}, line {line}: the titles '{titles}' speak of {meaning}, but the columns are said to be "
                 f"wavelength in um and {quantity} as {unit}"
