@@ -14,8 +14,8 @@ from bpy.types import Operator
 
 from .output.palette import thermal
 from .properties import ROOM_TEMPERATURE
+from .surface_temperature import in_scene_unit, own_temperature, read_values, same_elements, usable_attribute
 from .temperature_fields import TemperatureError, check_kelvin
-from .temperature_tools import in_scene_unit, own_temperature, read_values, same_elements, usable_attribute
 
 NAME = "Infrared Heat Map"  # of the color attribute
 KEPT = "infrared_heat_map"  # custom property of screens and meshes: what to put back

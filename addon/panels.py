@@ -7,7 +7,7 @@ import bpy
 from bpy.types import Panel
 
 from . import heat_map
-from .temperature_tools import DOMAINS, SURFACE_TYPES, in_scene_unit, usable_attribute
+from .surface_temperature import DOMAINS, SURFACE_TYPES, in_scene_unit, temperature_source, usable_attribute
 
 ENGINE = "INFRARED_PHOTONS"
 
@@ -268,14 +268,6 @@ class INFRARED_PT_panorama(InfraredPanel, Panel):
             limits = column.column(align=True)
             limits.prop(camera, f"{angle}_min", text=f"{angle.capitalize()} Min")
             limits.prop(camera, f"{angle}_max", text="Max")
-
-
-def temperature_source(obj, depsgraph) -> str:
-    """What counts for an object with a surface: the ATTRIBUTE of its mesh, its PROPERTY, or what is AMBIENT."""
-    mesh = obj.evaluated_get(depsgraph).data
-    if obj.type == "MESH" and usable_attribute(mesh):
-        return "ATTRIBUTE"
-    return "PROPERTY" if "temperature" in obj else "AMBIENT"
 
 
 def draw_custom_property(column, id_block, owner: str, key: str, without: str) -> None:
