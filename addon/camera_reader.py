@@ -45,6 +45,61 @@ def read_camera(depsgraph, obj, warnings) -> Camera:
     )
 
 
+def read_view(depsgraph, space, region, view) -> Camera:
+    """The solver's camera for what a 3D viewport shows, one pixel for each of its own, with its render region.
+
+    space, region, view: SpaceView3D, Region and RegionView3D. A camera's zoom, offset and shift in camera view are in
+    the view's matrices already. As its overlays, it shows panoramas as perspectives.
+    """
+    projection = np.array(view.window_matrix, dtype=np.float64)
+    matrix = _rigid(np.linalg.inv(np.array(view.view_matrix, dtype=np.float64)))
+    kind = "ORTHOGRAPHIC" if projection[3, 3] else "PERSPECTIVE"
+    through = space.camera if view.view_perspective == "CAMERA" else None
+    camera = through.evaluated_get(depsgraph).data if through is not None and through.type == "CAMERA" else None
+    lens = _lens(depsgraph, camera, matrix, kind) if camera else {}
+    start, end = (camera or space).clip_start, (camera or space).clip_end
+    if kind == "ORTHOGRAPHIC" and not camera:  # as Blender, which also shows what is behind the view's centre
+        start, end = -0.5 * end, 0.5 * end
+        matrix[:3, 3] -= start * matrix[:3, 2]
+        start, end = 0.0, end - start
+    return Camera(
+        width=region.width,
+        height=region.height,
+        matrix=matrix,
+        kind=kind,
+        frame=_projection_frame(projection, kind),
+        window=_view_window(depsgraph.scene_eval, space, region, view, projection, camera),
+        clip=(start, end),
+        **lens,
+    )
+
+
+def _view_window(scene, space, region, view, projection: np.ndarray, camera) -> tuple[int, int, int, int] | None:
+    """(x0, y0, x1, y1) of the render region in pixels of the viewport, whole ones; None renders all of it.
+
+    Through a camera that is the render's border within the camera's frame, else the viewport's own.
+    """
+    low, high = np.zeros(2), np.ones(2)
+    if view.view_perspective == "CAMERA":
+        used, border = camera and scene.render.use_border, _border(scene.render, "border")
+        if used:
+            corners = np.column_stack((camera.view_frame(scene=scene), np.ones(4))) @ projection.T
+            corners = 0.5 + 0.5 * corners[:, :2] / corners[:, 3:]
+            low, high = corners.min(axis=0), corners.max(axis=0)
+    else:
+        used, border = space.use_render_border, _border(space, "render_border")
+    if not used:
+        return None
+    size = np.array((region.width, region.height))
+    (x0, y0), (x1, y1) = np.clip((low + border * (high - low)) * size, 0, size)
+    return int(x0), int(y0), int(np.ceil(x1)), int(np.ceil(y1))
+
+
+def _border(owner, prefix: str) -> np.ndarray:
+    """(2, 2) lower left and upper right corner of a border, as shares of its frame."""
+    return np.array([[getattr(owner, f"{prefix}_{end}_{axis}") for axis in "xy"] for end in ("min", "max")])
+
+
 def render_size(render) -> tuple[int, int]:
     """(width, height) in pixels of the whole frame, rounded down as Blender does."""
     return (

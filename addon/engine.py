@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine as Blender knows it. The work is in final_render, which is loaded on first use: numba is large."""
+"""The render engine as Blender knows it. The work is in final_render and viewport, which are loaded on first use: numba
+is large.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,8 @@ from .panels import ENGINE
 
 log = logging.getLogger(__name__)
 
+LIBRARY_MISSING = "A library of the solver is missing: {}. Install the extension from its zip file again"
+
 
 class InfraredPhotonsEngine(bpy.types.RenderEngine):
     """Multi-pass spectral photon mapping of thermal infrared."""
@@ -18,11 +22,17 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
     bl_idname = ENGINE
     bl_label = "Infrared Photons"
     bl_use_postprocess = True
-    bl_use_eevee_viewport = True  # for the Material Preview; there is no Rendered viewport of our own
+    bl_use_eevee_viewport = True  # for the Material Preview
     bl_use_shading_nodes_custom = False
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
+        self._viewport = None
+
+    def __del__(self):
+        viewport = getattr(self, "_viewport", None)  # Blender may end what it did not begin
+        if viewport is not None:
+            viewport.stop()
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell Blender, and so the compositor's sockets, which passes this engine fills."""
@@ -37,7 +47,7 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
         try:
             from .final_render import SceneError, render_view_layer
         except ImportError as error:
-            self._fail(f"A library of the solver is missing: {error}. Install the extension from its zip file again")
+            self._fail(LIBRARY_MISSING.format(error))
             return
         try:
             render_view_layer(self, depsgraph)
@@ -47,6 +57,23 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
             self._fail(f"Out of memory: {error}. Lower the resolution, the number of bands or the photons per pass")
         except Exception as error:  # a mistake of ours: Blender alone would end with an empty image and no message
             self._fail(f"The solver failed: {error!r}; the system console has the details", details=True)
+
+    def view_update(self, context, depsgraph):
+        """Something in the scene of a viewport in Rendered mode changed: read it."""
+        try:
+            from .viewport import Viewport
+        except ImportError as error:
+            self.update_stats("", LIBRARY_MISSING.format(error))
+            return
+        if self._viewport is None:
+            self._viewport = Viewport(self)
+        self._viewport.read(depsgraph, context.space_data)
+        self.tag_redraw()
+
+    def view_draw(self, context, depsgraph):
+        """Draw a viewport in Rendered mode; Blender calls this whenever the view moved, too."""
+        if self._viewport is not None:
+            self._viewport.draw(self, context, depsgraph)
 
     def _fail(self, message: str, details: bool = False) -> None:
         """Show the error: in the log, in the image's header, and as an exception to a script that asked to render."""

@@ -65,15 +65,27 @@ def read_scene(depsgraph, camera=None) -> tuple[Scene, list[str]]:
     camera: evaluated camera object; None is the scene's camera.
     Raises SceneError, naming the object and the value, if there is nothing to render or a value makes no sense.
     """
-    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-    infrared = scene.infrared
-    check_temperature(infrared.ambient_temperature, "Ambient")
     warnings = Warnings()
-    surfaces = SurfaceReader(infrared, layer.material_override, warnings)
-    lights = []
+    surfaces = SurfaceReader(depsgraph, warnings)
+    contents = read_contents(depsgraph, surfaces)
+    solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, warnings)
+    return Scene(**contents, camera=solver_camera), warnings.messages()
+
+
+def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
+    """The arguments of Scene for all that the depsgraph's view layer shows, but for the camera.
+
+    surfaces: a new reader. space: the 3D viewport whose local view counts; None is a render.
+    Raises SceneError as read_scene does.
+    """
+    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    check_temperature(scene.infrared.ambient_temperature, "Ambient")
+    warnings, lights = surfaces.warnings, []
     for instance in depsgraph.object_instances:
         obj = instance.object
         if not instance.show_self:
+            continue
+        if space and not (instance.parent or obj).visible_in_viewport_get(space):
             continue
         if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
             surfaces.add(obj, np.array(instance.matrix_world, dtype=np.float64))
@@ -83,14 +95,11 @@ def read_scene(depsgraph, camera=None) -> tuple[Scene, list[str]]:
             warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
     if not surfaces.triangles:
         raise SceneError(f"View layer '{layer.name}' has nothing to render: no visible object has faces")
-    result = Scene(
-        **surfaces.arrays(),
-        camera=read_camera(depsgraph, camera or scene.camera, warnings),
-        band_edges=read_band_edges(infrared),
-        world_temperature=_world_temperature(scene.world),
-        lights=tuple(lights),
-    )
-    return result, warnings.messages()
+    return surfaces.arrays() | {
+        "band_edges": read_band_edges(scene.infrared),
+        "world_temperature": _world_temperature(scene.world),
+        "lights": tuple(lights),
+    }
 
 
 def read_settings(infrared) -> Settings:
@@ -269,12 +278,15 @@ def _read_temperature(mesh, corner_vertices, corners, faces, owner, warnings) ->
 class SurfaceReader:
     """Gathers the triangles of all objects and their instances in world space."""
 
-    def __init__(self, infrared, override, warnings: Warnings):
-        """infrared: the scene's settings. override: the view layer's material override or None."""
+    def __init__(self, depsgraph, warnings: Warnings, kept: dict[tuple[str, int], MeshData] | None = None):
+        """kept: meshes that did not change since an earlier read, from its `kept`; None reads all."""
+        infrared = depsgraph.scene_eval.infrared
         self.ambient_temperature = infrared.ambient_temperature
         self.default = Material(name="(scene default)", emissivity=infrared.default_emissivity)
-        self.override, self.warnings = override, warnings
-        self.meshes = {}  # evaluated mesh -> MeshData
+        self.override, self.warnings = depsgraph.view_layer_eval.material_override, warnings
+        self.meshes = {}  # address of the evaluated mesh -> MeshData
+        self.kept = {}  # the same meshes, by the first object that has it, too: an address may be used once more
+        self._earlier = kept or {}
         self.indices = {}  # Blender's material (None: no material) -> index into materials
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
@@ -289,7 +301,8 @@ class SurfaceReader:
             self.warnings.add(obj.name, "particle hair is not rendered, only its surface")
         key = obj.data.as_pointer()
         if key not in self.meshes:
-            self.meshes[key] = self._read(obj)
+            named = obj.name_full, key
+            self.meshes[key] = self.kept[named] = self._earlier.get(named) or self._read(obj)
         mesh = self.meshes[key]
         if len(mesh.triangles) == 0:
             return

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A viewport reads of Blender's scene what changed, and asks for another picture only if something did."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender_helpers import cube_mesh, link, material  # noqa: E402
+
+from addon import scene_reader, viewport  # noqa: E402
+
+
+class Engine:
+    """A stand-in for Blender's engine, which reading does not need."""
+
+
+@pytest.fixture
+def objects(reset_blender):
+    """Two cubes of a mesh each, and a world."""
+    first, second = (link(name, cube_mesh(name), temperature=kelvin) for name, kelvin in (("A", 300.0), ("B", 320.0)))
+    second.location.x = 3.0
+    for obj in (first, second):
+        obj.data.materials.append(material(obj.name, emissivity=0.7))
+    bpy.context.scene.world = bpy.data.worlds.new("World")
+    return first, second
+
+
+@pytest.fixture
+def live(objects, monkeypatch):
+    """A Viewport that reads whenever Blender has evaluated its scene, and the names of the meshes it read."""
+    read, names = scene_reader.read_mesh, []
+
+    def counted(mesh, owner, warnings):
+        names.append(owner)
+        return read(mesh, owner, warnings)
+
+    monkeypatch.setattr(scene_reader, "read_mesh", counted)
+    result, space = viewport.Viewport(Engine()), SimpleNamespace(space=None)
+
+    def evaluated(_scene, depsgraph):
+        result.read(depsgraph, space.space)
+
+    bpy.app.handlers.depsgraph_update_post.append(evaluated)
+    bpy.context.scene.update_tag()
+    bpy.context.view_layer.update()
+    yield SimpleNamespace(viewport=result, names=names, looks=space)
+    bpy.app.handlers.depsgraph_update_post.remove(evaluated)
+
+
+def wanted(live):
+    """What the viewport would render now, and the names of the meshes that it read since the last call."""
+    bpy.context.view_layer.update()
+    names = sorted(live.names)
+    live.names.clear()
+    return live.viewport._wanted, names
+
+
+def from_scratch():
+    """What another viewport would render now."""
+    other = viewport.Viewport(Engine())
+    other.read(bpy.context.evaluated_depsgraph_get(), None)
+    return other._wanted
+
+
+def heat(obj):
+    obj["temperature"] = 350.0
+    obj.update_tag()
+
+
+def move(obj):
+    obj.location.z = 2.0
+
+
+def dent(obj):
+    obj.data.vertices[0].co.x -= 0.5
+    obj.data.update()
+
+
+def add_modifier(obj):
+    obj.modifiers.new("Subdivision", "SUBSURF").levels = 1
+
+
+def darken(obj):
+    obj.active_material["emissivity"] = 0.3
+    obj.active_material.update_tag()
+
+
+def warm_world(_obj):
+    bpy.context.scene.world["temperature"] = 250.0
+    bpy.context.scene.world.update_tag()
+
+
+def more_passes(_obj):
+    bpy.context.scene.infrared.passes += 1
+    bpy.context.scene.update_tag()
+
+
+def other_palette(_obj):
+    bpy.context.scene.infrared.palette = "VIRIDIS"
+    bpy.context.scene.update_tag()
+
+
+def hide(obj):
+    obj.hide_set(True)
+
+
+@pytest.mark.parametrize(
+    ("edit", "shapes"),
+    [(heat, "A"), (move, ""), (dent, "A"), (add_modifier, "A"), (darken, "A"), (warm_world, ""), (more_passes, ""),
+     (other_palette, ""), (hide, "")],
+)  # fmt: skip
+def test_edits_are_seen_and_only_changed_shapes_are_read(objects, live, edit, shapes):
+    """shapes: the meshes that Blender itself evaluates again; no other may be read."""
+    before, names = wanted(live)
+    assert names == ["A", "B"]
+    edit(objects[0])
+    after, names = wanted(live)
+    assert set(names) <= set(shapes)
+    assert not viewport.same(after, before)
+    assert viewport.same(after, from_scratch())
+
+
+def test_selecting_asks_for_nothing(objects, live):
+    before, _ = wanted(live)
+    objects[0].select_set(True)
+    bpy.context.view_layer.objects.active = objects[1]
+    bpy.context.scene.update_tag()
+    after, names = wanted(live)
+    assert after is before and names == []
+
+
+def test_meshes_of_deleted_objects_are_forgotten(objects, live):
+    wanted(live)
+    assert {name for name, _ in live.viewport._meshes} == {"A", "B"}
+    bpy.data.objects.remove(objects[0])
+    after, _ = wanted(live)
+    assert {name for name, _ in live.viewport._meshes} == {"B"} and len(after.scene.triangles) == 12
+
+
+def test_problems_are_named_and_end(objects, live):
+    wanted(live)
+    heat(objects[0])
+    objects[0]["temperature"] = -5.0
+    nothing, _ = wanted(live)
+    assert nothing is None and "Object 'A': temperature -5 K" in live.viewport._problem
+    heat(objects[0])
+    something, _ = wanted(live)
+    assert something.scene.temperature.max() == 350.0 and live.viewport._problem == ""
+
+
+def test_what_the_viewport_does_not_show_is_not_rendered(objects, live):
+    """Local view and the types of objects that a viewport shows are its own, not the scene's."""
+    wanted(live)
+    area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
+    live.looks.space = area.spaces[0]
+    lamp = link("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    assert len(wanted(live)[0].scene.lights) == 1
+    area.spaces[0].show_object_viewport_light = False
+    lamp.location.z = 5.0
+    assert len(wanted(live)[0].scene.lights) == 0
+    area.spaces[0].show_object_viewport_mesh = False
+    lamp.location.z = 6.0
+    assert wanted(live)[0] is None and "nothing to render" in live.viewport._problem
+
+
+def test_a_render_of_what_was_read_is_that_of_the_reader(objects, live):
+    """Kept meshes make the same Scene as scene_reader.read_scene reads for a final render."""
+    bpy.context.scene.camera = link("Camera", bpy.data.cameras.new("Camera"))
+    move(objects[1])
+    after, _ = wanted(live)
+    scene, _ = scene_reader.read_scene(bpy.context.evaluated_depsgraph_get())
+    assert viewport.same(after.scene, dataclasses.replace(scene, camera=after.scene.camera))
+    assert np.ptp(scene.vertices[:, 2]) > 1.5  # m: the cube that was moved is where it is now
