@@ -51,6 +51,7 @@ def _modules():
         curve_points,
         curve_previews,
         engine,
+        heat_display,
         heat_map,
         material_assets,
         material_library,
@@ -72,5 +73,6 @@ def _modules():
         curve_points,
         band_presets,
         checks,
+        heat_display,
         engine,
     )

@@ -87,18 +87,23 @@ class Cursor:
     area, x, y = 0, 0, 0
 
 
-def region_under(context, event):
-    """(area, region) of the picture under the cursor if it is an Image Editor's and nothing lies over it, or None."""
-    for area in context.window.screen.areas:
-        regions = [r for r in area.regions if _contains(r, event.mouse_x, event.mouse_y)]
-        if area.type == "IMAGE_EDITOR" and len(regions) == 1 and regions[0].type == "WINDOW":
-            return area, regions[0]
-    return None
+def picture_at(area, x: int, y: int):
+    """The main region of an area at a pixel of its window, if no other region lies over it there; else None."""
+    regions = [region for region in area.regions if _contains(region, x, y)]
+    return regions[0] if len(regions) == 1 and regions[0].type == "WINDOW" else None
 
 
 def _contains(region, x: int, y: int) -> bool:
     inside = region.x <= x < region.x + region.width and region.y <= y < region.y + region.height
     return inside and region.width > 1 and region.height > 1  # a hidden region has the size 1
+
+
+def editor_under(context, event):
+    """(area, main region) of the Image Editor under the cursor, or (None, None)."""
+    for area in context.window.screen.areas:
+        if area.type == "IMAGE_EDITOR" and (region := picture_at(area, event.mouse_x, event.mouse_y)):
+            return area, region
+    return None, None
 
 
 class INFRARED_OT_spot_meter(Operator):
@@ -123,13 +128,12 @@ class INFRARED_OT_spot_meter(Operator):
     def modal(self, context, event):
         if Cursor.meter != self.as_pointer():
             return {"CANCELLED", "PASS_THROUGH"}
-        under = region_under(context, event)
-        if under is None:
+        area, region = editor_under(context, event)
+        if area is None:
             if Cursor.area:
                 Cursor.area = 0
                 redraw_image_editors()
             return {"PASS_THROUGH"}
-        area, region = under
         x, y = event.mouse_x - region.x, event.mouse_y - region.y
         if event.type == "ESC" and event.value == "PRESS":
             stop(context)
