@@ -379,7 +379,7 @@ def test_pictures_show_the_curve_where_it_is():
 
 
 def test_pictures_have_no_gaps_in_steep_curves():
-    points = np.array([[5.0, 0.0], [5.001, 1.0], [5.002, 0.0]])
+    points = np.array([[3.0, 0.0], [5.0, 0.0], [5.001, 1.0], [5.002, 0.0], [9.0, 0.0]])
     image = curve_image.draw_curve(points, 2.0, 10.0, (80, 50))
     column = image[:, 29:31].max(axis=1)  # 5 um lies between columns 29 and 30
     assert np.all(column[3:47, 0] > 0.9)
