@@ -13,7 +13,7 @@ from bpy.props import BoolProperty, FloatProperty
 from bpy.types import Operator
 
 from .output.palette import thermal
-from .properties import ROOM_TEMPERATURE
+from .properties import ROOM_TEMPERATURE, TEMPERATURE_DIGITS
 from .surface_temperature import in_scene_unit, own_temperature, read_values, same_elements, usable_attribute
 from .temperature_fields import TemperatureError, check_kelvin
 
@@ -124,6 +124,7 @@ class INFRARED_OT_heat_map_show(Operator):
         description="Temperature of the palette's dark end",
         default=ROOM_TEMPERATURE,
         min=0.0,
+        precision=TEMPERATURE_DIGITS,
         subtype="TEMPERATURE",
         unit="TEMPERATURE",
     )
@@ -132,6 +133,7 @@ class INFRARED_OT_heat_map_show(Operator):
         description="Temperature of the palette's bright end",
         default=ROOM_TEMPERATURE + 50.0,
         min=0.0,
+        precision=TEMPERATURE_DIGITS,
         subtype="TEMPERATURE",
         unit="TEMPERATURE",
     )

@@ -13,6 +13,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from .heat_settings import HeatDisplaySettings, InfraredSpot
 
 ROOM_TEMPERATURE = 293.15  # K
+TEMPERATURE_DIGITS = 5  # significant ones: that is what Blender's precision means for values with a unit
 
 # Custom property -> what Blender's interface shows of it. The limits are soft for the reason above.
 CUSTOM_PROPERTIES = {
@@ -21,7 +22,7 @@ CUSTOM_PROPERTIES = {
         "soft_min": 0.0,
         "soft_max": 2000.0,
         "step": 100.0,
-        "precision": 2,
+        "precision": TEMPERATURE_DIGITS,
         "description": "Temperature in kelvin. A mesh attribute named 'temperature' wins over it",
     },
     "emissivity": {
@@ -194,7 +195,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         default=ROOM_TEMPERATURE,
         soft_min=0.0,
         soft_max=2_000.0,
-        precision=2,
+        precision=TEMPERATURE_DIGITS,
         step=100,
         subtype="TEMPERATURE",
         unit="TEMPERATURE",

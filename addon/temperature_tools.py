@@ -12,7 +12,7 @@ from bpy.types import Menu, Operator
 from bpy_extras.io_utils import ImportHelper
 
 from .output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN
-from .properties import ROOM_TEMPERATURE, add_custom_property, initial_value
+from .properties import ROOM_TEMPERATURE, TEMPERATURE_DIGITS, add_custom_property, initial_value
 from .surface_temperature import (
     DOMAINS,
     NAME,
@@ -110,6 +110,7 @@ class RangeOperator(SurfaceOperator):
         name="At 0",
         description="Temperature where the source is 0",
         default=ROOM_TEMPERATURE,
+        precision=TEMPERATURE_DIGITS,
         subtype="TEMPERATURE",
         unit="TEMPERATURE",
     )
@@ -117,6 +118,7 @@ class RangeOperator(SurfaceOperator):
         name="At 1",
         description="Temperature where the source is 1",
         default=ROOM_TEMPERATURE + 50.0,
+        precision=TEMPERATURE_DIGITS,
         subtype="TEMPERATURE",
         unit="TEMPERATURE",
     )
@@ -287,6 +289,8 @@ class INFRARED_OT_temperature_from_points(SurfaceOperator, ImportHelper, Operato
         if self.space == "WORLD":
             matrix = np.array(obj.matrix_world, dtype=np.float64)
             positions = positions @ matrix[:3, :3].T + matrix[:3, 3]
+        if not np.isfinite(positions).all():
+            raise TemperatureError(f"Object '{obj.name}' has vertices that are not finite")
         own = own_temperature(obj, context.scene)
         reach = self.reach or np.inf
         return "POINT", interpolate(positions, self.points, self.kelvin, self.neighbours, self.power, reach, own)
@@ -388,6 +392,7 @@ class INFRARED_OT_object_temperatures(Operator):
         default=ROOM_TEMPERATURE,
         soft_max=2000.0,
         min=0.0,
+        precision=TEMPERATURE_DIGITS,
         subtype="TEMPERATURE",
         unit="TEMPERATURE",
     )

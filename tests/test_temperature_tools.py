@@ -283,6 +283,10 @@ def test_points_that_make_no_sense(tmp_path):
     with pytest.raises(RuntimeError, match="File 'cold.csv': of 3 temperatures 2 are below 0 K"):
         infrared.temperature_from_points(filepath=path, unit="CELSIUS")
     good = write_points(tmp_path / "good.csv", [(0, 0, 0)], [300.0])
+    obj.data.vertices[3].co.x = np.nan
+    with pytest.raises(RuntimeError, match="Object 'Grid' has vertices that are not finite"):
+        infrared.temperature_from_points(filepath=good)
+    obj.data.vertices[3].co.x = 0.75
     obj["temperature"] = "hot"
     with pytest.raises(RuntimeError, match="Object 'Grid': its temperature is no number"):
         infrared.temperature_from_points(filepath=good)
@@ -410,6 +414,19 @@ def test_temperatures_of_selected_objects():
     assert not [o for o in (warm, bare, text, lamp, other) if "temperature" in o]
     with pytest.raises(RuntimeError, match="Object 'Warm' has no temperature"):
         infrared.object_temperatures(action="COPY")
+
+
+def test_fields_show_hundredths_of_a_degree():
+    """With a unit Blender takes a precision for significant digits: 293.15 K needs five."""
+    obj = link("Cube", cube_mesh())
+    select(obj)
+    infrared.object_temperatures(action="SET", value=293.15)
+    precisions = [
+        obj.id_properties_ui("temperature").as_dict()["precision"],
+        bpy.context.scene.infrared.bl_rna.properties["ambient_temperature"].precision,
+    ]
+    for precision in precisions:
+        assert bpy.utils.units.to_string("METRIC", "TEMPERATURE", 293.15, precision=precision) == "293.15 K"
 
 
 def test_panel_says_what_counts():
