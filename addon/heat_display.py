@@ -129,7 +129,7 @@ def draw_over_image_editor() -> None:
         draw_colour_bar(right, gap, region.height - 5 * gap, scale, unit, note)
     cursor = spot_meter.Cursor
     if cursor.meter is not None and cursor.area == context.area.as_pointer():
-        value = spot_meter.reading_at(layer, *spot_meter.cursor_position(region.view2d, cursor.x, cursor.y), unit)
+        value = spot_meter.reading_at(layer, *spot_meter.cursor_position(region, cursor.x, cursor.y), unit)
         if value:
             draw_label(cursor.x + 1.5 * text, cursor.y + 1.5 * text, value, text)
 
@@ -233,7 +233,8 @@ def draw_scale_settings(column, scene) -> None:
     column.separator()
     problem = view_problem(scene)
     if problem:
-        column.label(text=f"{problem} changes the colors", icon="ERROR")
+        column.label(text="Colors are changed by", icon="ERROR")
+        column.label(text=problem, icon="BLANK1")
         column.operator("infrared.true_colours", icon="COLOR")
     column.operator("infrared.export_picture", text="Export Picture...", icon="EXPORT")
 

@@ -63,9 +63,16 @@ def reading_at(layer: str, u: float, v: float, unit) -> str | None:
     return pixel and reading(float(images["temperature"][pixel]), float(images["noise"][pixel]), unit)
 
 
-def cursor_position(view2d, x: int, y: int) -> tuple[float, float]:
-    """Shares of the picture's width and height in the middle of a region's pixel, at any zoom and offset."""
-    return view2d.region_to_view(x + 0.5, y + 0.5)
+def cursor_position(region, x: int, y: int) -> tuple[float, float]:
+    """Shares of the picture's width and height in the middle of an Image Editor region's pixel, at any zoom and offset.
+
+    region_to_view alone is up to a pixel off: it maps the first pixel's edge and the last pixel's other edge, between
+    which Blender draws, to the first and the last pixel.
+    """
+    left, bottom = region.view2d.region_to_view(0, 0)
+    right, top = region.view2d.region_to_view(region.width - 1, region.height - 1)
+    u, v = (x + 0.5) / region.width, (y + 0.5) / region.height
+    return left + u * (right - left), bottom + v * (top - bottom)
 
 
 def nearest_spot(positions, x: float, y: float, view2d) -> int | None:
@@ -139,19 +146,20 @@ class INFRARED_OT_spot_meter(Operator):
             stop(context)
             return {"CANCELLED"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS" and shown_layer(area.spaces.active, context.scene):
-            self.click(context, region.view2d, x, y, event.ctrl)
+            self.click(context, region, x, y, event.ctrl)
             return {"RUNNING_MODAL"}
         if (area.as_pointer(), x, y) != (Cursor.area, Cursor.x, Cursor.y):
             Cursor.area, Cursor.x, Cursor.y = area.as_pointer(), x, y
             redraw_image_editors()
         return {"PASS_THROUGH"}
 
-    def click(self, context, view2d, x: int, y: int, remove: bool) -> None:
+    def click(self, context, region, x: int, y: int, remove: bool) -> None:
         """Place a spot under the cursor, or remove the nearest one."""
         spots = context.scene.infrared.spots
-        u, v = cursor_position(view2d, x, y)
+        u, v = cursor_position(region, x, y)
         if remove and spots:
-            bpy.ops.infrared.spot_remove(index=nearest_spot([spot.position for spot in spots], x, y, view2d))
+            positions = [spot.position for spot in spots]
+            bpy.ops.infrared.spot_remove(index=nearest_spot(positions, x, y, region.view2d))
         elif not remove and 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
             bpy.ops.infrared.spot_add(position=(u, v))
         else:
