@@ -51,7 +51,7 @@ class INFRARED_UL_library(UIList):
         material = library.materials().get(item.name)
         row = layout.row()
         if material is not None:  # removed from my materials meanwhile
-            row.template_icon(curve_previews.curve_icon(item.name, material.points), scale=1.6)
+            row.template_icon(curve_previews.curve_icon(item.name, material.points))
         row.label(text=item.name)
 
     def filter_items(self, _context, data, _property):
@@ -71,6 +71,14 @@ def matching_names(search: str) -> set[str]:
     }
 
 
+def choose_match(browser, _context) -> None:
+    """What the search hides is not chosen: the first name that matches is."""
+    shown = matching_names(browser.search)
+    if browser.names and browser.names[browser.index].name not in shown:
+        matches = (i for i, item in enumerate(browser.names) if item.name in shown)
+        browser.index = next(matches, browser.index)
+
+
 class INFRARED_OT_emissivity_library(Operator):
     """Use the spectral emissivity of a library material"""
 
@@ -87,7 +95,10 @@ class INFRARED_OT_emissivity_library(Operator):
         ),
     )
     search: StringProperty(
-        name="Search", description="Words of a name or a category", options={"TEXTEDIT_UPDATE", "SKIP_SAVE"}
+        name="Search",
+        description="Words of a name or a category",
+        update=choose_match,
+        options={"TEXTEDIT_UPDATE", "SKIP_SAVE"},
     )
     names: CollectionProperty(type=InfraredLibraryName, options={"SKIP_SAVE"})
     index: IntProperty(options={"SKIP_SAVE"})
@@ -119,15 +130,18 @@ class INFRARED_OT_emissivity_library(Operator):
         row = left.row()
         row.activate_init = True
         row.prop(self, "search", text="", icon="VIEWZOOM")
-        left.template_list("INFRARED_UL_library", "", self, "names", self, "index", rows=9)
-        material = library.materials().get(self.names[self.index].name) if self.names else None
-        if material is not None:
-            draw_material(right, material)
+        left.template_list("INFRARED_UL_library", "", self, "names", self, "index", rows=13)
+        name = self.names[self.index].name if self.names else ""
+        if name in matching_names(self.search):
+            draw_material(right, library.get(name))
 
     def execute(self, context):
         from .solver import library
 
         name = self.names[self.index].name if self.names else self.name
+        if self.names and name not in matching_names(self.search):
+            self.report({"ERROR"}, f"No material matches '{self.search}'")
+            return {"CANCELLED"}
         try:
             name = library.get(name).name
         except KeyError as error:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The material library, curves, presets, checks and assets in Blender."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,22 @@ def test_search_finds_names_and_categories():
     assert all("polish" in name for name in metals)
     assert material_library.matching_names("") == set(library.names())
     assert material_library.matching_names("no such material") == set()
+
+
+def test_what_the_search_hides_is_not_chosen():
+    names = [SimpleNamespace(name=name) for name in library.names()]
+    browser = SimpleNamespace(search="", names=names, index=5)
+    material_library.choose_match(browser, None)
+    assert browser.index == 5
+    browser.search = "polymer"
+    material_library.choose_match(browser, None)
+    assert names[browser.index].name == "Plastic, PET"
+    browser.search = "polycarb"
+    material_library.choose_match(browser, None)
+    assert names[browser.index].name == "Plastic, polycarbonate"
+    browser.search = "no such material"
+    material_library.choose_match(browser, None)
+    assert names[browser.index].name == "Plastic, polycarbonate"  # nothing to choose; Use refuses
 
 
 def test_saved_materials_are_rendered_by_name(paint, own_file, tmp_path):
