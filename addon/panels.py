@@ -157,7 +157,8 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         if source == "ATTRIBUTE":
             own = usable_attribute(obj.data)
             where = f"on {DOMAINS[own.domain]}" if own else "from its modifiers"
-            row = draw_text(column.row(align=True), "Over the Surface", f"Mesh attribute {where}")
+            row = column.row(align=True)
+            row.label(text=f"Mesh attribute {where} counts", icon="MESH_DATA")
             if own:
                 row.operator("infrared.temperature_remove_attribute", text="", icon="X")
         elif "temperature" in obj.data.attributes:
