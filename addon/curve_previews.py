@@ -9,7 +9,7 @@ import numpy as np
 from .curve_image import draw_curve
 
 THUMBNAIL_RANGE = 2.0, 16.0  # um: both thermal windows
-THUMBNAIL_SIZE = 64, 64
+THUMBNAIL_SIZE = 32, 32  # small, so that the line stays visible at the size of text
 PANEL_SIZE = 256, 256
 
 _previews = None  # bpy.utils.previews' collection while the add-on is registered
