@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Temperatures over surfaces and of many objects: what the operators write, and what is rendered from it."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -367,9 +369,7 @@ def test_attributes_that_cannot_be_kept_are_named():
 
 
 def test_a_million_vertices_take_seconds():
-    """Arrays only: a loop over so many vertices in Python would take longer than each limit."""
-    import time
-
+    """What artists wait for. The limit is far above the 0.02 to 0.7 s measured: other work may go on beside."""
     count = 1000
     mesh = bpy.data.meshes.new("Large")
     mesh.vertices.add(count * count)
@@ -389,7 +389,7 @@ def test_a_million_vertices_take_seconds():
     ):
         start = time.process_time()
         write()
-        assert time.process_time() - start < 2.0  # s; about 0.1 here
+        assert time.process_time() - start < 5.0  # s
     np.testing.assert_array_equal(temperatures(obj)[1], 300.0 + shares)
 
 
