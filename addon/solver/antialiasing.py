@@ -16,7 +16,7 @@ from .camera import Eye, empty_eye_rays, eye_rays
 from .radiometry import Radiometry, excess
 from .surfaces import Surfaces, Tracer, facing_side, temperature_at
 
-FEWEST, MOST = 4, 128  # rays of a pixel in a pass; powers of two, so that those of each pass are stratified
+FEWEST, IN_MIRRORS, MOST = 4, 16, 128  # rays of a pixel in a pass; powers of two: each pass is stratified
 _MEAN = 32.0  # of a pixel at most, where little but edges is noisy
 _LOOKS = 8  # rays that look at a pixel
 _AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
@@ -43,14 +43,15 @@ def choose_samples(
     width, height = x1 - x0, y1 - y0
     if reflected is None:
         reflected = np.zeros(surfaces.sheet.size, np.float32)
-    variance = np.empty(width * height)
+    variance, mirrors = np.empty(width * height), np.empty(width * height, np.bool_)
 
     def look(first: int) -> None:
         pixels = np.arange(first, min(first + _TOGETHER, len(variance)))
         rays = empty_eye_rays(_LOOKS * len(pixels))
         eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint8), pixels, *rays)
-        seen = np.empty(len(rays[0]))
-        _see(surfaces, radiometry, surroundings.sum(), reflected, *tracer.trace(*rays), rays[1], seen)
+        seen, specular = np.empty(len(rays[0])), np.zeros(len(rays[0]), np.bool_)
+        _see(surfaces, radiometry, surroundings.sum(), reflected, *tracer.trace(*rays), rays[1], seen, specular)
+        mirrors[pixels] = specular.reshape(-1, _LOOKS).any(axis=1)
         variance[pixels] = seen.reshape(-1, _LOOKS).var(axis=1, ddof=1)
 
     with ThreadPoolExecutor(threads) as pool:
@@ -60,7 +61,8 @@ def choose_samples(
     variance = np.maximum(variance, _AROUND * around)
     prices = max(variance.max(), 1e-30) * np.geomspace(1e-9, 1.0, 30)
     least = next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1])
-    return _samples(variance, max(price, least))
+    samples = _samples(variance, max(price, least))
+    return np.where(mirrors, np.maximum(samples, IN_MIRRORS), samples)
 
 
 def _samples(variance: np.ndarray, price: float) -> np.ndarray:
@@ -70,10 +72,10 @@ def _samples(variance: np.ndarray, price: float) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _see(surfaces, radiometry, surroundings, reflected, triangle, u, v, direction, seen):
+def _see(surfaces, radiometry, surroundings, reflected, triangle, u, v, direction, seen, specular):
     """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see, its reflected part as the sheet's mean.
 
-    What mirrors show counts for nothing.
+    What mirrors show is not looked at; specular (n,) bool tells where there are some.
     """
     emitted = np.empty(radiometry.reference.size)
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
@@ -86,5 +88,6 @@ def _see(surfaces, radiometry, surroundings, reflected, triangle, u, v, directio
         if material != known or kelvin != known_kelvin:
             excess(radiometry, material, kelvin, 1.0, emitted)
             known, known_kelvin = material, kelvin
+        specular[i] = radiometry.specular[material] > 0.0
         diffuse = (1.0 - radiometry.specular[material]) * radiometry.reflectance[material].mean()
         seen[i] = emitted.sum() + diffuse * reflected[surfaces.sheet[t, facing_side(surfaces, t, direction, i)]]

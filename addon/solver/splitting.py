@@ -121,10 +121,11 @@ def plan_splitting(
     sheet, labels = surfaces.sheet, surfaces.sheet.size
     size = np.maximum(np.bincount(sheet.ravel(), np.repeat(area, 2), labels), 1e-30)
     hit = sheet[trial.code >> 1, trial.code & 1]
-    # where few photons or none came, as on small parts, sheets are taken to be like all others that matter
-    other = _PRIOR * float((area[:, None] * pilot.matters).sum()) / max(1, len(hit))  # m2, that so many hits take
     squares = trial.power**2 * (trial.photons / photons) / math.pi**2
-    mean_square = float(np.mean(squares * ~trial.caustic)) if len(hit) else 0.0
+    # where few photons or none came, as on small parts, sheets are taken to be like all others that matter
+    near = pilot.matters[trial.code >> 1, trial.code & 1]
+    other = _PRIOR * float((area[:, None] * pilot.matters).sum()) / max(1, near.sum())  # m2, that so many hits take
+    mean_square = float((squares * near * ~trial.caustic).sum()) / max(1, near.sum())
     density = (np.bincount(hit, minlength=labels) + _PRIOR) / (size + other) * (photons / trial.photons)
     photon_noise = (np.bincount(hit, squares * ~trial.caustic, labels) + _PRIOR * mean_square) / (size + other)
     caustic_noise = np.bincount(hit, squares * trial.caustic, labels) / size
