@@ -13,7 +13,8 @@ from bpy.types import Operator
 
 from .heat_settings import redraw_image_editors
 
-HELP = "Spot Meter    LMB: Place Spot    Ctrl LMB: Remove Nearest    Esc: Leave"
+HELP = "Spot Meter    LMB: Place Spot, or Remove the One There    Esc: Leave"
+REACH = 8  # pixels: a click so near to a spot means that spot
 
 
 # What the Image Editor shows ------------------------------------------------------------------------------------------
@@ -75,13 +76,13 @@ def cursor_position(region, x: int, y: int) -> tuple[float, float]:
     return left + u * (right - left), bottom + v * (top - bottom)
 
 
-def nearest_spot(positions, x: float, y: float, view2d) -> int | None:
-    """Index of the spot nearest to a region's pixel as it is seen; None without spots. positions: shares (u, v)."""
+def spot_under(positions, x: int, y: int, view2d) -> int | None:
+    """Index of the spot nearest to a region's pixel as it is seen, if within REACH; positions: shares (u, v)."""
 
-    def distance(position):
-        return math.dist(view2d.view_to_region(*position, clip=False), (x, y))
+    def distance(index):
+        return math.dist(view2d.view_to_region(*positions[index], clip=False), (x, y))
 
-    return min(range(len(positions)), key=lambda i: distance(positions[i]), default=None)
+    return min((i for i in range(len(positions)) if distance(i) <= REACH), key=distance, default=None)
 
 
 # Operators ------------------------------------------------------------------------------------------------------------
@@ -146,21 +147,20 @@ class INFRARED_OT_spot_meter(Operator):
             stop(context)
             return {"CANCELLED"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS" and shown_layer(area.spaces.active, context.scene):
-            self.click(context, region, x, y, event.ctrl)
+            self.click(context, region, x, y)
             return {"RUNNING_MODAL"}
         if (area.as_pointer(), x, y) != (Cursor.area, Cursor.x, Cursor.y):
             Cursor.area, Cursor.x, Cursor.y = area.as_pointer(), x, y
             redraw_image_editors()
         return {"PASS_THROUGH"}
 
-    def click(self, context, region, x: int, y: int, remove: bool) -> None:
-        """Place a spot under the cursor, or remove the nearest one."""
-        spots = context.scene.infrared.spots
+    def click(self, context, region, x: int, y: int) -> None:
+        """Remove the spot under the cursor, or place one there."""
         u, v = cursor_position(region, x, y)
-        if remove and spots:
-            positions = [spot.position for spot in spots]
-            bpy.ops.infrared.spot_remove(index=nearest_spot(positions, x, y, region.view2d))
-        elif not remove and 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
+        under = spot_under([spot.position for spot in context.scene.infrared.spots], x, y, region.view2d)
+        if under is not None:
+            bpy.ops.infrared.spot_remove(index=under)
+        elif 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
             bpy.ops.infrared.spot_add(position=(u, v))
         else:
             return
