@@ -12,7 +12,7 @@ from bpy.props import FloatProperty, IntProperty
 from bpy.types import Operator, Panel
 
 from . import curve_previews
-from .material_library import MaterialOperator, active_material
+from .material_library import MaterialOperator, active_material, announce
 from .panels import InfraredPanel
 
 ROWS = 12  # points shown at a time; measured spectra have thousands
@@ -30,7 +30,7 @@ def point_list(material) -> list[tuple[float, float]] | None:
 def write_points(material, points: list[tuple[float, float]]) -> None:
     """Set material["emissivity"] to the points, in the order of their wavelengths."""
     material["emissivity"] = [float(number) for point in sorted(points) for number in point]
-    material.update_tag()
+    announce(material)
 
 
 class PointOperator(MaterialOperator):

@@ -25,6 +25,15 @@ def active_material(context):
     return material if material is not None and material.is_editable else None
 
 
+def announce(material) -> None:
+    """After its emissivity changed: let Blender evaluate the material, and draw the panels that may show it."""
+    material.update_tag()
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "PROPERTIES":
+                area.tag_redraw()
+
+
 class MaterialOperator:
     """Base of operators on the active material."""
 
@@ -153,7 +162,7 @@ class INFRARED_OT_emissivity_library(Operator):
             return {"CANCELLED"}
         for material in materials:
             material["emissivity"] = name
-            material.update_tag()
+            announce(material)
         self.report({"INFO"}, f"{name}: used for {len(materials)} material{'s' if len(materials) > 1 else ''}")
         return {"FINISHED"}
 
@@ -302,7 +311,7 @@ class INFRARED_OT_spectrum_import(MaterialOperator, Operator, ImportHelper):
         except (SpectrumError, library.LibraryError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        material.update_tag()
+        announce(material)
         text = f"{spectrum.name}: {len(spectrum.points)} points"
         self.report({"WARNING"} if spectrum.remark else {"INFO"}, f"{text}; {spectrum.remark}".removesuffix("; "))
         return {"FINISHED"}
