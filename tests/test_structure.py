@@ -73,10 +73,12 @@ def test_addon_needs_only_what_the_extension_brings(path):
     allowed = {
         "bpy",
         "bpy_extras",
+        "bl_operators",
         "bl_ui",
         "blf",
         "gpu",
         "gpu_extras",
+        "imbuf",
         "mathutils",
         "numpy",
         "numba",
