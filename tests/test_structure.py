@@ -74,6 +74,7 @@ def test_addon_needs_only_what_the_extension_brings(path):
         "bpy",
         "bpy_extras",
         "bl_operators",
+        "bl_operators",
         "bl_ui",
         "blf",
         "gpu",
