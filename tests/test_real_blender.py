@@ -210,6 +210,25 @@ def test_renders_disturbed_at_any_moment_end(first):
     assert len(running) == 18 and sum(running) > 9, text  # most were disturbed while the solver was at work
 
 
+def test_viewport_follows_an_artist_at_work(first, capsys):
+    """Rendered mode in a window: moved views, edits, undo, a second viewport, other engines and files, and quitting.
+
+    Each brings a new picture, on the pixels of Blender's own overlays. Times depend on the machine: they are printed.
+    """
+    text = blender(DEMO, "--python", SCRIPTS / "viewport.py", window=True)
+    steps = re.findall(r"PICTURE (\w+) ([\d.]+) ([\d.]+)", text)
+    assert len(steps) == 14, text
+    mismatches = [float(pixels) for pixels in re.findall(r"VIEW \w+ ([\d.]+)", text)]
+    # Blender's matrices are float32, 6e-8 of places 10 m away, over pixels of at least 0.0005 m: 0.0012 of a pixel
+    assert len(mismatches) == 12 and max(mismatches) < 0.01, text
+    assert "THREADS ENDED" in text and "QUIT WITH" in text, text
+    with capsys.disabled():
+        times = [float(seconds) for _, seconds, _ in steps[1:]]
+        calls = [float(seconds) for _, _, seconds in steps[1:]]
+        print(f" [first picture after {np.median(times):.2f} s, at most {max(times):.2f} s;", end=" ")
+        print(f"Blender's thread held for {np.median(calls):.3f} s, at most {max(calls):.3f} s]", end=" ")
+
+
 def test_extension_can_be_removed(installed):
     blender("--command", "extension", "remove", "infrared_photons", check_scripts=False)
     assert "INFRARED_PHOTONS" not in report()["engines"]

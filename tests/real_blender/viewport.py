@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run inside Blender with a window: an artist at work in a viewport in Rendered mode, who quits while it renders.
+
+Prints a line for each step, as test_real_blender.py reads it: the seconds until its first picture, and the longest time
+that this engine kept the window from going on; how far pixels are from where Blender has them; when threads ended.
+After `--` may come a folder for screenshots.
+"""
+
+import subprocess
+import sys
+import threading
+import time
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Quaternion, Vector
+
+BLEND = bpy.data.filepath
+SCREENSHOTS = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else ""
+PATIENCE = 300.0  # s for a picture: the first waits for kernels to be compiled
+TICK = 0.005  # s between two looks
+
+pictures = []  # the moments at which a first, coarse picture was drawn
+calls = [0.0]  # s that calls of the engine took
+
+
+def watch():
+    """Note what the engine does on Blender's thread."""
+    from bl_ext.user_default.infrared_photons import viewport
+    from bl_ext.user_default.infrared_photons.engine import InfraredPhotonsEngine as Engine
+
+    def texture_of(pixels, original=viewport._texture_of):
+        if pixels.size <= 4 * viewport.FIRST_PIXELS:
+            pictures.append(time.monotonic())
+        return original(pixels)
+
+    viewport._texture_of = texture_of
+
+    def timed(original):
+        def call(self, context, depsgraph):
+            begin = time.monotonic()
+            original(self, context, depsgraph)
+            calls.append(time.monotonic() - begin)
+
+        return call
+
+    Engine.view_update, Engine.view_draw = timed(Engine.view_update), timed(Engine.view_draw)
+
+
+def renders():
+    """The background threads of viewports."""
+    return [thread for thread in threading.enumerate() if thread.name == "Infrared Photons viewport"]
+
+
+def viewports():
+    return [area for area in bpy.context.screen.areas if area.type == "VIEW_3D"]
+
+
+def shade(kind):
+    for area in viewports():
+        area.spaces[0].shading.type = kind
+
+
+def view():
+    return viewports()[0].spaces[0].region_3d
+
+
+def turn():
+    view().view_rotation = Quaternion((0, 0, 1), 0.2) @ view().view_rotation
+
+
+def perspective():
+    view().view_perspective = "PERSP"
+    view().view_distance = 3.0
+
+
+def orthographic():
+    view().view_perspective = "ORTHO"
+
+
+def through_camera():
+    view().view_perspective = "CAMERA"
+
+
+def zoom_in_camera_view():
+    view().view_camera_zoom, view().view_camera_offset = 20.0, (0.1, -0.05)
+
+
+def hot_object():
+    return max((o for o in bpy.data.objects if "temperature" in o and o.type == "MESH"), key=lambda o: o["temperature"])
+
+
+def heat():
+    hot_object()["temperature"] += 20.0
+    hot_object().update_tag()
+    bpy.ops.ed.undo_push(message="Heat")
+
+
+def lower_emissivity():
+    hot_object().active_material["emissivity"] = 0.4
+    hot_object().active_material.update_tag()
+
+
+def move_object():
+    hot_object().location.x += 0.02
+    bpy.ops.ed.undo_push(message="Move")
+
+
+def undo():
+    bpy.ops.ed.undo()
+
+
+def second_viewport():
+    with bpy.context.temp_override(area=viewports()[0]):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.6)
+    shade("RENDERED")  # Blender lets the new one begin with Solid
+
+
+def another_engine_and_back():
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    bpy.context.scene.render.engine = "INFRARED_PHOTONS"
+
+
+def solid_and_back():
+    shade("SOLID")
+    shade("RENDERED")
+
+
+def load_file():
+    bpy.ops.wm.open_mainfile(filepath=BLEND)
+
+
+def mismatch():
+    """Largest distance in pixels between where Blender's overlays and where the solver's camera have a point."""
+    from bl_ext.user_default.infrared_photons.camera_reader import read_view
+
+    area = viewports()[0]
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    camera = read_view(bpy.context.evaluated_depsgraph_get(), area.spaces[0], region, view())
+    left, right, bottom, top = camera.frame
+    worst = 0.0
+    for point in np.random.default_rng(1).uniform(-0.2, 0.2, (20, 3)):
+        x, y, z, _ = np.linalg.inv(camera.matrix) @ [*point, 1.0]
+        depth = -z if camera.kind == "PERSPECTIVE" else 1.0
+        pixel = Vector((
+            (x / depth - left) / (right - left) * camera.width, (y / depth - bottom) / (top - bottom) * camera.height
+        ))  # fmt: skip
+        worst = max(worst, (pixel - location_3d_to_region_2d(region, view(), point)).length)
+    return worst
+
+
+def screenshot(name):
+    if SCREENSHOTS:
+        subprocess.run(["import", "-window", "root", f"{SCREENSHOTS}/{name}.png"], check=True)
+
+
+def wait_for_picture(name, begin, count=1):
+    """Yield until `count` first pictures have come; tell how long the first took."""
+    while sum(moment > begin for moment in pictures) < count:
+        if time.monotonic() > begin + PATIENCE:
+            raise TimeoutError(name)
+        yield TICK
+    first = next(moment for moment in pictures if moment > begin)
+    print(f"PICTURE {name} {first - begin:.3f} {max(calls):.3f}", flush=True)
+    calls[:] = [0.0]
+
+
+def wait_for_end():
+    """Yield until no thread renders any more."""
+    begin = time.monotonic()
+    while renders():
+        if time.monotonic() > begin + PATIENCE:
+            raise TimeoutError("threads")
+        yield TICK
+    print(f"THREADS ENDED {time.monotonic() - begin:.3f}", flush=True)
+
+
+def work():
+    """A generator that yields how many seconds to wait."""
+    bpy.context.scene.render.engine = "INFRARED_PHOTONS"
+    begin = time.monotonic()
+    watch()
+    print(f"LIBRARIES {time.monotonic() - begin:.3f}", flush=True)
+    begin = time.monotonic()
+    shade("RENDERED")
+    yield from wait_for_picture("start", begin)
+    for step in (perspective, turn, orthographic, through_camera, zoom_in_camera_view, heat, move_object, undo,
+                 lower_emissivity, second_viewport, another_engine_and_back, solid_and_back):  # fmt: skip
+        yield 1.5  # into the finer pictures, which must then give way
+        begin = time.monotonic()
+        step()
+        yield from wait_for_picture(step.__name__, begin, len(viewports()))
+        print(f"VIEW {step.__name__} {mismatch():.4f}", flush=True)
+        yield 1.5
+        screenshot(step.__name__)
+    load_file()
+    yield 0.5  # the new file's window is that of the next step
+    begin = time.monotonic()
+    shade("RENDERED")
+    yield from wait_for_picture("load_file", begin)
+    shade("SOLID")
+    yield from wait_for_end()
+    shade("RENDERED")
+    yield 1.0
+    print(f"QUIT WITH {len(renders())}", flush=True)
+
+
+story = work()
+
+
+def go_on():
+    try:
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+            return next(story)
+    except StopIteration:
+        bpy.ops.wm.quit_blender()
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        bpy.ops.wm.quit_blender()
+
+
+bpy.app.timers.register(go_on, first_interval=2.0, persistent=True)
