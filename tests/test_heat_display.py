@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How temperatures are shown: settings reach Combined and PNG files, and the spot meter reads the pixel it points at.
+
+The scenes are black walls: they reflect nothing, so every pixel is known.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender_helpers import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
+
+from addon import final_render, spot_meter  # noqa: E402
+from addon.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
+from addon.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
+from addon.heat_settings import read_scale, scene_unit  # noqa: E402
+from addon.output.colour_bar import INK, ColourBar  # noqa: E402
+from addon.output.palette import PALETTES, display  # noqa: E402
+from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale  # noqa: E402
+
+ROUNDING = 1e-3  # of linear colours: Blender's own matrices, and temperatures next to a step of the palette's table
+
+
+@pytest.fixture(autouse=True)
+def small_render(reset_blender):
+    camera()
+    infrared = bpy.context.scene.infrared
+    infrared.passes, infrared.photons_per_pass, infrared.band_count, infrared.threads = 2, 1000, 2, 1
+    yield
+    final_render.finished_layers.clear()
+    final_render.finished_frames.clear()
+
+
+def walls(left=280.0, right=340.0):
+    """Two black walls that meet in the middle of the picture, one in each half."""
+    for name, temperature, x in (("Left", left, -20.0), ("Right", right, 20.0)):
+        mesh = cube_mesh(name)
+        mesh.materials.append(material(name, emissivity=1.0))
+        obj = link(name, mesh, temperature=temperature)
+        obj.scale, obj.location = (40.0, 40.0, 40.0), (x, 0.0, -20.0)
+
+
+def choose(palette="IRON", low=None, high=None, isotherm=None):
+    """Set scene.infrared to a scale."""
+    infrared = bpy.context.scene.infrared
+    infrared.palette = palette
+    if low is not None:
+        infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", low, high
+    if isotherm:
+        infrared.use_isotherm, infrared.isotherm_colour = True, isotherm.colour
+        infrared.isotherm_low, infrared.isotherm_high = isotherm.low, isotherm.high
+        infrared.isotherm_rest = "GREY" if isotherm.grey else "PALETTE"
+
+
+def read_png(path):
+    """(h, w, 3) uint8 of a PNG, row 0 at the bottom."""
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
+    image.pixels.foreach_get(pixels.ravel())
+    bpy.data.images.remove(image)
+    return np.rint(pixels[..., :3] * 255).astype(np.uint8)
+
+
+# settings
+
+
+def test_the_palettes_to_choose_are_those_there_are():
+    items = bpy.context.scene.infrared.bl_rna.properties["palette"].enum_items
+    assert {item.identifier for item in items} == set(PALETTES)
+
+
+def test_settings_make_a_scale():
+    infrared = bpy.context.scene.infrared
+    assert read_scale(infrared) == TemperatureScale()
+    infrared.range_low = 1.0  # of no effect while the range is automatic
+    assert read_scale(infrared) == TemperatureScale()
+    isotherm = Isotherm(300.0, 310.0, (1.0, 0.5, 0.0), grey=True)
+    choose("VIRIDIS", 290.0, 320.0, isotherm)
+    assert read_scale(infrared) == TemperatureScale("VIRIDIS", 290.0, 320.0, isotherm)
+
+
+@pytest.mark.parametrize("name", ["range_low", "range_high", "isotherm_low", "isotherm_high"])
+def test_temperatures_are_shown_in_the_scenes_unit(name):
+    prop = bpy.context.scene.infrared.bl_rna.properties[name]
+    assert prop.unit == "TEMPERATURE" and prop.subtype == "TEMPERATURE" and prop.hard_min == 0.0
+
+
+def test_the_scenes_unit():
+    units, expected = bpy.context.scene.unit_settings, {"KELVIN": KELVIN, "CELSIUS": CELSIUS, "FAHRENHEIT": FAHRENHEIT}
+    for system in ("METRIC", "IMPERIAL"):
+        units.system = system
+        for name in ("KELVIN", "CELSIUS" if system == "METRIC" else "FAHRENHEIT"):
+            units.temperature_unit = name
+            assert scene_unit(bpy.context.scene) == expected[name]
+    units.system = "NONE"
+    assert scene_unit(bpy.context.scene) == KELVIN
+
+
+def test_the_panel_is_in_the_render_tab():
+    assert INFRARED_PT_heat_display.bl_context == "render" and ENGINE in INFRARED_PT_heat_display.COMPAT_ENGINES
+
+
+# Combined
+
+
+@pytest.mark.parametrize(
+    "scale",
+    [
+        TemperatureScale("IRON", 270.0, 350.0),
+        TemperatureScale("BLACK_HOT", 270.0, 350.0),
+        TemperatureScale("INFERNO", 300.0, 310.0),
+        TemperatureScale("RAINBOW", 270.0, 350.0, Isotherm(330.0, 345.0, (1.0, 0.5, 0.0))),
+        TemperatureScale("RAINBOW", 270.0, 350.0, Isotherm(330.0, 345.0, (0.0, 0.5, 1.0), grey=True)),
+    ],
+    ids=str,
+)
+def test_combined_has_the_chosen_colours(tmp_path, scale):
+    walls()
+    choose(scale.palette, scale.low, scale.high, scale.isotherm)
+    combined = render_to_exr(tmp_path)["ViewLayer"]["Combined"]
+    for column, temperature in ((0, 280.0), (-1, 340.0)):
+        expected = scale.colours(np.array(temperature))
+        np.testing.assert_allclose(combined[:, column, :3], np.broadcast_to(expected, (12, 3)), atol=ROUNDING)
+    assert np.all(combined[..., 3] == 1.0)
+
+
+def test_an_automatic_range_spans_the_image(tmp_path):
+    walls()
+    choose("WHITE_HOT")
+    combined = render_to_exr(tmp_path)["ViewLayer"]["Combined"]
+    assert np.all(combined[:, 0, :3] == 0.0) and np.allclose(combined[:, -1, :3], 1.0, atol=ROUNDING)
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 0), reason="Blender 4.5 has one working space")
+def test_combined_is_in_the_working_space_of_the_file(tmp_path):
+    """Blender's own conversion of the pixels back to Rec.709 gives the palette's colours."""
+    from mathutils import Color
+
+    walls()
+    bpy.ops.wm.set_working_color_space(working_space="ACEScg")
+    choose("RAINBOW", 270.0, 350.0)
+    combined = render_to_exr(tmp_path)["ViewLayer"]["Combined"]
+    expected = TemperatureScale("RAINBOW", 270.0, 350.0).colours(np.array([280.0, 340.0]))
+    for column, colour in ((0, expected[0]), (-1, expected[1])):
+        assert not np.allclose(combined[0, column, :3], colour, atol=0.01)
+        back = Color(combined[0, column, :3]).from_scene_linear_to_rec709_linear()
+        np.testing.assert_allclose(back, colour, atol=ROUNDING)
+
+
+# PNG files
+
+
+def test_the_picture_file_holds_the_colours_bit_by_bit(tmp_path):
+    image = np.linspace(280, 340, 40 * 30).reshape(40, 30)
+    scale = TemperatureScale("VIRIDIS", 290.0, 330.0)
+    write_picture(tmp_path / "a.png", image, scale, KELVIN, colour_bar=False)
+    np.testing.assert_array_equal(read_png(tmp_path / "a.png"), display(scale.colours(image)))
+
+
+@pytest.mark.parametrize("size", [(400, 300), (40, 30), (1, 1)])
+def test_the_bar_in_a_file_is_beside_the_picture(tmp_path, size):
+    width, height = size
+    image = np.linspace(280, 340, width * height).reshape(height, width)
+    scale = TemperatureScale("INFERNO", 290.0, 330.0)
+    write_picture(tmp_path / "a.png", image, scale, CELSIUS)
+    pixels = read_png(tmp_path / "a.png")
+    bar = ColourBar(scale, CELSIUS, width, 0, max(height, LEAST_HEIGHT))
+    assert pixels.shape == (bar.height, width + bar.panel_width(bar.text), 3)
+    np.testing.assert_array_equal(pixels[-height:, :width], display(scale.colours(image)))
+    left, bottom, across, up = bar.bar
+    np.testing.assert_array_equal(pixels[bottom : bottom + up, left], display(bar.colours()))
+    ink = np.rint(np.array(INK) * 255)
+    for start, _, y in bar.ticks():
+        assert np.array_equal(pixels[min(int(y), bottom + up - 1), round(start)], ink)
+    labels = pixels[:, left + across + bar.text // 2 :].max(axis=2) > 150  # light text on a dark ground
+    for y, _ in bar.marks():
+        assert labels[max(0, int(y) - 4) : int(y) + 5].any()
+    assert labels[:, :].sum() > 50 and pixels[bottom + up + 5 :, left : left + 2 * bar.text].max() > 150  # the unit
+
+
+def test_labels_stay_inside_the_picture():
+    """Seven digits, the longest label of a range below 10,000, have room beside the bar."""
+    import blf
+
+    for text in (13, 27, 60):
+        bar = ColourBar(TemperatureScale(low=280.0, high=290.0), CELSIUS, 0, 0, 20 * text, text)
+        blf.size(0, text)
+        for x, y, _label in list(bar.labels())[:-1]:
+            assert x + blf.dimensions(0, "-273.15")[0] <= bar.panel_width(text)
+            assert 0 <= y <= bar.height - text
+
+
+@pytest.mark.parametrize("image", [np.full((3, 3), np.nan), np.full((3, 3), 300.0)])
+def test_any_image_can_be_written(tmp_path, image):
+    write_picture(tmp_path / "a.png", image, TemperatureScale(), KELVIN)
+    assert (tmp_path / "a.png").exists()
+
+
+# the spot meter
+
+
+class View2D:
+    """As the view2d of a region of a size: Blender draws the view from left and bottom to right and top over the whole
+    region, but region_to_view finds the right at the last pixel (measured: a share of the width less one)."""
+
+    def __init__(self, zoom, offset, size, region=(100, 80)):
+        self.width, self.height = region
+        self.start = -np.array(offset) / (zoom * np.array(size))
+        self.span = np.array(region) / (zoom * np.array(size))
+
+    def region_to_view(self, x, y):
+        return tuple(self.start + self.span * (x, y) / (self.width - 1, self.height - 1))
+
+    def view_to_region(self, u, v, clip=True):
+        assert not clip
+        return tuple(
+            np.rint((np.array((u, v)) - self.start) / self.span * (self.width - 1, self.height - 1)).astype(int)
+        )
+
+    @property
+    def region(self):
+        return SimpleNamespace(width=self.width, height=self.height, view2d=self)
+
+
+@pytest.mark.parametrize("zoom", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("offset", [(0, 0), (37, -20)])
+def test_the_cursor_finds_its_pixel_at_any_zoom_and_offset(zoom, offset):
+    size, shape = (16, 12), (12, 16)
+    view = View2D(zoom, offset, size)
+    for x in range(0, 100, 3):
+        for y in range(0, 80, 3):
+            column, row = np.floor((np.array((x, y)) + 0.5 - offset) / zoom).astype(int)
+            found = spot_meter.pixel_at(*spot_meter.cursor_position(view.region, x, y), size, (0, 0), shape)
+            assert found == ((row, column) if 0 <= column < 16 and 0 <= row < 12 else None)
+
+
+def test_every_pixel_is_found_at_its_middle_and_in_a_border():
+    size, origin, shape = (16, 12), (4, 6), (6, 8)
+    for row in range(12):
+        for column in range(16):
+            inside = 0 <= row - 6 < 6 and 0 <= column - 4 < 8
+            found = spot_meter.pixel_at((column + 0.5) / 16, (row + 0.5) / 12, size, origin, shape)
+            assert found == ((row - 6, column - 4) if inside else None)
+
+
+def test_a_click_means_the_nearest_spot_within_reach_as_seen():
+    view = View2D(2.0, (10, 10), (100, 10), (300, 100))  # a step in u is ten times as long as one in v
+    spots = [(0.53, 0.5), (0.5, 0.7)]  # 6 pixels to the right of (110, 20), and 4 above
+    assert spot_meter.spot_under(spots, 110, 20, view) == 1
+    assert spot_meter.spot_under(spots, 115, 20, view) == 0
+    assert spot_meter.spot_under(spots, 130, 20, view) is None
+    assert spot_meter.spot_under([], 110, 20, view) is None
+
+
+def test_spots_are_placed_and_removed_and_kept_in_the_file(tmp_path):
+    for position in ((0.25, 0.5), (0.75, 0.5), (0.1, 0.9)):
+        assert bpy.ops.infrared.spot_add(position=position) == {"FINISHED"}
+    assert bpy.ops.infrared.spot_remove(index=1) == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="no spot 7"):
+        bpy.ops.infrared.spot_remove(index=7)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "spots.blend"))
+    bpy.ops.infrared.spot_remove()
+    assert len(bpy.context.scene.infrared.spots) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "spots.blend"))
+    kept = [tuple(spot.position) for spot in bpy.context.scene.infrared.spots]
+    assert kept == [pytest.approx((0.25, 0.5)), pytest.approx((0.1, 0.9))]
