@@ -4,6 +4,7 @@
 The scenes are black walls: they reflect nothing, so every pixel is known.
 """
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -199,6 +200,30 @@ def test_any_image_can_be_written(tmp_path, image):
     assert (tmp_path / "a.png").exists()
 
 
+def test_export_writes_the_last_render_with_the_settings_of_now(tmp_path):
+    with pytest.raises(RuntimeError, match="poll"):
+        bpy.ops.infrared.export_picture(filepath=str(tmp_path / "a.png"))
+    walls()
+    render_to_exr(tmp_path)
+    choose("RAINBOW", 270.0, 350.0)
+    images = len(bpy.data.images)
+    assert bpy.ops.infrared.export_picture(filepath=str(tmp_path / "a.png"), colour_bar=False) == {"FINISHED"}
+    colours = display(TemperatureScale("RAINBOW", 270.0, 350.0).colours(np.array([280.0, 340.0])))
+    np.testing.assert_array_equal(read_png(tmp_path / "a.png")[0, [0, -1]], colours)
+    assert bpy.ops.infrared.export_picture(filepath=str(tmp_path / "a.png")) == {"FINISHED"}
+    assert read_png(tmp_path / "a.png").shape[1] > 16 and len(bpy.data.images) == images
+    with pytest.raises(RuntimeError, match="no such folder"):
+        bpy.ops.infrared.export_picture(filepath=str(tmp_path / "missing" / "a.png"))
+
+
+def test_the_range_of_the_last_render_can_be_fixed(tmp_path):
+    walls()
+    render_to_exr(tmp_path)
+    assert bpy.ops.infrared.range_from_render() == {"FINISHED"}
+    scale = read_scale(bpy.context.scene.infrared)
+    assert (scale.low, scale.high) == (pytest.approx(280.0, rel=1e-6), pytest.approx(340.0, rel=1e-6))
+
+
 # the spot meter
 
 
@@ -255,6 +280,62 @@ def test_a_click_means_the_nearest_spot_within_reach_as_seen():
     assert spot_meter.spot_under([], 110, 20, view) is None
 
 
+@pytest.mark.parametrize("crop", [None, False, True])
+def test_readings_are_those_of_the_render(tmp_path, crop):
+    """Left wall, right wall and outside a border, as shares of what Blender shows."""
+    walls()
+    render = bpy.context.scene.render
+    if crop is not None:
+        render.use_border, render.use_crop_to_border = True, crop
+        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 1.0, 0.5, 1.0
+    shown = render_to_exr(tmp_path)["ViewLayer"]["Temperature"]
+    frame = final_render.finished_frames["ViewLayer"]
+    assert frame.size == (shown.shape[1], shown.shape[0])
+    for row in range(shown.shape[0]):
+        for column in range(shown.shape[1]):
+            u, v = (column + 0.5) / shown.shape[1], (row + 0.5) / shown.shape[0]
+            text = spot_meter.reading_at("ViewLayer", u, v, KELVIN)
+            kelvin = shown[row, column]
+            if kelvin == 0.0:  # outside the border
+                assert text is None
+            else:
+                assert abs(float(text.split()[0]) - kelvin) <= 0.5 and text.endswith(" K")
+    assert spot_meter.reading_at("ViewLayer", 0.99, 0.99, CELSIUS) == "66.85 ± 0.00 °C"  # 340 K, and no photon
+
+
+def test_reading_copies_no_image(tmp_path):
+    walls()
+    render_to_exr(tmp_path)
+    real = final_render.finished_layers["ViewLayer"]
+
+    class OnePixel(np.ndarray):
+        def __getitem__(self, index):
+            assert all(isinstance(part, int) for part in index)
+            return super().__getitem__(index)
+
+    final_render.finished_layers["ViewLayer"] = real | {
+        name: real[name].view(OnePixel) for name in ("temperature", "noise")
+    }
+    assert spot_meter.reading_at("ViewLayer", 0.1, 0.1, KELVIN) == "280.00 ± 0.00 K"
+
+
+def editor(layer=0, render_pass=0, slot=0, kind="RENDER_RESULT"):
+    """As an Image Editor that shows a layer and a pass of a slot of the render result."""
+    image = SimpleNamespace(type=kind, render_slots=SimpleNamespace(active_index=slot))
+    user = SimpleNamespace(multilayer_layer=layer, multilayer_pass=render_pass)
+    return SimpleNamespace(image=image, image_user=user)
+
+
+def test_the_compositors_picture_comes_before_the_layers(tmp_path):
+    walls()
+    render_to_exr(tmp_path)
+    frames, scene = final_render.finished_frames, bpy.context.scene
+    assert not frames["ViewLayer"].composited
+    frames["ViewLayer"] = dataclasses.replace(frames["ViewLayer"], composited=True)
+    assert spot_meter.shown_layer(editor(0), scene) == ("ViewLayer", False)
+    assert spot_meter.shown_layer(editor(1), scene) == ("ViewLayer", True)
+
+
 def test_spots_are_placed_and_removed_and_kept_in_the_file(tmp_path):
     for position in ((0.25, 0.5), (0.75, 0.5), (0.1, 0.9)):
         assert bpy.ops.infrared.spot_add(position=position) == {"FINISHED"}
@@ -267,3 +348,24 @@ def test_spots_are_placed_and_removed_and_kept_in_the_file(tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "spots.blend"))
     kept = [tuple(spot.position) for spot in bpy.context.scene.infrared.spots]
     assert kept == [pytest.approx((0.25, 0.5)), pytest.approx((0.1, 0.9))]
+
+
+def test_another_file_shows_nothing_of_the_last_render(tmp_path):
+    walls()
+    render_to_exr(tmp_path)
+    assert spot_meter.shown_layer(editor(), bpy.context.scene)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert spot_meter.shown_layer(editor(), bpy.context.scene) is None
+
+
+def test_a_cancelled_or_new_render_forgets_the_last_one(tmp_path, monkeypatch):
+    walls()
+    render_to_exr(tmp_path)
+
+    def fail(*_args, **_options):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(final_render, "render", fail)
+    with pytest.raises(RuntimeError):
+        render_to_exr(tmp_path)
+    assert not final_render.finished_frames
