@@ -30,7 +30,8 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
         self._viewport = None
 
     def __del__(self):
-        viewport = getattr(self, "_viewport", None)  # Blender may end what it did not begin
+        # Blender may end what it did not begin, and after its own part has gone every ordinary look raises
+        viewport = object.__getattribute__(self, "__dict__").get("_viewport")
         if viewport is not None:
             viewport.stop()
 

@@ -216,6 +216,14 @@ def test_export_writes_the_last_render_with_the_settings_of_now(tmp_path):
         bpy.ops.infrared.export_picture(filepath=str(tmp_path / "missing" / "a.png"))
 
 
+def test_export_writes_every_view_layer(tmp_path):
+    walls()
+    bpy.context.scene.view_layers.new("Other")
+    render_to_exr(tmp_path)
+    bpy.ops.infrared.export_picture(filepath=str(tmp_path / "a.png"))
+    assert sorted(path.name for path in tmp_path.glob("a*.png")) == ["a_Other.png", "a_ViewLayer.png"]
+
+
 def test_the_range_of_the_last_render_can_be_fixed(tmp_path):
     walls()
     render_to_exr(tmp_path)
@@ -324,6 +332,22 @@ def editor(layer=0, render_pass=0, slot=0, kind="RENDER_RESULT"):
     image = SimpleNamespace(type=kind, render_slots=SimpleNamespace(active_index=slot))
     user = SimpleNamespace(multilayer_layer=layer, multilayer_pass=render_pass)
     return SimpleNamespace(image=image, image_user=user)
+
+
+def test_the_editor_chooses_the_view_layer(tmp_path):
+    scene = bpy.context.scene
+    walls()
+    scene.view_layers.new("Unused").use = False
+    scene.view_layers.new("Other")
+    assert spot_meter.shown_layer(editor(), scene) is None  # before the first render
+    render_to_exr(tmp_path)
+    assert spot_meter.shown_layer(editor(0), scene) == ("ViewLayer", True)
+    assert spot_meter.shown_layer(editor(1), scene) == ("Other", True)
+    assert spot_meter.shown_layer(editor(1, 3), scene) == ("Other", False)
+    assert spot_meter.shown_layer(editor(2), scene) is None
+    assert spot_meter.shown_layer(editor(0, slot=1), scene) is None
+    assert spot_meter.shown_layer(editor(0, kind="IMAGE"), scene) is None
+    assert spot_meter.shown_layer(editor(0), bpy.data.scenes.new("Another")) is None
 
 
 def test_the_compositors_picture_comes_before_the_layers(tmp_path):

@@ -74,7 +74,6 @@ def test_addon_needs_only_what_the_extension_brings(path):
         "bpy",
         "bpy_extras",
         "bl_operators",
-        "bl_operators",
         "bl_ui",
         "blf",
         "gpu",
