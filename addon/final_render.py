@@ -110,7 +110,7 @@ def render_view_layer(engine, depsgraph) -> None:
     """
     engine.update_stats("", "Reading the scene")
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval.name
-    layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # the evaluated scene has only this one
+    layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # the evaluated one puts its own first
     if layer in layers[:1] or layer not in layers:  # the first of this render, or a single one
         finished_layers.clear()
         finished_frames.clear()

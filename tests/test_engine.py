@@ -451,13 +451,15 @@ def test_registering_is_light_and_the_interpreter_exits():
 def test_kernels_are_kept_in_the_extensions_folder(monkeypatch, tmp_path):
     import addon
 
-    monkeypatch.setenv("INFRARED_PHOTONS_KERNELS", "")  # monkeypatch restores it afterwards
-    monkeypatch.delenv("INFRARED_PHOTONS_KERNELS")
-    addon._keep_kernels()
+    for variable in ("INFRARED_PHOTONS_KERNELS", "INFRARED_PHOTONS_LIBRARY"):
+        monkeypatch.setenv(variable, "")  # monkeypatch restores it afterwards
+        monkeypatch.delenv(variable)
+    addon._use_own_folder()
     assert "INFRARED_PHOTONS_KERNELS" not in os.environ  # this is no installed extension
     monkeypatch.setattr(bpy.utils, "extension_path_user", lambda package, path, create: str(tmp_path / path))
-    addon._keep_kernels()
+    addon._use_own_folder()
     assert os.environ["INFRARED_PHOTONS_KERNELS"] == str(tmp_path / "kernels")
+    assert os.environ["INFRARED_PHOTONS_LIBRARY"] == str(tmp_path / "library" / "my_materials.csv")
 
 
 def test_defaults_are_the_solvers():
