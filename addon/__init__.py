@@ -57,6 +57,7 @@ def _modules():
         material_library,
         operators,
         panels,
+        preferences,
         properties,
         temperature_tools,
     )
@@ -74,5 +75,6 @@ def _modules():
         band_presets,
         checks,
         heat_display,
+        preferences,
         engine,
     )

@@ -23,7 +23,7 @@ def temperature_property(name: str, description: str, default: float):
         default=default,
         min=0.0,
         soft_max=2_000.0,
-        precision=2,
+        precision=5,  # significant digits: that is what it means for values with a unit
         step=100,
         subtype="TEMPERATURE",
         unit="TEMPERATURE",
