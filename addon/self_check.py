@@ -12,7 +12,7 @@ import numpy as np
 
 KELVIN = 300.0
 _BANDS = np.array([8.0, 10.0, 12.0])  # um
-# By chance the mean over the image errs by 0.05 K (spread over seeds); a tenth of the light amiss would be 7 K.
+# By chance the mean over the image errs by 0.05 K (spread over seeds); a tenth of the light amiss would be 6 K.
 _PHOTONS_MAY_ERR = 1.0  # K
 
 

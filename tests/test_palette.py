@@ -82,6 +82,14 @@ def test_linear_undoes_display():
 # scale
 
 
+def test_one_colour_may_be_painted_over():
+    """An isotherm on a single temperature: the palette stays as it is."""
+    colour = thermal(0.3, 0, 1)
+    before = colour.copy()
+    colour[...] = 7.0
+    assert np.array_equal(thermal(0.3, 0, 1), before)
+
+
 def test_a_fixed_range_gives_its_ends_to_everything_outside():
     scale = TemperatureScale("VIRIDIS", 290.0, 310.0)
     colours = scale.colours(np.array([200.0, 290.0, 310.0, 500.0]))

@@ -59,8 +59,10 @@ def _linear_to_lab(linear: np.ndarray) -> np.ndarray:
 
 
 def _table(linear: np.ndarray) -> np.ndarray:
-    """Colours (_SIZE, 3), from the lowest value to the highest, as a table: float32 in 0..1."""
-    return np.clip(linear, 0.0, 1.0).astype(np.float32)
+    """Colours (_SIZE, 3), from the lowest value to the highest, as a table that stays as it is: float32 in 0..1."""
+    table = np.clip(linear, 0.0, 1.0).astype(np.float32)
+    table.flags.writeable = False
+    return table
 
 
 def _iron() -> np.ndarray:
@@ -153,7 +155,7 @@ def thermal(
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite or far outside is settled below
         position = np.clip((values - np.float32(low)) * np.float32((_SIZE - 1) / (high - low)), 0, _SIZE - 1)
     position = np.where(np.isnan(position), 0, position)
-    return PALETTES[palette][np.rint(position).astype(np.intp)]
+    return PALETTES[palette].take(np.rint(position).astype(np.intp), axis=0)  # of one value, too, no view of the table
 
 
 def display(linear: np.ndarray) -> np.ndarray:
