@@ -46,7 +46,7 @@ SHORT = [
     pytest.param(
         case,
         id=f"{case.build.__name__}-{case.name}",
-        marks=[pytest.mark.long] if case.settings in (OFF, WRONG) else [],
+        marks=[pytest.mark.long] if case.settings in (OFF, WRONG) or "three bands" in case.name else [],
     )
     for case in CASES
     if case.short

@@ -159,6 +159,7 @@ def test_many_small_maps_equal_one_big_map(monkeypatch):
     assert abs(deviation) < 0.005
 
 
+@pytest.mark.long
 def test_noise_is_the_spread_between_renders():
     """The predicted standard error against that of 24 renders. A pixel's ratio has a relative error of 1/sqrt(2 * 23) =
     15 %, the median over 768 pixels (which share photons) a few percent. Pixels across a silhouette do better than
