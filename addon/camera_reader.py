@@ -112,9 +112,8 @@ def render_window(render) -> tuple[int, int, int, int] | None:
     """(x0, y0, x1, y1) in pixels of the border, origin at the lower left; None renders the whole frame."""
     if not render.use_border:
         return None
-    width, height = np.float32(render_size(render))  # Blender multiplies in float32 and rounds down
-    x0, x1 = np.float32((render.border_min_x, render.border_max_x)) * width
-    y0, y1 = np.float32((render.border_min_y, render.border_max_y)) * height
+    # Blender multiplies in float32 and rounds down
+    (x0, y0), (x1, y1) = np.float32(_border(render, "border")) * np.float32(render_size(render))
     return int(x0), int(y0), int(x1), int(y1)
 
 

@@ -73,10 +73,10 @@ def object_checks(obj, infrared) -> list[Check]:
 
 
 def _number_checks(id_block, owner: str) -> list[Check]:
-    from .scene_reader import SceneError, temperature_property
+    from .scene_reader import SceneError, read_temperature
 
     try:
-        temperature_property(id_block, 0.0, owner)
+        read_temperature(id_block, 0.0, owner)
     except SceneError as error:
         return [Check("ERROR", str(error))]
     return []

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, FloatProperty
+from bpy.props import BoolProperty
 from bpy.types import Operator
 
+from .interface import temperature_property
 from .output.palette import thermal
-from .properties import ROOM_TEMPERATURE, TEMPERATURE_DIGITS
+from .properties import ROOM_TEMPERATURE
 from .surface_temperature import in_scene_unit, own_temperature, read_values, same_elements, usable_attribute
 from .temperature_fields import TemperatureError, check_kelvin
 
@@ -119,24 +120,8 @@ class INFRARED_OT_heat_map_show(Operator):
     automatic: BoolProperty(
         name="Automatic Range", description="From the coldest to the hottest visible object", default=True
     )
-    low: FloatProperty(
-        name="Low",
-        description="Temperature of the palette's dark end",
-        default=ROOM_TEMPERATURE,
-        min=0.0,
-        precision=TEMPERATURE_DIGITS,
-        subtype="TEMPERATURE",
-        unit="TEMPERATURE",
-    )
-    high: FloatProperty(
-        name="High",
-        description="Temperature of the palette's bright end",
-        default=ROOM_TEMPERATURE + 50.0,
-        min=0.0,
-        precision=TEMPERATURE_DIGITS,
-        subtype="TEMPERATURE",
-        unit="TEMPERATURE",
-    )
+    low: temperature_property("Low", "Temperature of the palette's dark end", ROOM_TEMPERATURE, min=0.0)
+    high: temperature_property("High", "Temperature of the palette's bright end", ROOM_TEMPERATURE + 50.0, min=0.0)
 
     @classmethod
     def poll(cls, context):

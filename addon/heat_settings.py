@@ -3,31 +3,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, FloatVectorProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty
+
+from .interface import redraw, temperature_property
+
+scale_temperature = partial(temperature_property, min=0.0, soft_max=2_000.0, step=100)
 
 
 def redraw_image_editors(_owner=None, _context=None) -> None:
     """Draw what lies over pictures again; also the update function of settings that it depends on."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                area.tag_redraw()
-
-
-def temperature_property(name: str, description: str, default: float):
-    """A temperature in K that Blender shows in the scene's unit; default in K."""
-    return FloatProperty(
-        name=name,
-        description=description,
-        default=default,
-        min=0.0,
-        soft_max=2_000.0,
-        precision=5,  # significant digits: that is what it means for values with a unit
-        step=100,
-        subtype="TEMPERATURE",
-        unit="TEMPERATURE",
-    )
+    redraw("IMAGE_EDITOR")
 
 
 class InfraredSpot(bpy.types.PropertyGroup):
@@ -67,15 +55,15 @@ class HeatDisplaySettings:
         ),
         default="AUTOMATIC",
     )
-    range_low: temperature_property("Low", "What is at this temperature or below gets the palette's cold end", 283.15)
-    range_high: temperature_property("High", "What is at this temperature or above gets the palette's hot end", 323.15)
+    range_low: scale_temperature("Low", "What is at this temperature or below gets the palette's cold end", 283.15)
+    range_high: scale_temperature("High", "What is at this temperature or above gets the palette's hot end", 323.15)
     use_isotherm: BoolProperty(
         name="Isotherm",
         description="Paint what is between two temperatures in one color",
         default=False,
     )
-    isotherm_low: temperature_property("From", "Lowest temperature that is painted in the isotherm's color", 303.15)
-    isotherm_high: temperature_property("To", "Highest temperature that is painted in the isotherm's color", 308.15)
+    isotherm_low: scale_temperature("From", "Lowest temperature that is painted in the isotherm's color", 303.15)
+    isotherm_high: scale_temperature("To", "Highest temperature that is painted in the isotherm's color", 308.15)
     isotherm_colour: FloatVectorProperty(
         name="Color",
         description="Color of the temperatures of the isotherm",
@@ -122,12 +110,12 @@ def read_scale(infrared):
 
 def scene_unit(scene):
     """The TemperatureUnit that Blender shows this scene's temperatures in."""
-    from .output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN
+    from .output.temperature_scale import KELVIN, UNITS
 
     units = scene.unit_settings
     if units.system == "NONE":  # its temperature_unit is then no valid value
         return KELVIN
-    return {"CELSIUS": CELSIUS, "FAHRENHEIT": FAHRENHEIT}.get(units.temperature_unit, KELVIN)
+    return UNITS.get(units.temperature_unit, KELVIN)
 
 
 def view_problem(scene) -> str:

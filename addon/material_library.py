@@ -12,6 +12,7 @@ from bpy.types import Operator, PropertyGroup, UIList
 from bpy_extras.io_utils import ImportHelper
 
 from . import curve_previews
+from .interface import redraw
 
 UNUSABLE = "There is no editable material here"
 SOURCE_WIDTH = 62  # characters of a line of text in the browser
@@ -28,10 +29,7 @@ def active_material(context):
 def announce(material) -> None:
     """After its emissivity changed: let Blender evaluate the material, and draw the panels that may show it."""
     material.update_tag()
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "PROPERTIES":
-                area.tag_redraw()
+    redraw("PROPERTIES")
 
 
 class MaterialOperator:

@@ -8,6 +8,7 @@ import threading
 import bpy
 from bpy.types import AddonPreferences, Operator
 
+from .interface import redraw
 from .self_check import run_checks
 from .version import version
 
@@ -42,9 +43,7 @@ class INFRARED_OT_self_check(Operator):
         if event.type != "TIMER" or self._running.is_alive():
             return {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)
-        for window in context.window_manager.windows:
-            for area in window.screen.areas:
-                area.tag_redraw()
+        redraw()
         return self._end()
 
     def _end(self):

@@ -11,9 +11,9 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from .heat_settings import HeatDisplaySettings, InfraredSpot
+from .interface import TEMPERATURE_DIGITS, temperature_property
 
 ROOM_TEMPERATURE = 293.15  # K
-TEMPERATURE_DIGITS = 5  # significant ones: that is what Blender's precision means for values with a unit
 
 # Custom property -> what Blender's interface shows of it. The limits are soft for the reason above.
 CUSTOM_PROPERTIES = {
@@ -189,16 +189,13 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         description="Band edges in micrometres, ascending, separated by commas",
         default="3, 5, 8, 10, 12, 14",
     )
-    ambient_temperature: FloatProperty(
-        name="Ambient",
-        description="Temperature in kelvin of objects that have none of their own",
-        default=ROOM_TEMPERATURE,
+    ambient_temperature: temperature_property(
+        "Ambient",
+        "Temperature in kelvin of objects that have none of their own",
+        ROOM_TEMPERATURE,
         soft_min=0.0,
         soft_max=2_000.0,
-        precision=TEMPERATURE_DIGITS,
         step=100,
-        subtype="TEMPERATURE",
-        unit="TEMPERATURE",
     )
     default_emissivity: FloatProperty(
         name="Emissivity",

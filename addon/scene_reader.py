@@ -152,7 +152,7 @@ def _describe(value) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def temperature_property(id_block, default: float, owner: str) -> float:
+def read_temperature(id_block, default: float, owner: str) -> float:
     """The custom property `temperature`, K, checked."""
     temperature = _number(id_block, "temperature", default, owner, " in kelvin")
     check_temperature(temperature, owner)
@@ -161,7 +161,7 @@ def temperature_property(id_block, default: float, owner: str) -> float:
 
 def _world_temperature(world) -> float:
     """What rays that leave the scene see, K; without the property, or without a world, that is 0 K."""
-    return 0.0 if world is None else temperature_property(world, 0.0, f"World '{world.name}'")
+    return 0.0 if world is None else read_temperature(world, 0.0, f"World '{world.name}'")
 
 
 # Materials ------------------------------------------------------------------------------------------------------------
@@ -348,7 +348,7 @@ class SurfaceReader:
             return mesh.temperature
         if obj.get("temperature") is None:
             self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
-        temperature = temperature_property(obj, self.ambient_temperature, f"Object '{obj.name}'")
+        temperature = read_temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")
         return np.full(len(mesh.triangles), temperature, dtype=np.float32)
 
     def _materials(self, obj, slot: np.ndarray) -> np.ndarray:
@@ -400,7 +400,7 @@ def read_light(obj, matrix: np.ndarray, warnings: Warnings) -> list[Light]:
     light = obj.data
     owner = f"Light '{obj.name}'"
     sun = light.type == "SUN"
-    temperature = temperature_property(obj, SUN_TEMPERATURE if sun else LAMP_TEMPERATURE, owner)
+    temperature = read_temperature(obj, SUN_TEMPERATURE if sun else LAMP_TEMPERATURE, owner)
     if not np.isfinite(matrix).all():
         raise SceneError(f"{owner}: its position or scale is not finite")
     if light.energy < 0 or not np.isfinite(light.energy):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import importlib.metadata
+import importlib
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -31,12 +31,8 @@ def _problem(check: Callable[[], str]) -> str:
 
 def _libraries() -> str:
     """Bundled libraries load"""
-    import embreex  # noqa: F401
-    import numba  # noqa: F401
-    import OpenEXR  # noqa: F401
-
     for name in ("embreex", "numba", "OpenEXR"):
-        importlib.metadata.version(name)
+        importlib.import_module(name)
     return ""
 
 

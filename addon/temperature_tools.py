@@ -11,8 +11,9 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy.types import Menu, Operator
 from bpy_extras.io_utils import ImportHelper
 
-from .output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN
-from .properties import ROOM_TEMPERATURE, TEMPERATURE_DIGITS, add_custom_property, initial_value
+from .interface import temperature_property
+from .output.temperature_scale import UNITS
+from .properties import ROOM_TEMPERATURE, add_custom_property, initial_value
 from .surface_temperature import (
     DOMAINS,
     NAME,
@@ -30,7 +31,6 @@ from .surface_temperature import (
 )
 from .temperature_fields import TemperatureError, check_kelvin, pick_channel, read_points, sample_image, spread
 
-UNITS = {"KELVIN": KELVIN, "CELSIUS": CELSIUS, "FAHRENHEIT": FAHRENHEIT}
 UNIT_ITEMS = (
     ("KELVIN", "Kelvin", "", 0),
     ("CELSIUS", "Celsius", "", 1),
@@ -106,22 +106,8 @@ class SurfaceOperator:
 class RangeOperator(SurfaceOperator):
     """Base of operators on sources whose 0..1 becomes a range of temperatures."""
 
-    low: FloatProperty(
-        name="At 0",
-        description="Temperature where the source is 0",
-        default=ROOM_TEMPERATURE,
-        precision=TEMPERATURE_DIGITS,
-        subtype="TEMPERATURE",
-        unit="TEMPERATURE",
-    )
-    high: FloatProperty(
-        name="At 1",
-        description="Temperature where the source is 1",
-        default=ROOM_TEMPERATURE + 50.0,
-        precision=TEMPERATURE_DIGITS,
-        subtype="TEMPERATURE",
-        unit="TEMPERATURE",
-    )
+    low: temperature_property("At 0", "Temperature where the source is 0", ROOM_TEMPERATURE)
+    high: temperature_property("At 1", "Temperature where the source is 1", ROOM_TEMPERATURE + 50.0)
 
     def draw(self, context):
         column = self.layout.column()
@@ -386,15 +372,8 @@ class INFRARED_OT_object_temperatures(Operator):
             ("REMOVE", "Remove", "Take the temperature away, so that the ambient counts", 3),
         ),
     )
-    value: FloatProperty(
-        name="Temperature",
-        description="In the scene's unit; kept in kelvin",
-        default=ROOM_TEMPERATURE,
-        soft_max=2000.0,
-        min=0.0,
-        precision=TEMPERATURE_DIGITS,
-        subtype="TEMPERATURE",
-        unit="TEMPERATURE",
+    value: temperature_property(
+        "Temperature", "In the scene's unit; kept in kelvin", ROOM_TEMPERATURE, soft_max=2000.0, min=0.0
     )
 
     @classmethod

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .palette import linear, robust_range, spread, thermal
+from .palette import fit, linear, thermal
 
 TICKS = 8  # most of them on a bar
 
@@ -34,6 +34,7 @@ class TemperatureUnit:
 KELVIN = TemperatureUnit("K")
 CELSIUS = TemperatureUnit("°C", 1.0, -273.15)
 FAHRENHEIT = TemperatureUnit("°F", 1.8, -459.67)
+UNITS = {"KELVIN": KELVIN, "CELSIUS": CELSIUS, "FAHRENHEIT": FAHRENHEIT}  # by Blender's names
 
 
 @dataclass(frozen=True)
@@ -60,12 +61,7 @@ class TemperatureScale:
 
     def fitted(self, temperature: np.ndarray) -> TemperatureScale:
         """The same scale with both ends, for an image in K of any shape."""
-        low, high = self.low, self.high
-        if low is None or high is None:
-            robust_low, robust_high = robust_range(temperature)
-            low = robust_low if low is None else low
-            high = robust_high if high is None else high
-        low, high = spread(low, high)
+        low, high = fit(temperature, self.low, self.high)
         return replace(self, low=low, high=high)
 
     def colours(self, temperature: np.ndarray) -> np.ndarray:

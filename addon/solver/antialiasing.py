@@ -14,6 +14,7 @@ from numba import njit
 
 from .camera import Eye, empty_eye_rays, eye_rays
 from .radiometry import Radiometry, excess
+from .splitting import Splitting
 from .surfaces import Surfaces, Tracer, facing_side, temperature_at
 
 FEWEST, IN_MIRRORS, MOST = 4, 16, 128  # rays of a pixel in a pass; powers of two: each pass is stratified
@@ -30,19 +31,18 @@ def choose_samples(
     surroundings: np.ndarray,
     eye: Eye,
     key: int,
-    price: float,
-    reflected: np.ndarray | None,
+    splitting: Splitting | None,
     threads: int,
 ) -> np.ndarray:
     """(pixels,) uint8 rays of every pixel of the window in a pass.
 
-    surroundings: (b,) float64, their excess radiance. key: of the rays that look. price, reflected: of Splitting; 0 and
-    None without photons.
+    surroundings: (b,) float64, their excess radiance. key: of the rays that look. splitting: None without photons.
     """
     x0, y0, x1, y1 = (int(edge) for edge in eye.window)
     width, height = x1 - x0, y1 - y0
-    if reflected is None:
-        reflected = np.zeros(surfaces.sheet.size, np.float32)
+    price, reflected = 0.0, np.zeros(surfaces.sheet.size, np.float32)
+    if splitting is not None:
+        price, reflected = splitting.price, splitting.reflected
     variance, mirrors = np.empty(width * height), np.empty(width * height, np.bool_)
 
     def look(first: int) -> None:

@@ -205,9 +205,8 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
             surfaces, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2, settings.neighbours,
             photons, (x1 - x0) * (y1 - y0),
         )  # fmt: skip
-    noise = (0.0, None) if splitting is None else (splitting.price, splitting.reflected)
     samples = choose_samples(
-        surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), *noise, _threads(settings)
+        surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), splitting, _threads(settings)
     )
     log.info("%.1f camera rays a pixel and pass", samples.mean())
     return Model(

@@ -9,8 +9,12 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+from story import tell  # noqa: E402
 
 BLEND = bpy.data.filepath
 ROUNDS = 3
@@ -82,18 +86,4 @@ def disturb_renders():
     print("ALL DISTURBED", flush=True)
 
 
-story = disturb_renders()
-
-
-def go_on():
-    try:
-        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
-            return next(story)
-    except StopIteration:
-        bpy.ops.wm.quit_blender()
-    except Exception:
-        sys.excepthook(*sys.exc_info())
-        bpy.ops.wm.quit_blender()
-
-
-bpy.app.timers.register(go_on, first_interval=2.0, persistent=True)
+tell(disturb_renders())

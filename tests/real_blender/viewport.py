@@ -10,11 +10,15 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Quaternion, Vector
+
+sys.path.insert(0, str(Path(__file__).parent))
+from story import tell  # noqa: E402
 
 BLEND = bpy.data.filepath
 SCREENSHOTS = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else ""
@@ -206,18 +210,4 @@ def work():
     print(f"QUIT WITH {len(renders())}", flush=True)
 
 
-story = work()
-
-
-def go_on():
-    try:
-        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
-            return next(story)
-    except StopIteration:
-        bpy.ops.wm.quit_blender()
-    except Exception:
-        sys.excepthook(*sys.exc_info())
-        bpy.ops.wm.quit_blender()
-
-
-bpy.app.timers.register(go_on, first_interval=2.0, persistent=True)
+tell(work())
