@@ -9,7 +9,8 @@ from scenes import look
 from scipy.stats import qmc
 
 from addon.solver import Camera, SceneError
-from addon.solver.camera import build_eye, eye_rays, reversed_sobol
+from addon.solver.camera import build_eye, eye_rays
+from addon.solver.low_discrepancy import reversed_sobol
 from addon.solver.rng import CAMERA, pass_key
 
 KEY = pass_key(0, 2**32 - 1, CAMERA)

@@ -7,73 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .rng import path_key, uniform
+from .low_discrepancy import scrambled
+from .rng import path_key
 from .sampling import triangle_point, turn
 from .scene import Camera, SceneError
 
 _CLEAR_OF_SCENE = 1.01  # of the sphere around the scene, over its radius, so that rays start in front of all surfaces
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
-
-# Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).
-_SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
-
-
-def _direction_numbers() -> np.ndarray:
-    """(4, 32) uint32 direction numbers of the Sobol' sequence, the first dimension van der Corput's."""
-    numbers = np.ones((4, 32), np.uint64)
-    for row, (degree, coefficients, first) in zip(numbers[1:], _SOBOL, strict=True):
-        row[:degree] = first
-        for i in range(degree, 32):
-            row[i] = row[i - degree] ^ (row[i - degree] << np.uint64(degree))
-            for k in range(1, degree):
-                if coefficients >> (degree - 1 - k) & 1:
-                    row[i] ^= row[i - k] << np.uint64(k)
-    return (numbers << np.arange(31, -1, -1, dtype=np.uint64)).astype(np.uint32)
-
-
-# Bits from last to first, as scrambling wants them; in this order the sequence reads its own index from the top.
-_DIRECTIONS = np.array([[int(f"{number:032b}"[::-1], 2) for number in row] for row in _direction_numbers()], np.uint32)
-
-
-@njit(cache=True, nogil=True)
-def reversed_sobol(index, dimension):
-    """Coordinate of point `index` of the Sobol' sequence (uint32, modulo its 2^32 points) as a fraction of 2^32 with
-    its bits from last to first. dimension: 0 and 1 for the place in the pixel, 2 and 3 for that on the lens.
-    """
-    x = np.uint32(0)
-    bit = 0
-    while index > 0:
-        if index & 1:
-            x ^= _DIRECTIONS[dimension, bit]
-        index >>= 1
-        bit += 1
-    return x
-
-
-@njit(inline="always")
-def _reverse(x):
-    """The bits of a uint32 from last to first."""
-    x = np.uint32((x >> np.uint32(16)) | (x << np.uint32(16)))
-    x = ((x & np.uint32(0xFF00FF00)) >> np.uint32(8)) | ((x & np.uint32(0x00FF00FF)) << np.uint32(8))
-    x = ((x & np.uint32(0xF0F0F0F0)) >> np.uint32(4)) | ((x & np.uint32(0x0F0F0F0F)) << np.uint32(4))
-    x = ((x & np.uint32(0xCCCCCCCC)) >> np.uint32(2)) | ((x & np.uint32(0x33333333)) << np.uint32(2))
-    return ((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1)) | ((x & np.uint32(0x55555555)) << np.uint32(1))
-
-
-@njit(inline="always")
-def _scrambled(index, path, dimension):
-    """Coordinate of the sequence in [0, 1), scrambled for every path on its own as Owen's nested permutations do.
-
-    A digit is flipped or not by a hash of the digits before it (Burley 2020, "Practical hash-based Owen scrambling",
-    listing 2): stratified as before, and unlike a digital shift it also smooths edges along a pixel's diagonal.
-    """
-    seed = np.uint32(uniform(path, dimension) * 4294967296.0)
-    x = reversed_sobol(index, dimension)  # numba widens products, so each is cut to 32 bits again
-    x = np.uint32(x ^ (x * np.uint32(0x3D20ADEA)))
-    x = np.uint32((x + seed) * ((seed >> np.uint32(16)) | np.uint32(1)))
-    x = np.uint32(x ^ (x * np.uint32(0x05526C56)))
-    x = np.uint32(x ^ (x * np.uint32(0x53A22864)))
-    return float(_reverse(x)) * 2.0**-32
 
 
 class Eye(NamedTuple):
@@ -190,10 +130,10 @@ def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
         path = path_key(key, y * eye.width + x)
         for sample in range(samples[i]):
             n = (np.int64(index) * samples[i] + sample) & 0xFFFFFFFF
-            s, t = _scrambled(n, path, 0), _scrambled(n, path, 1)
+            s, t = scrambled(n, path, 0), scrambled(n, path, 1)
             u = v = 0.0
             if eye.lens_radius > 0.0:
-                u, v = _scrambled(n, path, 2), _scrambled(n, path, 3)
+                u, v = scrambled(n, path, 2), scrambled(n, path, 3)
             _put_eye_ray(eye, x + s, y + t, u, v, origin, direction, reach, row)
             row += 1
 

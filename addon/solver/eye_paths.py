@@ -14,10 +14,11 @@ from .final_gather import carried_by, choose_splits, largest_throughput, open_fi
 from .free_space import free_space, largest_disk
 from .irradiance_cache import recalled
 from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
+from .low_discrepancy import scrambled, shuffled
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, cosine_stratum, lobe_brdf, mirror, reflect_in_lobe, to_world
+from .sampling import FAST, basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
 from .splitting import Splitting
 from .surfaces import PATCH_LIMIT, facing_side, point, put_ray, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
@@ -104,12 +105,13 @@ def render_pixels(
     eye_rays(eye, keys[0], index, samples, pixels.ravel(), rays.origin, rays.direction, reach)
     start_paths(keys[1], samples, pixels.ravel(), rays)
     image = np.zeros((pixels.size, bands), np.float32)  # and behind it, rows for what final gathers meet
+    closeness = np.zeros(pixels.size)  # by row: sum of 1 / m to what their rays meet
     seen = np.zeros(pixels.size, np.float32)
     finals = []
     bounce = 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
-        gathers = meet(surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, image)
+        gathers = meet(surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, closeness, image)
         if bounce == 0:
             image.sum(axis=1, out=seen)
         split = 0
@@ -127,6 +129,7 @@ def render_pixels(
         if split:
             finals.append(open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, len(image)))
             image = np.concatenate((image, np.zeros((len(finals[-1].pixel), bands), np.float32)))
+            closeness = np.concatenate((closeness, np.zeros(len(finals[-1].pixel))))
         shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
         sent = send_shadows(surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, shadows)
         if sent:
@@ -138,7 +141,7 @@ def render_pixels(
         reach = np.full(count, 1e37, np.float32)
         bounce += 1
     for final in finals:
-        share(surfaces, final, *pixels.shape, image)
+        share(surfaces, final, estimate.shrink2, *pixels.shape, closeness, image)
     return image[: pixels.size], seen
 
 
@@ -155,15 +158,18 @@ def start_paths(key, samples, pixels, rays):
 
 
 class Gathers(NamedTuple):
-    """Rays that gather: their indexes (n,) int32, and a factor on the throughput of each, which stands for others too,
-    (n,) float32. side: (n,) int32, rays on each side of the square of strata where it sends rays, 0 where it asks
-    photons; row: (n,) int32, the row of the image that these add to. of: (rays,) int32, the gather that a ray makes, or
-    -1.
+    """Gathers, each for a group of rays: the index of the ray that stands for all where photons are asked (n,) int32,
+    and a factor on its throughput, (n,) float32.
+
+    carried: (n,) float64, what all rays of the group carry together. rays: (n,) int32, a power of two, how many a final
+    gather sends, from the ends of all rays of the group; 0 where it asks photons. row: (n,) int32, the row of the image
+    that these add to. of: (camera rays,) int32, the gather of a ray, or -1.
     """
 
     ray: np.ndarray
     weight: np.ndarray
-    side: np.ndarray
+    carried: np.ndarray
+    rays: np.ndarray
     row: np.ndarray
     of: np.ndarray
 
@@ -174,6 +180,7 @@ def empty_gathers(count):
     return Gathers(
         np.empty(count, np.int32),
         np.empty(count, np.float32),
+        np.empty(count),
         np.zeros(count, np.int32),
         np.empty(count, np.int32),
         np.full(count, -1, np.int32),
@@ -183,7 +190,10 @@ def empty_gathers(count):
 @njit(inline="always")
 def first_gathers(gathers, count):
     """The first so many gathers."""
-    return Gathers(gathers.ray[:count], gathers.weight[:count], gathers.side[:count], gathers.row[:count], gathers.of)
+    return Gathers(
+        gathers.ray[:count], gathers.weight[:count], gathers.carried[:count], gathers.rays[:count],
+        gathers.row[:count], gathers.of,
+    )  # fmt: skip
 
 
 class Hit(NamedTuple):
@@ -218,11 +228,12 @@ def _hit(surfaces, rays, i, t, u, v):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, image):
+def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image):
     """Add to the image what the surfaces that the rays meet emit; return the rays that gather what they reflect.
 
-    Rays of a pixel that meet one sheet of one material share a gather, and roulette decides on those that would carry
-    little. Rays of final gathers leave lamps to shadow rays. straight: see Estimate.
+    Rays of a pixel that meet one sheet of one material, with throughputs in one proportion, share a gather. Roulette
+    decides on those that would carry little. Rays of final gathers leave lamps to shadow rays. straight: see Estimate.
+    closeness: see share.
     """
     gathers = empty_gathers(triangle.size)
     shadowed = lamps.power > 0.0 or straight
@@ -240,6 +251,8 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
             for b in range(bands):
                 image[pixel, b] += rays.throughput[i, b] * surroundings[b]
             continue
+        if rays.gathered[i]:
+            closeness[pixel] += _closeness(surfaces, t, u[i], v[i], rays.origin[i])
         material = surfaces.material[t]
         side = facing_side(surfaces, t, rays.direction, i)
         rough = radiometry.alpha[material] > 0.0
@@ -266,26 +279,51 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
                 surfaces.sheet[triangle[other], facing_side(surfaces, triangle[other], rays.direction, other)] == sheet
                 and surfaces.material[triangle[other]] == material
                 and rays.gathered[other] == rays.gathered[i]
+                and (bounce == 0 or _in_proportion(rays.throughput[i], rays.throughput[other]))
             ):
                 break
             g += 1
         if g == found:
-            gathers.weight[g] = 0.0
+            gathers.carried[g] = 0.0
             found += 1
         # each ray of a group stands for it with a chance in proportion to what it carries: the mean is that of a gather
-        # for every ray. Until the end of this loop `weight` is the sum of what they carry.
-        gathers.weight[g] += carried
-        if uniform(rays.path[i], _DIMENSIONS * bounce + 3) * gathers.weight[g] < carried:
+        # for every ray
+        gathers.of[i] = g
+        gathers.carried[g] += carried
+        if uniform(rays.path[i], _DIMENSIONS * bounce + 3) * gathers.carried[g] < carried:
             gathers.ray[g] = i
-    kept = 0
+    kept, place = 0, np.full(found, -1, np.int32)
     for g in range(found):
         i = gathers.ray[g]
-        chance = min(1.0, gathers.weight[g] / _LITTLE)
+        chance = min(1.0, gathers.carried[g] / _LITTLE)
         if uniform(rays.path[i], _GATHERING + bounce) < chance:
             carried = largest_throughput(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
-            gathers.ray[kept], gathers.weight[kept] = i, gathers.weight[g] / (carried * chance)
+            gathers.ray[kept], gathers.weight[kept] = i, gathers.carried[g] / (carried * chance)
+            gathers.carried[kept], place[g] = gathers.carried[g], kept
             kept += 1
+    for i in range(triangle.size):
+        if gathers.of[i] >= 0:
+            gathers.of[i] = place[gathers.of[i]]
     return first_gathers(gathers, kept)
+
+
+@njit(inline="always")
+def _closeness(surfaces, t, u, v, origin):
+    """1 / m from a ray's origin to where it meets triangle t."""
+    x, y, z = point(surfaces.corners, t, u, v)
+    return 1.0 / math.sqrt(max((x - origin[0]) ** 2 + (y - origin[1]) ** 2 + (z - origin[2]) ** 2, 1e-30))
+
+
+@njit(inline="always")
+def _in_proportion(a, b):
+    """Whether two throughputs differ by a factor alone, but for float32's rounding on the way."""
+    largest = 0
+    for band in range(a.size):
+        largest = band if a[band] > a[largest] else largest
+    for band in range(a.size):
+        if abs(a[band] * b[largest] - b[band] * a[largest]) > np.float32(1e-5) * a[largest] * b[largest]:
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -311,7 +349,7 @@ def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, ra
     guess = estimate.reach2
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
-        split = gathers.side[g] > 0
+        split = gathers.rays[g] > 0
         if split and photon_map.photons.caustic.size == 0:
             continue
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
@@ -390,7 +428,7 @@ def send_shadows(
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        if sky and emitters.open[hit.triangle, hit.side] and gathers.side[g] == 0:
+        if sky and emitters.open[hit.triangle, hit.side] and gathers.rays[g] == 0:
             send_sky(
                 surfaces, radiometry, emitters.surroundings, hit, rays.throughput[i], gathers.weight[g], rays.path[i],
                 _LAMPS + 16 * bounce + 2, rays.pixel[i], shadows, sent,
@@ -408,33 +446,47 @@ def send_shadows(
 def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward):
     """Send on the rays that meet a specular surface, and those of final gathers; returns their number."""
     sent = 0
+    shares = np.zeros(gathers.ray.size)  # of the rays of a final gather that those before had, of all groups
     for i in range(triangle.size):
         if triangle[i] < 0:
             continue
-        is_specular = radiometry.specular[surfaces.material[triangle[i]]] > 0.0
-        g = gathers.of[i]
-        if is_specular or g >= 0:
+        material, g = surfaces.material[triangle[i]], gathers.of[i]
+        is_specular, is_split = radiometry.specular[material] > 0.0, g >= 0 and gathers.rays[g] > 0
+        if is_specular or is_split:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
             if is_specular:
                 sent += _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
-            if g >= 0:
-                carried = carried_by(radiometry, surfaces.material[hit.triangle], rays, i, gathers.weight[g])
-                _split(surfaces, hit, carried, gathers.side[g], gathers.row[g], rays.path[i], sent, onward)
-                sent += gathers.side[g] * gathers.side[g]
+            if is_split:
+                before = shares[g]
+                shares[g] += largest_throughput(rays.throughput[i], radiometry.reflectance[material])
+                leader, total = gathers.ray[g], gathers.carried[g]
+                carried = carried_by(radiometry, material, rays, leader, gathers.weight[g])
+                sent += _split(
+                    surfaces, hit, carried, gathers.rays[g], before / total, shares[g] / total, gathers.row[g],
+                    path_key(rays.path[leader], _SPLITTING + bounce), sent, onward,
+                )  # fmt: skip
     return sent
 
 
 @njit(inline="always")
-def _split(surfaces, hit, carried, side, row, path, sent, onward):
-    """Send the rays of a final gather, cosine-distributed, one in each of side by side strata; they add to a row."""
-    scale = np.float32(carried / (side * side))
-    for stratum in range(side * side):
-        key = path_key(path, _SPLITTING + stratum)
-        lx, ly, lz = cosine_stratum(stratum, side, uniform(key, 0), uniform(key, 1))
+def _split(surfaces, hit, carried, count, before, after, row, path, sent, onward):
+    """Send a ray's share of the `count` rays of a final gather, cosine-distributed; returns how many these are.
+
+    before, after: share of all rays that fall to rays before this one, without and with it, in [0, 1]: each gets those
+    between, by a random start for all (systematic resampling). The directions of all are stratified. They add to a row.
+    """
+    start = uniform(path, 2)
+    first, last = min(count, int(before * count + start)), min(count, int(after * count + start))
+    for ray in range(first, last):
+        key = path_key(path, 4 + ray)
+        index = shuffled(ray, count, path, 3)
+        lx, ly, lz = cosine_direction(scrambled(index, path, 0), scrambled(index, path, 1))
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
-        _leave(surfaces, hit, dx, dy, dz, row, key, sent + stratum, onward)
-        onward.gathered[sent + stratum] = True
-        onward.throughput[sent + stratum, :] = scale
+        at = sent + ray - first
+        _leave(surfaces, hit, dx, dy, dz, row, key, at, onward)
+        onward.gathered[at] = True
+        onward.throughput[at, :] = np.float32(carried / count)
+    return last - first
 
 
 @njit(inline="always")

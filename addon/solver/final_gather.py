@@ -2,8 +2,9 @@
 """Final gathers: which of the camera's gathers send rays of their own, and how those of neighbouring pixels share them.
 
 Neighbours on one sheet, within a disk that is a part of the one that photons would be gathered from, average what
-their rays meet. Like that disk it shrinks from pass to pass, in the end to none but a gather's own rays, so what this
-blurs vanishes as the blur of the photon map does.
+their rays meet. The disk is small where surfaces are close or bent, as irradiance changes quickly there (Ward et al.
+1988). It shrinks from pass to pass, in the end to none but a gather's own rays, so what this blurs vanishes as the blur
+of the photon map does.
 """
 
 import math
@@ -15,9 +16,11 @@ from numba import njit
 from .free_space import LEAST_FREE
 from .sampling import FAST
 from .splitting import rays_beside, shared_area
-from .surfaces import SAME_SURFACE, unit_normal
+from .surfaces import unit_normal
 
-_BESIDE_WALLS = 6  # least rays on each side of the square of strata where there is no room for photons
+_BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
+_NEAR = 0.05  # radius of the disk, over the harmonic mean distance of what the rays meet: 5 % of change, about
+_BENT = 0.1  # squared difference of the unit normals at which no rays are shared
 _WINDOW = 3  # pixels around, in which final gathers share rays
 
 
@@ -34,14 +37,13 @@ def choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2):
             continue
         carried = carried_by(radiometry, surfaces.material[code[g] >> 1], rays, i, gathers.weight[g])
         sheet = surfaces.sheet[code[g] >> 1, code[g] & 1]
-        side, _ = rays_beside(
+        count, _ = rays_beside(
             estimate.splitting, sheet, carried, float(free2[g]), estimate.neighbours, estimate.shrink2
         )
         if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
-            side = max(side, _BESIDE_WALLS)
-        if side > 0:
-            gathers.side[g], gathers.of[i] = side, g
-            rays_sent += side * side
+            count = max(count, _BESIDE_WALLS)
+        gathers.rays[g] = count
+        rays_sent += count
     return rays_sent
 
 
@@ -66,10 +68,10 @@ class Finals(NamedTuple):
 @njit(cache=True, nogil=True)
 def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, row):
     """The final gathers among the gathers, which get rows from `row` on."""
-    chosen = np.flatnonzero(gathers.side)
+    chosen = np.flatnonzero(gathers.rays)
     count, bands = chosen.size, radiometry.reference.size
     finals = Finals(
-        np.empty(count, np.int32), place[chosen], code[chosen], gathers.side[chosen] ** 2, np.empty(count), row,
+        np.empty(count, np.int32), place[chosen], code[chosen], gathers.rays[chosen], np.empty(count), row,
         np.empty(count), np.empty((count, bands), np.float32),
     )  # fmt: skip
     for n in range(count):
@@ -104,10 +106,11 @@ def largest_throughput(throughput, rho):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def share(surfaces, finals, rows, columns, image):
+def share(surfaces, finals, shrink2, rows, columns, closeness, image):
     """Add to the pixels of a tile of rows by columns what their final gathers and those around reflect.
 
-    The mean of those on one sheet within the disk, which shrinks to none but their own.
+    The mean of those on one sheet within the disk, which shrinks to none but their own. closeness: by row of the image,
+    sum over a gather's rays of 1 / m to what they met.
     """
     first, following = np.full(rows * columns, -1, np.int32), np.empty(finals.pixel.size, np.int32)
     for n in range(finals.pixel.size - 1, -1, -1):
@@ -117,12 +120,14 @@ def share(surfaces, finals, rows, columns, image):
         x, y = finals.pixel[n] % columns, finals.pixel[n] // columns
         t, side = finals.code[n] >> 1, finals.code[n] & 1
         sheet, (nx, ny, nz) = surfaces.sheet[t, side], unit_normal(surfaces, t, side)
+        near = _NEAR * finals.rays[n] / max(closeness[finals.row + n], 1e-30)
+        radius2 = min(finals.radius2[n], near * near * shrink2)
         mean[:], total = 0.0, 0.0
         for row in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
             for column in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
                 other = first[row * columns + column]
                 while other >= 0:
-                    weight = _weight(surfaces, finals, n, other, sheet, nx, ny, nz)
+                    weight = _weight(surfaces, finals, n, other, sheet, nx, ny, nz, radius2, _BENT * shrink2)
                     if weight > 0.0:
                         total += weight
                         scale = np.float32(weight / finals.carried[other])
@@ -134,14 +139,17 @@ def share(surfaces, finals, rows, columns, image):
 
 
 @njit(inline="always")
-def _weight(surfaces, finals, n, other, sheet, nx, ny, nz):
-    """Weight of another final gather for gather n, in the centre of its disk."""
+def _weight(surfaces, finals, n, other, sheet, nx, ny, nz, radius2, bent2):
+    """Weight of another final gather for gather n, in the centre of its disk: what is left of 1 of it after the
+    squares of distance over radius and of the normals' difference over its limit.
+    """
+    if n == other:
+        return float(finals.rays[n])
     t, side = finals.code[other] >> 1, finals.code[other] & 1
     if surfaces.sheet[t, side] != sheet:
         return 0.0
     p, q = finals.place[n], finals.place[other]
     distance2 = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
     ox, oy, oz = unit_normal(surfaces, t, side)
-    if n != other and (distance2 >= finals.radius2[n] or nx * ox + ny * oy + nz * oz < SAME_SURFACE):
-        return 0.0
-    return finals.rays[other] * (1.0 - (distance2 / finals.radius2[n] if n != other else 0.0))
+    bend2 = 2.0 - 2.0 * (nx * ox + ny * oy + nz * oz)
+    return finals.rays[other] * max(0.0, 1.0 - distance2 / max(radius2, 1e-30) - bend2 / bent2)

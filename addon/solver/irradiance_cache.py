@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Irradiance at some points, found once a pass, for the many ends of final gathers (Christensen 1999).
 
-The nearest point stands for what a ray meets. Points lie where a few photons of their own would, independent of those
-that are gathered: at a stored photon the density of photons is not what it is elsewhere. They lie about as far apart
-as half a gather's radius, and come closer as it shrinks from pass to pass, so that what this blurs vanishes as the blur
-of the photon map does.
+The nearest point stands for what a ray meets. Points lie where a few such rays end, so they are as dense as they are
+needed, and in bright places no denser than in dark ones: were they photons, the nearest would too often be a bright
+one. From pass to pass they come closer, so that what this blurs vanishes as the blur of the photon map does.
 """
 
 import math
@@ -17,10 +16,11 @@ from numba import njit
 from .free_space import largest_disk
 from .photon_map import PhotonMap, gather, irradiance, neighbours_room
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .sampling import FAST
-from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, unit_normal
+from .rng import path_key, uniform
+from .sampling import FAST, cosine_direction, to_world
+from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, Tracer, facing_side, point, put_ray, unit_normal
 
-_SHARE = 1.0 / 16.0  # points over photons in the first pass
+_SHARE = 1.0 / 16.0  # rays that find points, over photons, in the first pass
 _CHUNK = 512  # points
 
 
@@ -33,11 +33,55 @@ class IrradianceCache(NamedTuple):
 
 
 def cache_points(photons: int, shrink2: float) -> int:
-    """Photons that are traced to say where the points lie, of a pass with so many photons and this shrink factor.
+    """Rays that are traced to say where the points lie, in a pass with so many photons and this shrink factor.
 
     As the area of disks shrinks, that between points shrinks like its root: soon enough, and affordable for long.
     """
     return max(1, min(photons, round(photons * _SHARE / math.sqrt(shrink2))))
+
+
+class Places(NamedTuple):
+    """Where camera paths gather, n of them: place, facing (n, 3) float64, code (n,) int32 as in Pilot, and the running
+    sum of what they carry, carried (n,) float64."""
+
+    place: np.ndarray
+    facing: np.ndarray
+    code: np.ndarray
+    carried: np.ndarray
+
+
+def ray_ends(
+    tracer: Tracer, surfaces: Surfaces, places: Places, key: np.uint64, total: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where `total` rays end that final gathers at these places might send: position (n, 3) float32, m, and code (n,)
+    int32, 2 triangle + side, of those that meet a surface. key: of their random numbers."""
+    origin, direction = np.empty((2, total if len(places.place) else 0, 3), np.float32)
+    _start_rays(surfaces, places, key, origin, direction)
+    return _ends(surfaces, *tracer.trace(origin, direction), direction)
+
+
+@njit(cache=True, nogil=True)
+def _start_rays(surfaces, places, key, origin, direction):
+    for i in range(len(origin)):
+        path = path_key(key, i)
+        chosen = places.carried[-1] * ((i + uniform(path, 0)) / len(origin))
+        j = min(np.searchsorted(places.carried, chosen), places.carried.size - 1)
+        x, y, z = places.place[j]
+        nx, ny, nz = places.facing[j]
+        lx, ly, lz = cosine_direction(uniform(path, 1), uniform(path, 2))
+        dx, dy, dz = to_world(lx, ly, lz, nx, ny, nz)
+        put_ray(surfaces, places.code[j] >> 1, x, y, z, nx, ny, nz, dx, dy, dz, origin, direction, i)
+
+
+@njit(cache=True, nogil=True)
+def _ends(surfaces, triangle, u, v, direction):
+    met = np.flatnonzero(triangle >= 0)
+    place, code = np.empty((met.size, 3), np.float32), np.empty(met.size, np.int32)
+    for n in range(met.size):
+        i = met[n]
+        place[n, 0], place[n, 1], place[n, 2] = point(surfaces.corners, triangle[i], u[i], v[i])
+        code[n] = 2 * triangle[i] + facing_side(surfaces, triangle[i], direction, i)
+    return place, code
 
 
 def build_irradiance_cache(

@@ -30,7 +30,7 @@ from .eye_paths import Estimate, render_pixels
 from .film import Film
 from .free_space import free_space
 from .guide import Gathers, add_scores, build_gathers, build_guide
-from .irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points
+from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
 from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
 from .memory import check_memory, memory_beforehand, memory_of_passes
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
@@ -71,6 +71,7 @@ class Model:
     eye: Eye
     samples: np.ndarray  # rays of every pixel in a pass
     reach2: float
+    places: Places  # where camera paths gather
     splitting: Splitting | None  # None without photons
     reference_temperature: float
     photons_per_pass: int
@@ -219,6 +220,7 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         eye,
         samples,
         reach2,
+        Places(pilot.place, pilot.facing, pilot.code, np.cumsum(pilot.carried)),
         splitting,
         reference,
         photons,
@@ -348,18 +350,9 @@ def cache_irradiance(
     pool: ThreadPoolExecutor,
     cancelled: Callable[[], bool],
 ) -> IrradianceCache:
-    """What the ends of final gathers will ask for in this pass. key: of the photons that say where."""
+    """What the ends of final gathers will ask for in this pass. key: of the rays that say where."""
     total = cache_points(m.photons_per_pass, estimate.shrink2)
-
-    def trace(first: int):
-        count = min(PHOTON_CHUNK, total - first)
-        return trace_photons(
-            m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first, count, total, cancelled
-        )
-
-    batches = [batch for chunk in pool.map(trace, range(0, total, PHOTON_CHUNK)) for batch in chunk]
-    place = np.concatenate([np.empty((0, 3), np.float32), *(batch.position for batch in batches)])
-    code = np.concatenate([np.empty(0, np.int32), *(batch.surface for batch in batches)])
+    place, code = ray_ends(m.tracer, m.surfaces, m.places, key, total)
 
     def feel(place, code, first):
         return free_space(

@@ -21,7 +21,7 @@ from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, patch_in_ball, region
 _GATHER = 6.0  # of k photons
 _FIXED = 16.0  # of a gather's share of camera rays
 _PHOTON = 2.0  # traced, sorted, and its share of the cache
-_FEWEST, _MOST = 4, 12  # rays on each side of the square of strata
+_FEWEST, _MOST = 16, 128  # rays of a final gather; powers of two
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over that of photons: they blur less
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
@@ -62,7 +62,7 @@ class Trial(NamedTuple):
 
 @njit(inline="always")
 def rays_beside(splitting, sheet, carried, free2, k, shrink2):
-    """Rays on each side of the square of strata that a gather should send, 0 if photons are better; and the variance.
+    """Rays that a gather should send, a power of two, or 0 if photons are better; and the variance.
 
     carried: share of a pixel that its reflected light makes up. free2: m2, squared radius of the free space around. k,
     shrink2: see Estimate.
@@ -70,11 +70,10 @@ def rays_beside(splitting, sheet, carried, free2, k, shrink2):
     area = disk_area(splitting, sheet, free2, k, shrink2)
     by_photons = carried * carried * splitting.photon_noise[sheet] / area
     by_ray = carried * carried * ray_variance(splitting, sheet, free2, k, shrink2)
-    side = int(min(float(_MOST), math.sqrt(math.sqrt(by_ray / splitting.price)) + 0.5))
-    side = max(_FEWEST, side)
-    rays = side * side
+    best = min(max(math.sqrt(by_ray / splitting.price), float(_FEWEST)), float(_MOST))
+    rays = 1 << int(math.log2(best) + 0.5)
     if by_photons + _GATHER * splitting.price > by_ray / rays + rays * splitting.price:
-        return side, by_ray / rays
+        return rays, by_ray / rays
     return 0, by_photons
 
 
@@ -208,7 +207,7 @@ def _mean_of(splitting, sheets, carried, reach2, k):
     """Mean variance and time of gathers on sheets that carry so much of a pixel, (n,) each, in free space."""
     noise = time = 0.0
     for i in range(sheets.size):
-        side, variance = rays_beside(splitting, sheets[i], carried[i], reach2, k, 1.0)
+        rays, variance = rays_beside(splitting, sheets[i], carried[i], reach2, k, 1.0)
         noise += variance
-        time += side * side if side else _GATHER
+        time += rays if rays else _GATHER
     return noise / max(1, sheets.size), time / max(1, sheets.size)

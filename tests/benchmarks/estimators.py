@@ -46,8 +46,8 @@ def split_all(surfaces, radiometry, estimate, code, rays, gathers, free2):
     sent = 0
     for g in range(gathers.ray.size):
         if not rays.gathered[gathers.ray[g]]:
-            gathers.side[g], gathers.of[gathers.ray[g]] = 6, g
-            sent += 36
+            gathers.rays[g] = 32
+            sent += 32
     return sent
 
 
@@ -83,9 +83,9 @@ VARIANTS = {
     "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},
     "lamps in mesh order": {"lamps.morton_ranks": lambda points: np.arange(len(points))},
     "photons alone": {"eye_paths.choose_splits": split_none},
-    "36 rays everywhere": {"eye_paths.choose_splits": split_all},
+    "32 rays everywhere": {"eye_paths.choose_splits": split_all},
     "rays not shared": {"splitting._SHARING": 1e-12},
-    "at most 64 rays": {"splitting._MOST": 8},
+    "at most 64 rays": {"splitting._MOST": 64},
     "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
     "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
     "no roulette on gathers": {"eye_paths._LITTLE": 1e-30, "eye_paths._LEAST": 1e-30},
