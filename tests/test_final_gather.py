@@ -145,6 +145,31 @@ def test_final_gathers_and_photons_agree(kind, monkeypatch):
     assert abs(gathered - photons) < 4 * error
 
 
+@pytest.mark.parametrize("second, expected", [(0.1, 1), (1.0, 2)])
+def test_rays_with_other_colours_keep_theirs(second, expected, monkeypatch):
+    """One pixel sees a floor in two mirrors. A final gather for both is right only if both have the same colour, as its
+    rays, from all of the floor that the pixel sees, are multiplied by one throughput."""
+    mirrors = [
+        Material("mirror", np.array([(9.99, below), (10.01, 1.1 - below)]), specular=1.0) for below in (0.1, second)
+    ]
+    floor, hot = quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), quad((-1, 0, 1), (0, 2, 0), (0, 0, 1))
+    left, right = (quad((x, 0, 0.8), (0.05, 0, 0), (0, 0.05, 0)) for x in (-0.05, 0.05))
+    *parts, material = join((*floor, 300.0, 0), (*hot, 320.0, 0), (*left, 300.0, 1), (*right, 300.0, 2))
+    camera = look((0.0, 0.0, 0.4), (0.0, 0.0, 0.8), 1, 1, 0.1)
+    scene = make_scene(*parts, (GREY, *mirrors), camera, EDGES, material, world_temperature=250.0)
+    choose, groups = eye_paths.choose_splits, []
+
+    def watch(surfaces, radiometry, estimate, code, rays, gathers, free2):
+        sent = choose(surfaces, radiometry, estimate, code, rays, gathers, free2)
+        groups.extend(gathers.of[gathers.of >= 0])
+        return sent
+
+    monkeypatch.setattr(eye_paths, "choose_splits", watch)
+    render(scene, Settings(passes=1, photons_per_pass=20_000))
+    assert len(groups) == 16  # all rays, those of mirrors
+    assert len(set(groups)) == expected
+
+
 def test_rays_go_out_where_walls_leave_no_room_for_photons(monkeypatch):
     """There a disk of photons that is not too small to hold any would reach behind the wall."""
     beside, choose = [], eye_paths.choose_splits
