@@ -6,12 +6,17 @@ import math
 import numpy as np
 import pytest
 from numba import njit
+from scenes import box, join, look, make_scene
 from test_photon_map import photon_map, square, triangle_under
 
+from addon.solver import Material
 from addon.solver.eye_paths import Estimate
-from addon.solver.irradiance_cache import build_irradiance_cache, cache_points, recalled
+from addon.solver.irradiance_cache import Places, build_irradiance_cache, cache_points, ray_ends, recalled
 from addon.solver.photon_map import neighbours_room
 from addon.solver.splitting import Splitting
+from addon.solver.surfaces import build_surfaces, unit_normal
+
+EDGES = np.array([8.0, 12.0])
 
 NO_RAYS = Splitting(*np.zeros((6, 1), np.float32), math.inf)
 
@@ -84,3 +89,28 @@ def test_points_come_closer_as_disks_shrink():
     counts = [cache_points(100_000, shrink2) for shrink2 in (1.0, 0.25, 0.01)]
     assert counts == sorted(counts) and counts[-1] >= 10 * counts[0] * 0.99
     assert cache_points(100, 1e-6) == 100 and cache_points(1, 1.0) == 1
+
+
+def test_points_lie_where_rays_of_final_gathers_end():
+    """From the middle of a cube's floor: the ceiling's share is its view factor, of a parallel square above, 4 times
+    that of a corner's (Howell, factor B-3 with X = Y = 1 / 2). Places that carry nothing send none. 4 standard errors.
+    """
+    vertices, triangles, kelvin, material = join((*box((1.0, 1.0, 1.0)), 300.0, 0))
+    scene = make_scene(
+        vertices, triangles, kelvin, (Material(),), look((0.5, 0.5, 0.5), (0.5, 0.5, 0)), EDGES, material
+    )
+    surfaces, tracer, centre = build_surfaces(scene)
+    floor = np.flatnonzero(np.all(surfaces.corners[:, :, 2] < -0.49, axis=1))[0]
+    inside = int(unit_normal(surfaces, floor, 0)[2] < 0)
+    place = np.array([(0.5, 0.5, 0.0), (0.5, 0.5, 1.0)]) - centre
+    facing, code = np.array([(0, 0, 1.0), (0, 0, 1.0)]), np.full(2, 2 * floor + inside, np.int32)
+    total = 20_000
+    places = Places(place, facing, code, np.array([1.0, 1.0]))
+    found, at = ray_ends(tracer, surfaces, places, np.uint64(3), total)
+    assert len(found) == len(at) == total
+    share = np.mean(found[:, 2] > 0.49)
+    x = 0.5
+    root = math.sqrt(1 + x * x)
+    expected = 4 * (x / root * math.atan(x / root) * 2) / (2 * math.pi)
+    assert abs(share - expected) < 4 * math.sqrt(expected * (1 - expected) / total)
+    assert ray_ends(tracer, surfaces, places._replace(place=place[:0]), np.uint64(3), 100)[0].shape == (0, 3)
