@@ -28,7 +28,7 @@ _RECALLING, _GATHERING, _FEELING, _LAMPS, _SPLITTING = 1 << 17, 1 << 18, 1 << 19
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
-_LEAST = 1.0 / 512.0  # the same of ends that recall
+_LEAST = 1.0 / 2048.0  # the same of ends that recall: that is cheap, and in a cavity most of the light is there
 _FULL = 1.0 / 64.0  # of a pixel: roulette starts where a path carries less
 
 

@@ -38,6 +38,7 @@ class Splitting(NamedTuple):
     perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
     the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk. gathers: m-2, final
     gathers of a pass that would share rays. reflected: W sr-1 m-2, mean radiance that a perfect reflector reflects.
+    ends: W2 sr-2 m-4, variance of what all rays together bring of the photons at their ends, however many they are.
     price: W2 sr-2 m-4, variance that a ray should save.
     """
 
@@ -47,6 +48,7 @@ class Splitting(NamedTuple):
     span: np.ndarray
     gathers: np.ndarray
     reflected: np.ndarray
+    ends: float
     price: float
 
 
@@ -72,8 +74,9 @@ def rays_beside(splitting, sheet, carried, free2, k, shrink2):
     by_ray = carried * carried * ray_variance(splitting, sheet, free2, k, shrink2)
     best = min(max(math.sqrt(by_ray / splitting.price), float(_FEWEST)), float(_MOST))
     rays = 1 << int(math.log2(best) + 0.5)
-    if by_photons + _GATHER * splitting.price > by_ray / rays + rays * splitting.price:
-        return rays, by_ray / rays
+    by_rays = by_ray / rays + carried * carried * splitting.ends
+    if by_photons + _GATHER * splitting.price > by_rays + rays * splitting.price:
+        return rays, by_rays
     return 0, by_photons
 
 
@@ -141,7 +144,8 @@ def plan_splitting(
     crowds = _crowds(places, pilot.place, pilot.facing, some.step, reach2) * (pilot.gathering * pixels)
     gathers = _means(places[some], crowds / (max(1, len(places)) * spans), labels, 0.0, 1e-9)
     tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span, gathers, reflected))
-    splitting = Splitting(*tables, math.inf)
+    ends = _variance_at_ends(surfaces, radiometry, pilot.ends, trial, hit, size) * (trial.photons / photons)
+    splitting = Splitting(*tables, ends, math.inf)
     # photons of caustics are gathered whatever is chosen
     disk = np.minimum(span, neighbours / np.maximum(density, 1e-30))
     rest = float(np.mean(pilot.carried**2 * (caustic_noise / disk)[places])) if len(places) else 0.0
@@ -152,6 +156,20 @@ def plan_splitting(
         noise, time = _mean_of(splitting._replace(price=price), places, pilot.carried, reach2, neighbours)
         tried.append(((noise + rest) * (fixed + time), price))
     return splitting._replace(price=min(tried)[1])
+
+
+def _variance_at_ends(
+    surfaces: Surfaces, radiometry: Radiometry, ends: np.ndarray, trial: Trial, hit: np.ndarray, size: np.ndarray
+) -> float:
+    """Variance (W2 sr-2 m-4) of the mean radiance that the sheets at the ends of rays reflect, by a trial's photons.
+
+    The mean over ends, of density d (m-2), of rho E / pi is the sum over photons of d rho power / pi, and the variance
+    of such a sum is the sum of squares. hit: (n,) label of their sheets. size: (labels,) m2.
+    """
+    material = surfaces.material[trial.code >> 1]
+    rho = radiometry.reflectance.mean(axis=1)[material] * (1.0 - radiometry.specular[material])
+    density = np.bincount(ends[ends >= 0], minlength=len(size)) / (size * max(1, len(ends)))
+    return float(np.sum((density[hit] * rho * trial.power / math.pi) ** 2))
 
 
 def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, worth: float = _PRIOR) -> np.ndarray:
