@@ -28,6 +28,7 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
         self._viewport = None
+        self.geometries = {}  # kept between final renders, see render_view_layer; they end with the engine
 
     def __del__(self):
         # Blender may end what it did not begin, and after its own part has gone every ordinary look raises

@@ -23,7 +23,9 @@ from .output.temperature_scale import TemperatureScale
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
+from .solver.memory import check_memory, memory_beforehand
 from .solver.spectrum import band_names
+from .solver.surfaces import Geometry, build_geometry
 from .version import version
 
 log = logging.getLogger(__name__)
@@ -125,6 +127,10 @@ def render_view_layer(engine, depsgraph) -> None:
     if scene.infrared.checkpoint_path:
         path = checkpoint_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
         solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
+    if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
+        solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
+    else:
+        engine.geometries.clear()
     for name, channels, channel_ids, _kind in passes[1:]:  # Combined is there already
         engine.add_pass(name, channels, channel_ids, layer=layer)
     copies = IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)
@@ -166,6 +172,17 @@ def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, s
     except CheckpointError as error:
         _warn(engine, f"{error}. The render starts anew; the old file is kept as '{set_aside(path)}'")
     return partial(render_with_checkpoints, path=path, interval=60.0 * minutes, saved=saved)
+
+
+def _solver_with_kept_geometry(solve: Callable, geometries: dict[str, Geometry], layer: str) -> Callable:
+    """A `render` that takes the layer's geometry from an earlier render, if no vertex and no triangle differs."""
+
+    def solve_and_keep(scene, settings, on_pass, cancelled, image_copies):
+        check_memory(memory_beforehand(scene, image_copies))
+        geometry = geometries[layer] = build_geometry(scene, geometries.get(layer))
+        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
+
+    return solve_and_keep
 
 
 def _watch(engine, job: RenderJob, result) -> None:

@@ -26,6 +26,7 @@ from .kernel_cache import source_digest
 from .render import render
 from .scene import Scene
 from .settings import Settings
+from .surfaces import Geometry
 
 log = logging.getLogger(__name__)
 
@@ -105,12 +106,14 @@ def render_with_checkpoints(
     interval: float,
     saved: Film | None = None,
     image_copies: int = 0,
+    geometry: Geometry | None = None,
 ) -> Film:
     """Render as `render` does, and save the finished passes every `interval` seconds and when cancelled.
 
-    saved: finished passes of this render (see `load`), to which the others are added; on_pass gets them first. A
-    complete render removes its checkpoint. One that cannot be written during the render is a warning in the log. Raises
-    OSError, before the first pass, if there is no way to write to path.
+    saved: finished passes of this render (see `load`), to which the others are added; on_pass gets them first.
+    image_copies, geometry: as in `render`.
+    A complete render removes its checkpoint. One that cannot be written during the render is a warning in the log.
+    Raises OSError, before the first pass, if there is no way to write to path.
     """
     marks = fingerprint(scene, settings)
     check_writable(path, _WHAT)
@@ -135,7 +138,7 @@ def render_with_checkpoints(
         log.info("Going on after %d saved passes", saved.passes)
         if on_pass:
             on_pass(saved)
-    film = render(scene, settings, after_pass, cancelled, saved, image_copies)
+    film = render(scene, settings, after_pass, cancelled, saved, image_copies, geometry)
     if not cancelled():
         path.unlink(missing_ok=True)
     elif film.passes:
