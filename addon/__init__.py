@@ -6,6 +6,8 @@ from __future__ import annotations
 import atexit
 import os
 
+_environment = {}  # variables that the solver reads, as they were before: name -> value or None
+
 
 def register():
     """Make the engine, its settings and its panels known to Blender; the solver is loaded by the first render."""
@@ -23,6 +25,11 @@ def unregister():
     atexit.unregister(unregister)
     for module in reversed(_modules()):
         module.unregister()
+    for name, value in _environment.items():
+        os.environ.pop(name, None)
+        if value is not None:
+            os.environ[name] = value
+    _environment.clear()
 
 
 def _use_own_folder():
@@ -40,6 +47,8 @@ def _use_own_folder():
     except (ValueError, OSError):
         return
     # The solver reads these; to tell it by importing it would load numba.
+    names = ("INFRARED_PHOTONS_KERNELS", "INFRARED_PHOTONS_LIBRARY")
+    _environment.update({name: os.environ.get(name) for name in names})
     os.environ["INFRARED_PHOTONS_KERNELS"] = kernels
     os.environ.setdefault("INFRARED_PHOTONS_LIBRARY", os.path.join(library, "my_materials.csv"))
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ import pytest
 from scipy.constants import c, h, k
 
 import run
+from addon.solver import library
 
 ROOT = run.ROOT
 LAUNCHER = Path(os.environ.get("REAL_BLENDER", ROOT.parent / "shared" / "blender" / "real-blender"))
@@ -227,6 +229,128 @@ def test_viewport_follows_an_artist_at_work(first, capsys):
         calls = [float(seconds) for _, _, seconds in steps[1:]]
         print(f" [first picture after {np.median(times):.2f} s, at most {max(times):.2f} s;", end=" ")
         print(f"Blender's thread held for {np.median(calls):.3f} s, at most {max(calls):.3f} s]", end=" ")
+
+
+# By mouse and keyboard ------------------------------------------------------------------------------------------------
+
+
+def facts(text: str) -> dict:
+    """What a script found out: lines of JSON."""
+    return dict(json.loads(line[5:]) for line in text.splitlines() if line.startswith("FACT "))
+
+
+@contextmanager
+def empty_user_folder():
+    """For a while: empty but for the compiled kernels, which belong to this very place and take a minute to compile."""
+    kernels = Path("extensions", ".user", "user_default", "infrared_photons", "kernels")
+    before = (WORK / "user").rename(WORK / "user before")
+    try:
+        shutil.copytree(before / kernels, WORK / "user" / kernels)
+        yield
+    finally:
+        shutil.rmtree(WORK / "user")
+        before.rename(WORK / "user")
+
+
+@pytest.fixture(scope="module")
+def hour(first, installed):
+    """An artist's first hour at a window, by simulated events; returns what the script found out."""
+    results = WORK / "results"
+    results.mkdir()
+    options = "--factory-startup", "--offline-mode", "--enable-event-simulate"
+    script = "--python", SCRIPTS / "end_to_end.py", "--", installed, DEMO, results
+    begin = time.monotonic()
+    with empty_user_folder():
+        text = blender(*options, *script, window=True)
+    found = facts(text)
+    assert found.get("end"), text
+    return found | {"seconds": time.monotonic() - begin}
+
+
+@pytest.fixture(scope="module")
+def exported(hour):
+    """The band EXR that the artist exported: header, and images (48, 64) by channel."""
+    (part,) = OpenEXR.File(str(WORK / "results" / "bands.exr")).parts
+    return part.header, {name: channel.pixels for name, channel in part.channels.items()}
+
+
+def test_an_artist_comes_through(hour, capsys):
+    assert hour["objects"] == ["Camera", "Plane", "Ring"]
+    assert hour["temperature"] == 310.5  # typed into the panel
+    assert hour["material"] == "Granite"  # found by the library's search
+    assert hour["render"][0] == "complete"
+    assert hour["passes"] == 1_000_000 and hour["cancelled"][0] == "cancelled"
+    with capsys.disabled():
+        print(f" [{hour['seconds']:.0f} s; Esc took {hour['cancelled'][1]:.2f} s]", end=" ")
+
+
+def test_exported_bands_are_those_of_the_picture(exported):
+    shown, images = read_passes(WORK / "results" / "shown.exr"), exported[1]
+    for name, image in shown.items():
+        if name != "Combined":
+            np.testing.assert_array_equal(images[name.replace(".", ",") + ".V"], image, name)
+
+
+def test_exported_bands_obey_plancks_law(hour, exported):
+    """In the picture's corners the table emits, and reflects the sky and a little of the ring, which is never colder
+    than the sky nor brighter than a blackbody at its own temperature (the table is colder)."""
+    header, images = exported
+    edges = np.array([float(edge) for edge in header["bandEdges"].split()])
+    table, sky, ring = hour["temperature"], 250.0, 340.0  # K; all but the first as the file has it
+    radius, height, nearest = 0.106, 0.05, hour["nearest corner"] - 0.01  # m, outer ring; 0.01: more than two pixels
+    # share of the hemisphere, by cosine, of a sector as wide as the ring and as high as its near side
+    share = np.arcsin(radius / nearest) / np.pi * np.sin(np.arctan(height / (nearest - radius))) ** 2
+    corner = np.s_[[0, 0, -1, -1], [0, -1, 0, -1]]
+    points = library.find("Granite")
+    for low, high in zip(edges, edges[1:], strict=False):
+        wavelength = np.linspace(low, high, 2001)[:-1] + (high - low) / 4000  # um, midpoints
+        emissivity = np.interp(wavelength, *points.T)
+
+        def mean(share, kelvin, wavelength=wavelength * 1e-6):
+            return np.mean(share * 2e-6 * h * c**2 / wavelength**5 / np.expm1(h * c / (wavelength * k * kelvin)))
+
+        least = mean(emissivity, table) + mean(1 - emissivity, sky)
+        most = least + share * (mean(1 - emissivity, ring) - mean(1 - emissivity, sky))
+        image = images[f"{low:.2f}-{high:.2f}um".replace(".", ",") + ".V"][corner]
+        kelvin = 3 * images["Noise.V"][corner]  # standard errors
+        slack = kelvin * (mean(1.0, table + 0.5) - mean(1.0, table - 0.5))
+        assert (image > least - slack).all() and (image < most + slack).all(), (low, image, least, most, slack)
+
+
+# From installing to removing ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def newer(installed):
+    """The same extension as a zip of a higher version."""
+    path = WORK / "dist" / "newer.zip"
+    with zipfile.ZipFile(installed) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "blender_manifest.toml":
+                content, count = re.subn(rb"(?m)^version = .*$", b'version = "9.0.0"', content)
+                assert count == 1
+            new.writestr(name, content)
+    return path
+
+
+def test_installing_upgrading_and_removing_leave_no_trace(first, installed, newer):
+    """In one Blender, offline: another engine, disabling and an upgrade keep what the artist set and the same image."""
+    script = "--python", SCRIPTS / "life_cycle.py", "--", installed, newer
+    with empty_user_folder():
+        text = blender("--factory-startup", "--offline-mode", *script)
+    found = facts(text)
+    assert found.get("end"), text
+    assert not re.search("error|warning: add-on", text, re.IGNORECASE), text
+    version = run.read_toml(ROOT / "blender_manifest.toml")["version"]
+    assert [found["version"], found["newer version"]] == [[int(part) for part in version.split(".")], [9, 0, 0]]
+    assert found["seen when installed"]  # the look for traces finds what is there
+    assert found["range"][1] > found["range"][0] > 0  # there is an image that could differ
+    same = [name for name in found if name.startswith("same after")]
+    assert len(same) == 4 and all(found[name] is True for name in same), found
+    assert set(found["left when disabled"]) == {"files"}, found
+    assert found["left when removed"] == {} and found["files when removed"] == []
+    assert found["temperature of an object"] == 330.0  # K: files keep what they hold
 
 
 def test_extension_can_be_removed(installed):
