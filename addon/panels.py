@@ -71,6 +71,7 @@ class INFRARED_PT_photons_advanced(RenderSettingsPanel, Panel):
         column.prop(infrared, "seed")
         column.prop(infrared, "pass_offset")
         column.prop(infrared, "threads")
+        column.prop(infrared.id_data.render, "use_persistent_data")  # Blender shows it for Cycles alone
         column.separator()
         column.prop(infrared, "reference_subtraction")
         column.prop(infrared, "shrink")
