@@ -4,7 +4,7 @@
 python run.py demo [options]     render the demo; options are those of docs/demo/render.py
 python run.py test [options]     run the tests; options are pytest's
 python run.py check              lint, and check the format of the code
-python run.py package            build the extension, one zip for each platform
+python run.py package            build the extension, one zip for each platform, and the application template
 
 Each Python gets its own environment beside this file (.venv-3.11, .venv-3.13). It is made on the first run, which
 downloads about 500 MB, and made again when the requirements in pyproject.toml change.
@@ -21,6 +21,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -61,6 +62,7 @@ def main() -> int:
     if options.command == "check":
         return call(python, "-m", "ruff", "check") or call(python, "-m", "ruff", "format", "--check")
     package(python, options.python, options.platform, options.output)
+    print(package_template(options.output))
     return 0
 
 
@@ -188,6 +190,18 @@ def build_extension(python: Path, stage: Path, output: Path) -> list[Path]:
     for archive in archives:
         run("The extension is not valid", python, tools[0], "validate", archive)
     return archives
+
+
+# The application template
+
+
+def package_template(output: Path) -> Path:
+    """Zip the template as *Install Application Template* wants it: a folder with its start-up file; returns the zip."""
+    output.mkdir(parents=True, exist_ok=True)
+    archive, startup = output / "infrared_photons_template.zip", "Infrared_Photons/startup.blend"
+    with zipfile.ZipFile(archive, "w") as content:
+        content.write(ROOT / "docs" / "template" / startup, startup)
+    return archive
 
 
 # Commands

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bmesh
 import bpy
+import numpy as np
 import OpenEXR
 
 
@@ -110,3 +111,39 @@ def read_exr(path):
             pass_name = rest.removesuffix(".V").removesuffix(".RGBA")
             layers.setdefault(layer, {})[pass_name] = channel.pixels[::-1]
     return layers
+
+
+def describe(scene):
+    """Everything of a scene that the engine renders, in plain values."""
+    infrared = scene.infrared
+    settings = [name for name in infrared.bl_rna.properties.keys() if name not in ("rna_type", "name")]  # noqa: SIM118
+    result = {
+        "settings": {name: plain(getattr(infrared, name)) for name in settings},
+        "render": (scene.render.engine, scene.render.resolution_x, scene.render.resolution_y, scene.camera.name),
+        "world": custom_properties(scene.world),
+    }
+    for obj in scene.objects:
+        entry = {"matrix": np.array(obj.matrix_world).tolist(), "properties": custom_properties(obj)}
+        if obj.type == "MESH":
+            entry["vertices"] = [list(vertex.co) for vertex in obj.data.vertices]
+            entry["faces"] = [list(face.vertices) for face in obj.data.polygons]
+            entry["face_materials"] = [face.material_index for face in obj.data.polygons]
+            if "temperature" in obj.data.attributes:
+                entry["temperatures"] = [point.value for point in obj.data.attributes["temperature"].data]
+            entry["modifiers"] = [(m.type, getattr(m, "width", None)) for m in obj.modifiers]
+            entry["materials"] = [(m.name, custom_properties(m)) for m in obj.data.materials]
+        elif obj.type == "LIGHT":
+            entry["light"] = (obj.data.type, obj.data.energy, obj.data.shadow_soft_size)
+        elif obj.type == "CAMERA":
+            entry["camera"] = (obj.data.lens, obj.data.sensor_width, obj.data.clip_start, obj.data.clip_end)
+        result[obj.name] = entry
+    return result
+
+
+def plain(value):
+    """A setting's value that outlives its file: vectors and collections are lists."""
+    return list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
+
+
+def custom_properties(block):
+    return {key: value.to_list() if hasattr(value, "to_list") else value for key, value in block.items()}

@@ -13,6 +13,8 @@ bpy = pytest.importorskip("bpy")
 Image = pytest.importorskip("PIL.Image")
 OpenEXR = pytest.importorskip("OpenEXR")
 
+from blender_helpers import describe  # noqa: E402
+
 from addon.heat_picture import LEAST_HEIGHT  # noqa: E402
 from addon.output.colour_bar import ColourBar  # noqa: E402
 from addon.output.exr import channel_name  # noqa: E402
@@ -51,38 +53,6 @@ def test_the_file_keeps_to_the_contract(demo):
     emissivity = np.array(metal["emissivity"].to_list()).reshape(-1, 2)
     assert np.all(np.diff(emissivity[:, 0]) > 0) and np.all((emissivity[:, 1] > 0) & (emissivity[:, 1] < 1))
     assert heater.data.type == "POINT" and heater.data.energy > 0 and heater["temperature"] == 1000
-
-
-def describe(scene):
-    """Everything of a scene that the engine renders, in plain values."""
-    infrared = scene.infrared
-    settings = [name for name in infrared.bl_rna.properties.keys() if name not in ("rna_type", "name")]  # noqa: SIM118
-    result = {
-        "settings": {name: plain(getattr(infrared, name)) for name in settings},
-        "render": (scene.render.engine, scene.render.resolution_x, scene.render.resolution_y, scene.camera.name),
-        "world": custom_properties(scene.world),
-    }
-    for obj in scene.objects:
-        entry = {"matrix": np.array(obj.matrix_world).tolist(), "properties": custom_properties(obj)}
-        if obj.type == "MESH":
-            entry["vertices"] = [list(vertex.co) for vertex in obj.data.vertices]
-            entry["faces"] = [list(face.vertices) for face in obj.data.polygons]
-            entry["materials"] = [(m.name, custom_properties(m)) for m in obj.data.materials]
-        elif obj.type == "LIGHT":
-            entry["light"] = (obj.data.type, obj.data.energy, obj.data.shadow_soft_size)
-        elif obj.type == "CAMERA":
-            entry["camera"] = (obj.data.lens, obj.data.sensor_width, obj.data.clip_start, obj.data.clip_end)
-        result[obj.name] = entry
-    return result
-
-
-def plain(value):
-    """A setting's value that outlives its file: vectors and collections are lists."""
-    return list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
-
-
-def custom_properties(block):
-    return {key: value.to_list() if hasattr(value, "to_list") else value for key, value in block.items()}
 
 
 def test_the_file_is_what_its_script_makes(demo, script):

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The example scenes and the application template: what their scripts build, without a complaint, and renderable."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender_helpers import describe, read, render_to_exr  # noqa: E402
+
+from addon.checks import scene_checks  # noqa: E402
+from run import ROOT  # noqa: E402
+
+EXAMPLES, TEMPLATE = ROOT / "docs" / "examples", ROOT / "docs" / "template"
+SCRIPTS = {
+    "facade": EXAMPLES / "facade.blend",
+    "engine": EXAMPLES / "engine.blend",
+    "people": EXAMPLES / "people.blend",
+    "make_template": TEMPLATE / "Infrared_Photons" / "startup.blend",
+}
+every_scene = pytest.mark.parametrize("name", SCRIPTS)
+
+
+@pytest.fixture
+def script(monkeypatch):
+    """Import the script of a scene by its name."""
+    for folder in (EXAMPLES, TEMPLATE):
+        monkeypatch.syspath_prepend(str(folder))
+    return lambda name: __import__(name)
+
+
+def open_scene(name):
+    bpy.ops.wm.open_mainfile(filepath=str(SCRIPTS[name]), load_ui=False)
+    return bpy.context.scene
+
+
+@every_scene
+def test_file_is_what_its_script_makes(name, script):
+    stored = describe(open_scene(name))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    script(name).build()
+    bpy.context.view_layer.update()
+    assert describe(bpy.context.scene) == stored
+
+
+@every_scene
+def test_checks_and_reader_have_nothing_to_say(name):
+    scene = open_scene(name)
+    assert scene.render.engine == "INFRARED_PHOTONS" and scene.view_settings.view_transform == "Standard"
+    assert scene_checks(scene, bpy.context.view_layer) == []
+    solver_scene, warnings = read()
+    assert warnings == []
+    assert len(solver_scene.triangles) < 200_000
+
+
+@every_scene
+def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_path):
+    """A body emits at most what a blackbody of the hottest one does; what it lacks it reflects, at least the coldest.
+
+    Noise is estimated from eight passes, so that Student's t has 7 degrees of freedom: a pixel on one of the borders
+    is beyond it by 3 standard errors once in 100. Most pixels are far inside, and exact where nothing is reflected.
+    """
+    scene = open_scene(name)
+    temperatures = read()[0].temperature  # K, of the triangles
+    coldest, hottest = min(temperatures.min(), scene.world["temperature"]), temperatures.max()
+    infrared, picture = scene.infrared, scene.render
+    picture.resolution_x, picture.resolution_y = 64, 48
+    infrared.passes, infrared.photons_per_pass, infrared.target_noise = 8, 20_000, 0.0
+    images = render_to_exr(tmp_path)["ViewLayer"]
+    kelvin, noise = images["Temperature"], images["Noise"]
+    assert np.isfinite(kelvin).all() and np.isfinite(noise).all()
+    slack = 3 * noise + 1e-3  # K: float32 has 3e-5 K at 500 K, and the temperature comes from a table
+    assert np.mean((kelvin > coldest - slack) & (kelvin < hottest + slack)) > 0.99
+    low, high = np.percentile(kelvin, [2, 98])
+    assert infrared.range_mode == "AUTOMATIC" or infrared.range_low < high and low < infrared.range_high
+    assert high - low > 5  # K: there is something to see
