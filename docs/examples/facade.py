@@ -181,6 +181,7 @@ def add_window(name, opening, materials, turn, tilted=False) -> None:
     add(f"{name} frame", joined(*bars), materials["frame"], frame, bevel=0.01, **place)
     if opening is DOOR:
         panels = [box((left + 0.1, near + 0.03, z), (right - 0.1, far, z + 0.85)) for z in (0.12, 1.1)]
+        panels.append(box((left, near + 0.045, bottom), (right, far - 0.005, top)))
         add(f"{name} leaf", joined(*panels), materials["frame"], 277.6, bevel=0.02, **place)
         step = box((left - 0.35, -0.7, 0), (right + 0.35, -0.002, 0.12))
         add("Doorstep", step, materials["paving"], 274.6, bevel=0.015, **place)
