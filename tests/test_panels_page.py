@@ -14,7 +14,8 @@ PAGE = (DOCS / "panels.md").read_text(encoding="utf-8")
 
 def test_every_panel_is_on_the_page():
     panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("INFRARED_PT_")]
-    labels = {panel.bl_label for panel in panels}
+    # Blender gives a menu of presets the name of the one that was chosen last
+    labels = {panel.bl_label for panel in panels if not hasattr(panel, "preset_subdir")}
     assert len(labels) > 10
     assert not {label for label in labels if label not in PAGE}
 

@@ -89,7 +89,7 @@ def installed():
     pythons = dict.fromkeys([run.supported_pythons()[-1], report("--factory-startup")["python"]])
     command = [sys.executable, ROOT / "run.py", "package", "--platform", "linux-x64", "--output", WORK / "dist"]
     subprocess.run([*command, "--python", *pythons], cwd=ROOT, check=True, stdin=subprocess.DEVNULL)
-    (archive,) = (WORK / "dist").glob("*.zip")
+    (archive,) = (WORK / "dist").glob("infrared_photons-*.zip")
     text = blender(
         "--command", "extension", "install-file", "-r", "user_default", "--enable", archive, check_scripts=False
     )
