@@ -40,8 +40,9 @@ def emitted(material, temperature, edges=EDGES):
     return band_radiance(edges, temperature, MATERIALS[material].curve)
 
 
-def reflectance(material, weighting=300.0, edges=EDGES):
-    return 1 - emitted(material, weighting, edges) / band_radiance(edges, weighting)
+def reflectance(material, weighting=300.0, edges=EDGES, reference=0.0):
+    lit = emitted(material, weighting, edges) - emitted(material, reference, edges)
+    return 1 - lit / (band_radiance(edges, weighting) - band_radiance(edges, reference))
 
 
 diffuse = pytest.mark.parametrize("material", [0, 1, 2, 3, 5], ids=lambda i: MATERIALS[i].name)
@@ -51,10 +52,11 @@ diffuse = pytest.mark.parametrize("material", [0, 1, 2, 3, 5], ids=lambda i: MAT
 
 
 def test_reflectance_is_one_minus_emissivity():
-    """Kirchhoff, averaged over a band with the blackbody that the surface receives; float32."""
-    radiometry = tables()
+    """Kirchhoff, averaged over a band with the excess of the blackbody that the surface receives; float32."""
+    radiometry, subtracting = tables(), tables(reference=340.0)
     for material in range(len(MATERIALS)):
         np.testing.assert_allclose(radiometry.reflectance[material], reflectance(material), atol=6e-8)
+        np.testing.assert_allclose(subtracting.reflectance[material], reflectance(material, reference=340.0), atol=6e-8)
     assert radiometry.specular.tolist() == pytest.approx([0, 0, 0, 1, 0.7, 0])
     assert radiometry.alpha.tolist() == pytest.approx([0, 0, 0, 0, 0.36, 0])
     assert np.all(radiometry.albedo[[0, 1, 2, 3, 5]] == 1)
@@ -97,31 +99,49 @@ def test_emission_table_over_wide_ranges(low, high, wavelength):
 @pytest.mark.parametrize("reference, weighting", [(290.0, 290.0), (310.0, 300.0), (500.0, 300.0)])
 def test_excess_is_emission_less_that_of_the_reference(material, reference, weighting):
     radiometry = tables(weighting=weighting, reference=reference)
-    emissivity = 1 - reflectance(material, weighting)
     for temperature in (200.0, 289.0, 291.0, 333.25, 420.0):
-        expected = emitted(material, temperature) - emissivity * band_radiance(EDGES, reference)
+        expected = emitted(material, temperature) - emitted(material, reference)
         scale = band_radiance(EDGES, max(temperature, reference))
-        # 1e-7 of either term: reflectance is float32
+        # 1e-7 of either term: the reference is float32
         assert np.all(np.abs(excess_of(radiometry, material, temperature) - expected) <= 1.2e-7 * scale)
 
 
 @pytest.mark.parametrize("material", range(len(MATERIALS)), ids=lambda i: MATERIALS[i].name)
-def test_at_the_reference_nothing_is_in_excess(material):
-    """Exactly, to spare photons; to rounding for a grey material where T0 is not what weighted its emissivity."""
-    radiometry = tables(weighting=293.15, reference=293.15)
+@pytest.mark.parametrize("weighting", [293.15, 330.0])
+def test_at_the_reference_nothing_is_in_excess(material, weighting):
+    """Exactly, to spare photons, whatever the reflectance is weighted with."""
+    radiometry = tables(weighting=weighting, reference=293.15)
     for cosine in (1.0, 0.3, 0.01):
         assert np.all(excess_of(radiometry, material, 293.15, cosine) == 0)
         assert (material == 5) == np.all(excess_of(radiometry, material, np.float32(293.2), cosine) == 0)
-    grey = tables(weighting=300.0, reference=310.0)
-    if MATERIALS[material].curve[0].size == 1:
-        assert np.all(np.abs(excess_of(grey, material, 310.0)) <= 1.2e-7 * band_radiance(EDGES, 310.0))
+
+
+@diffuse
+@pytest.mark.parametrize("reference, temperature", [(0.0, 300.0), (290.0, 340.0), (333.0, 250.0)])
+def test_an_enclosure_at_one_temperature_is_black_in_excess_of_any_reference(material, reference, temperature):
+    """What is emitted and what is reflected of black walls: dE + rho (B(T) - B(T0)) = B(T) - B(T0) in every band."""
+    radiometry = tables(weighting=temperature, reference=reference)
+    arriving = band_radiance(EDGES, temperature) - band_radiance(EDGES, reference)
+    leaving = excess_of(radiometry, material, temperature) + radiometry.reflectance[material] * arriving
+    scale = band_radiance(EDGES, max(temperature, reference))
+    assert np.all(np.abs(leaving - arriving) <= 1.2e-7 * scale)  # reflectance and reference are float32
+
+
+@diffuse
+def test_reflectance_at_one_temperature_is_weighted_with_plancks_derivative(material):
+    """In a scene of nearly one temperature what arrives is dB/dT; 0.1 % of that temperature is the difference used."""
+    radiometry = tables(weighting=300.0, reference=300.0)
+    body = band_radiance(EDGES, 300.0, MATERIALS[material].curve, derivative=True)
+    expected = 1 - body / band_radiance(EDGES, 300.0, derivative=True)
+    # the weights change by about x 0.001 / 2 between both temperatures, x = c2 / (lambda T) < 6.4
+    np.testing.assert_allclose(radiometry.reflectance[material], expected, rtol=0, atol=6.4 * 0.001 / 2)
 
 
 @diffuse
 def test_at_zero_kelvin_only_the_reference_is_missing(material):
     radiometry = tables(temperatures=(0.42, 420.0), reference=300.0)
     black = band_radiance(EDGES, 300.0)
-    expected = -(1 - reflectance(material))  # of the blackbody's; reflectance is float32
+    expected = -emitted(material, 300.0) / black  # the reference is float32
     np.testing.assert_allclose(excess_of(radiometry, material, 0.0) / black, expected, rtol=0, atol=6e-8)
     assert np.all(excess_of(tables(temperatures=(0.42, 420.0)), material, 0.0) == 0)
 
@@ -168,10 +188,9 @@ def test_excess_of_a_rough_lobe():
     radiometry = tables(weighting=300.0, reference=reference)
     lost = float(radiometry.specular[4]) * (1 - interpolate_albedo(radiometry.albedo, 4, cosine))
     assert 0.05 < lost < 0.3
-    rho = reflectance(4)
-    body, black = emitted(4, temperature), band_radiance(EDGES, temperature)
-    zero = band_radiance(EDGES, reference)
-    expected = body + lost * (black - body) - (1 - rho + lost * rho) * zero
+    body = emitted(4, temperature) - emitted(4, reference)
+    black = band_radiance(EDGES, temperature) - band_radiance(EDGES, reference)
+    expected = body + lost * (black - body)
     np.testing.assert_allclose(excess_of(radiometry, 4, temperature, cosine), expected, rtol=1e-6)
 
 

@@ -2,7 +2,7 @@
 """What surfaces emit and reflect in each band, as tables for the kernels.
 
 Radiance here is per band (W m-2 sr-1, integrated over the band), and in excess of the reference: with a reference
-temperature T0 the solver traces dL = L - B(T0), for which a surface emits e(T) - eps B(T0) (docs/method.md).
+temperature T0 the solver traces dL = L - B(T0), for which a surface emits e(T) - e(T0) (docs/method.md).
 """
 
 import math
@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .sampling import interpolate_albedo, lobe_albedo
+from .sampling import FAST_INLINED, interpolate_albedo, lobe_albedo
 from .scene import Material
-from .spectrum import band_radiance
+from .spectrum import band_radiance, faintest
 
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
@@ -25,13 +25,13 @@ _ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1
 class Radiometry(NamedTuple):
     """Materials (m of them) in b bands.
 
-    reflectance: (m, b) float32, 1 - eps, the emissivity weighted with a blackbody at `weighting` K.
+    reflectance: (m, b) float32, 1 - eps, the emissivity weighted with what arrives, see excess_emissivity.
     specular: (m,) float32 share of the specular lobe. alpha: (m,) float32 GGX width, 0 is a mirror.
     albedo: (m, n) float64 of the lobe over sqrt(cosine); ones for mirrors.
     emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
     slope: the same, d/d(ln T) times the step.
-    log_start: ln of the first temperature. reference: (b,) float64, B(T0) of each band, zeros without subtraction.
-    quiet: K, surfaces at exactly this temperature have no excess at all; -1 where there is no such temperature.
+    log_start: ln of the first temperature. base: (m + 1, b) float64, integral of eps B at T0, or zeros.
+    reference: (b,) float64, its last row. quiet: T0, K: surfaces at exactly this temperature have no excess.
     """
 
     reflectance: np.ndarray
@@ -41,6 +41,7 @@ class Radiometry(NamedTuple):
     emission: np.ndarray
     slope: np.ndarray
     log_start: float
+    base: np.ndarray
     reference: np.ndarray
     quiet: float
 
@@ -55,7 +56,7 @@ def build_radiometry(
     """Tables of the materials over bands.
 
     temperatures: lowest (above 0) and highest temperature of any surface, K.
-    weighting: K, temperature of the blackbody spectrum that averages emissivity into a band's reflectance.
+    weighting: K, temperature of what lights the surfaces: its excess over the reference averages reflectance in a band.
     reference: T0 in K, 0 for no subtraction.
     """
     low, high = temperatures
@@ -67,6 +68,7 @@ def build_radiometry(
     slope = np.empty_like(emission)
     black, black_slope = band_radiance(edges, table), band_radiance(edges, table, derivative=True)
     emission[-1], slope[-1] = black, black_slope * _LOG_STEP
+    base = np.tile(reference_radiance(edges, reference), (len(materials) + 1, 1))
     reflectance = np.empty((len(materials), bands))
     albedo = np.ones((len(materials), len(lobe_albedo(1.0, 1))))
     alpha = np.zeros(len(materials))
@@ -74,11 +76,13 @@ def build_radiometry(
         curve = material.curve
         if len(curve[0]) == 1:
             emission[i], slope[i] = curve[1][0] * emission[-1], curve[1][0] * slope[-1]
+            base[i] *= curve[1][0]
             reflectance[i] = 1.0 - curve[1][0]
         else:
             emission[i] = band_radiance(edges, table, curve)
             slope[i] = band_radiance(edges, table, curve, derivative=True) * _LOG_STEP
-            reflectance[i] = 1.0 - band_emissivity(edges, weighting, curve)
+            base[i] *= band_emissivity(edges, reference, curve)
+            reflectance[i] = 1.0 - excess_emissivity(edges, weighting, reference, curve)
         if material.specular > 0 and material.alpha > 0:
             alpha[i] = material.alpha
             albedo[i] = _lobe_albedo(float(alpha[i]))
@@ -90,8 +94,9 @@ def build_radiometry(
         emission=emission,
         slope=slope,
         log_start=log_start,
-        reference=reference_radiance(edges, reference),
-        quiet=reference if reference == weighting else -1.0,
+        base=base,
+        reference=base[-1],
+        quiet=reference,
     )
 
 
@@ -112,8 +117,19 @@ def band_emissivity(edges: np.ndarray, temperature: float, curve: tuple[np.ndarr
 
     A temperature so low that the band holds no radiance in float64 is raised to where x = c2 / (lambda T) is 300.
     """
-    temperature = max(temperature, 14388.0 / (300.0 * float(edges[0])))
+    temperature = max(temperature, faintest(float(edges[0])))
     return band_radiance(edges, temperature, curve) / band_radiance(edges, temperature)
+
+
+def excess_emissivity(edges: np.ndarray, one: float, other: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(b,) emissivity of each band, weighted with the excess of a blackbody at one temperature (K) over the other.
+
+    (e(T1) - e(T0)) / (B(T1) - B(T0)), see docs/bands.md. Where both are alike (to 0.1 %) this is nearly the derivative.
+    """
+    cold = min(one, other)
+    kelvin = np.array([cold, max(one, other, 1.001 * cold, faintest(float(edges[0])))])
+    emitted, black = band_radiance(edges, kelvin, curve), band_radiance(edges, kelvin)
+    return (emitted[1] - emitted[0]) / (black[1] - black[0])
 
 
 @njit(inline="always")
@@ -130,9 +146,9 @@ def locate(radiometry, temperature):
     return row, position - row
 
 
-@njit(inline="always")
+@njit(**FAST_INLINED)
 def excess(radiometry, material, temperature, cosine, out):
-    """Fill out (b,) with the radiance that a surface emits towards a direction, in excess of eps B(T0), W m-2 sr-1.
+    """Fill out (b,) with the radiance that a surface emits towards a direction, in excess of that at T0, W m-2 sr-1.
 
     The lobe's loss at grazing angles is emissivity: eps(theta) = eps + rho specular (1 - albedo(theta)).
     """
@@ -150,13 +166,12 @@ def excess(radiometry, material, temperature, cosine, out):
         lost = radiometry.specular[material] * (1.0 - interpolate_albedo(radiometry.albedo, material, cosine))
     e, s = radiometry.emission, radiometry.slope
     for b in range(out.size):
-        rho = float(radiometry.reflectance[material, b])
-        value = -(1.0 - rho) * radiometry.reference[b]
+        value = -radiometry.base[material, b]
         if row >= 0:
             value += h0 * e[material, row, b] + h1 * e[material, row + 1, b]
             value += d0 * s[material, row, b] + d1 * s[material, row + 1, b]
         if lost > 0.0:
-            extra = -rho * radiometry.reference[b]
+            extra = radiometry.base[material, b] - radiometry.base[black, b]
             if row >= 0:
                 extra += h0 * (e[black, row, b] - e[material, row, b]) + h1 * (
                     e[black, row + 1, b] - e[material, row + 1, b]

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Choice of the reference temperature T0 of the subtraction L = B(T0) + dL."""
+"""Choice of the reference temperature T0 of the subtraction L = B(T0) + dL, and the spectrum of what dL begins with."""
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,20 +13,27 @@ from .surfaces import Surfaces
 _GROUPS = 512  # groups of equal temperature that the choice distinguishes
 
 
-def choose_reference(scene: Scene, surfaces: Surfaces, pilot: Pilot, emissivity: np.ndarray) -> float:
-    """T0 (K) with the least total |excess| in what the image gathers, the surroundings included.
+class Sources(NamedTuple):
+    """What lights the image, by temperature: groups of surfaces, and last the surroundings.
 
-    emissivity: (m, b) of each material in each band. The cost is a sum of |B(T) - B(T0)| with the pilot's importance,
-    so its minimum lies at one of the temperatures of the scene: only these are tried. The group of surfaces that lights
-    most of the image then often needs no photons at all.
+    temperature: (n,) float64 K. share: (n, b) importance (of the pilot) times emissivity. radiance: (n, b) of a
+    blackbody, W m-2 sr-1.
     """
+
+    temperature: np.ndarray
+    share: np.ndarray
+    radiance: np.ndarray
+
+
+def gather_sources(scene: Scene, surfaces: Surfaces, pilot: Pilot, emissivity: np.ndarray) -> Sources:
+    """The sources of a scene. emissivity: (m, b) of each material in each band."""
     temperature, group = np.unique(surfaces.temperature.mean(axis=1, dtype=np.float32), return_inverse=True)
     group = group.ravel()
     if temperature.size > _GROUPS:
         merge = np.arange(temperature.size) * _GROUPS // temperature.size
         group = merge[group]
         temperature = temperature[np.searchsorted(merge, np.arange(_GROUPS))]
-    emitting = np.zeros((temperature.size, scene.band_count))  # importance times emissivity
+    emitting = np.zeros((temperature.size, scene.band_count))
     for index in range(len(scene.materials)):
         chosen = surfaces.material == index
         if chosen.any():
@@ -32,6 +41,24 @@ def choose_reference(scene: Scene, surfaces: Surfaces, pilot: Pilot, emissivity:
             emitting += share[:, None] * emissivity[index]
     kelvin = np.append(temperature.astype(np.float64), scene.world_temperature)
     emitting = np.vstack((emitting, np.full(scene.band_count, pilot.sky)))
-    radiance = band_radiance(scene.band_edges, kelvin)
-    cost = [float(np.sum(emitting * np.abs(radiance - candidate))) for candidate in radiance]
-    return float(kelvin[int(np.argmin(cost))])
+    return Sources(kelvin, emitting, band_radiance(scene.band_edges, kelvin))
+
+
+def choose_reference(sources: Sources) -> float:
+    """T0 (K) with the least total |excess| in what the image gathers, the surroundings included.
+
+    The cost is a sum of |B(T) - B(T0)| with the pilot's importance, so its minimum lies at one of the temperatures of
+    the scene: only these are tried. The group of surfaces that lights most of the image then often needs no photons at
+    all.
+    """
+    cost = [float(np.sum(sources.share * np.abs(sources.radiance - candidate))) for candidate in sources.radiance]
+    return float(sources.temperature[int(np.argmin(cost))])
+
+
+def typical_source(sources: Sources, edges: np.ndarray, reference: float) -> float:
+    """Temperature (K) of what lights the image in excess of the reference (K): the mean, weighted with the excess.
+
+    edges: (b + 1,) um. Where nothing is in excess, the reference.
+    """
+    excess = np.sum(sources.share * np.abs(sources.radiance - band_radiance(edges, reference)), axis=1)
+    return float(np.average(sources.temperature, weights=excess)) if excess.any() else reference

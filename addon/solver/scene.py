@@ -21,6 +21,7 @@ class SceneError(ValueError):
 
 # Alpha of the GGX lobe below which a surface is a mirror: the lobe is then narrower than a float32 direction resolves.
 MIRROR_ALPHA = 1e-4
+_STEP = 1e-9  # width of the step to 0 where a response ends, as a share of the wavelength
 
 
 @dataclass(frozen=True)
@@ -49,17 +50,7 @@ class Material:
         points = np.asarray(self.emissivity, dtype=np.float64)
         if points.ndim == 2 and points.shape[1] == 2 and len(points):
             wavelengths, values = points[:, 0], points[:, 1]
-            if not (np.all(np.isfinite(wavelengths)) and np.all(wavelengths > 0)):
-                bad = wavelengths[~(np.isfinite(wavelengths) & (wavelengths > 0))][0]
-                raise SceneError(
-                    f"Material '{self.name}': emissivity at {bad:g} um; wavelengths are finite and above 0"
-                )
-            if np.any(np.diff(wavelengths) <= 0):
-                at = int(np.flatnonzero(np.diff(wavelengths) <= 0)[0])
-                raise SceneError(
-                    f"Material '{self.name}': emissivity wavelengths must increase, "
-                    f"but {wavelengths[at]:g} um is followed by {wavelengths[at + 1]:g} um"
-                )
+            check_wavelengths(wavelengths, f"Material '{self.name}': emissivity")
         elif points.ndim == 0:
             values = points[None]
         else:
@@ -82,6 +73,39 @@ class Material:
         if points.ndim == 0:
             return np.array([1.0]), points[None]
         return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+
+
+@dataclass(frozen=True)
+class Response:
+    """Spectral response of a sensor: its signal for a watt of radiation, over wavelength.
+
+    name: shown in messages and kept in files.
+    points: (n, 2) [wavelength um, response], wavelengths ascending, responses at least 0 in any unit: the largest
+        counts as 1. Linear between the points, 0 outside.
+    """
+
+    name: str
+    points: np.ndarray
+
+    def __post_init__(self):
+        owner, points = f"Sensor '{self.name}'", np.asarray(self.points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+            raise SceneError(f"{owner}: the response needs two or more pairs of um and response")
+        wavelengths, values = points.T
+        check_wavelengths(wavelengths, f"{owner}: response")
+        if not np.all((values >= 0.0) & (values < np.inf)):
+            bad = values[~((values >= 0.0) & (values < np.inf))][0]
+            raise SceneError(f"{owner}: response {bad:g}; responses are finite and at least 0")
+        if not values.max() > 0.0:
+            raise SceneError(f"{owner}: the response is 0 at every wavelength")
+
+    @property
+    def curve(self) -> tuple[np.ndarray, np.ndarray]:
+        """Wavelengths (n + 2,) in um and responses (n + 2,) from 0 to 1, float64; 0 at both ends, and so outside."""
+        wavelengths, values = np.asarray(self.points, dtype=np.float64).T
+        ends = wavelengths[0] * (1.0 - _STEP), wavelengths[-1] * (1.0 + _STEP)
+        curve = np.concatenate(([ends[0]], wavelengths, [ends[1]])), np.concatenate(([0.0], values, [0.0]))
+        return curve[0], curve[1] / values.max()
 
 
 @dataclass(frozen=True)
@@ -186,6 +210,7 @@ class Scene:
     band_edges: (b + 1,) um, ascending: b bands side by side.
     world_temperature: K, what rays that leave the scene see.
     lights: seen only by what they light, never by the camera.
+    response: of the sensor, through which all bands together are seen; None counts all wavelengths alike.
 
     Raises SceneError if a value cannot be rendered.
     """
@@ -199,9 +224,11 @@ class Scene:
     band_edges: np.ndarray
     world_temperature: float = 0.0
     lights: tuple[Light, ...] = ()
+    response: Response | None = None
 
     def __post_init__(self):
         check_band_edges(self.band_edges)
+        check_response(self.response, self.band_edges)
         count = len(self.triangles)
         if count == 0:
             raise SceneError("The scene has no triangles to render")
@@ -227,12 +254,39 @@ class Scene:
         return len(self.band_edges) - 1
 
 
+def check_response(response: Response | None, edges: np.ndarray) -> None:
+    """Raise SceneError if a sensor does not respond anywhere between the first and the last edge (um)."""
+    if response is None:
+        return
+    low, high = float(edges[0]), float(edges[-1])
+    wavelengths, values = response.curve
+    inside = np.concatenate(([low], wavelengths[(wavelengths > low) & (wavelengths < high)], [high]))
+    at = np.interp(inside, wavelengths, values)
+    if not np.diff(inside) @ (at[1:] + at[:-1]) / 2.0 > 1e-6 * (high - low):  # more than the step at its end
+        raise SceneError(
+            f"Sensor '{response.name}' does not respond between {low:.4g} and {high:.4g} um, where the bands are; it "
+            f"responds from {wavelengths[0]:.4g} to {wavelengths[-1]:.4g} um"
+        )
+
+
 def check_temperature(value: float, owner: str) -> None:
     """Raise SceneError unless value is a temperature in kelvin; owner is how messages name the thing it belongs to."""
     if not (np.isfinite(value) and value >= 0.0):
         raise SceneError(f"{owner}: temperature {value:g} K; temperatures are finite and at least 0 K")
     if value > HOTTEST:
         raise SceneError(f"{owner}: temperature {value:g} K; at most {HOTTEST:g} K are possible")
+
+
+def check_wavelengths(wavelengths: np.ndarray, owner: str) -> None:
+    """Raise SceneError unless wavelengths (um) are finite, above 0 and ascending; owner: the curve, in messages."""
+    if not (np.all(np.isfinite(wavelengths)) and np.all(wavelengths > 0)):
+        bad = wavelengths[~(np.isfinite(wavelengths) & (wavelengths > 0))][0]
+        raise SceneError(f"{owner} at {bad:g} um; wavelengths are finite and above 0")
+    if np.any(np.diff(wavelengths) <= 0):
+        at = int(np.flatnonzero(np.diff(wavelengths) <= 0)[0])
+        raise SceneError(
+            f"{owner} wavelengths must increase, but {wavelengths[at]:g} um is followed by {wavelengths[at + 1]:g} um"
+        )
 
 
 def _check_light(light: Light) -> None:

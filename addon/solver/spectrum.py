@@ -36,6 +36,11 @@ def planck(wavelength: np.ndarray, temperature: np.ndarray) -> np.ndarray:
     return C1 / np.asarray(wavelength, np.float64) ** 5 * np.exp(-x) / -np.expm1(-x)
 
 
+def faintest(wavelength: float) -> float:
+    """Temperature (K) of a blackbody whose radiance at a wavelength (um) is still well inside float64: x = 300."""
+    return C2 / (300.0 * wavelength)
+
+
 @njit(cache=True, nogil=True)
 def _add_segment(low, high, at_low, at_high, temperature, derivative, result):
     """Add to result (n,) the integral over low..high um of eps(lambda) B(lambda, T), eps linear between its ends.
@@ -93,27 +98,42 @@ def band_radiance(
     return np.ascontiguousarray(result.T).reshape(np.shape(temperature) + (edges.size - 1,))
 
 
+def sensor_radiance(
+    edges: np.ndarray, weights: np.ndarray, temperature: float | np.ndarray, derivative: bool = False
+) -> np.ndarray:
+    """What a sensor gets from a blackbody, W m-2 sr-1: the sum over bands of weight times radiance.
+
+    edges: (b + 1,) um. weights: (b,) response in each band. temperature: K, any shape, which the result has.
+    derivative: return d/d(ln T) of it instead.
+    """
+    return (band_radiance(edges, temperature, derivative=derivative) * weights).sum(axis=-1)
+
+
 @lru_cache(maxsize=8)
-def _calibration(low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """ln L, ln T and d ln T / d ln L over all temperatures whose radiance in low..high um is a normal float64."""
+def _calibration(edges: tuple[float, ...], weights: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """ln L, ln T and d ln T / d ln L over all temperatures whose sensor_radiance L is a normal float64."""
     log_t = np.arange(np.log(0.5), np.log(2e6), 0.002)
-    edges = np.array([low, high])
     temperature = np.exp(log_t)
-    radiance = band_radiance(edges, temperature)[:, 0]
+    radiance = sensor_radiance(edges, weights, temperature)
     known = radiance > 1e-290
-    slope = band_radiance(edges, temperature[known], derivative=True)[:, 0] / radiance[known]
+    slope = sensor_radiance(edges, weights, temperature[known], derivative=True) / radiance[known]
     return np.log(radiance[known]), log_t[known], 1.0 / slope
 
 
-def apparent_temperature(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Temperature (K) of the blackbody with this radiance (W m-2 sr-1) over the whole range of the bands.
+def apparent_temperature(radiance: np.ndarray, edges: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
+    """Temperature (K) of the blackbody with this sensor_radiance (W m-2 sr-1): the inverse of a sensor's calibration.
 
-    Any shape; float64. Radiance of 0 or below (a noisy pixel of a cold scene) has no temperature and gives 0 K.
+    Any shape; float64. weights: (b,) response in each band; None counts all alike.
+    Radiance of 0 or below (a noisy pixel of a cold scene) has no temperature and gives 0 K.
     Cubic Hermite interpolation of ln T over ln L; error below 1e-9 relative.
     """
     radiance = np.ascontiguousarray(radiance, dtype=np.float64)
+    edges = np.asarray(edges, dtype=np.float64)
+    weights = np.ones(len(edges) - 1) if weights is None else np.asarray(weights, dtype=np.float64)
+    change = np.flatnonzero(np.diff(weights)) + 1  # neighbours of one weight are one band
+    calibration = _calibration(tuple(edges[[0, *change, -1]].tolist()), tuple(weights[[0, *change]].tolist()))
     result = np.empty_like(radiance)
-    _invert(radiance.ravel(), *_calibration(float(edges[0]), float(edges[-1])), result.ravel())
+    _invert(radiance.ravel(), *calibration, result.ravel())
     return result
 
 
