@@ -26,6 +26,8 @@ DELETED = -1.23e34  # USGS: this channel has no value
 APPROXIMATE = "the file does not say that its reflectance is hemispherical; if it is not, the emissivity is approximate"
 
 QUANTITIES = ("emissivity", "reflectance")
+NOT_MICROMETRES = {"nanomet": "nanometres", "(nm": "nanometres", "_nm": "nanometres", "cm-1": "wavenumbers",
+                   "wavenumber": "wavenumbers"}  # fmt: skip
 UNITS = {"fraction": 1.0, "percent": 100.0}  # what counts as 1
 
 
@@ -69,6 +71,26 @@ def read_spectrum(
     if any(line.lower().startswith(("x units:", "y units:")) for line in lines[:100]):
         return _read_ecostress(path, lines)
     return _read_table(path, lines, quantity, unit)
+
+
+def read_response(path: Path) -> np.ndarray:
+    """The response of a sensor from a table of two columns: (n, 2) float64 [wavelength um, response], ascending.
+
+    The responses may have any unit; values down to -2 % of the largest, as noise leaves them, count as 0.
+    Raises SpectrumError, or OSError if the file cannot be opened.
+    """
+    lines, first, titles = _table(path, _read_lines(path))
+    for sign, meaning in NOT_MICROMETRES.items():
+        if sign in titles:
+            raise SpectrumError(f"{path}, line {first}: the titles '{titles}' speak of {meaning}; expected um")
+    rows = _ordered(path, _rows(path, lines, first))
+    highest = max(row.value for row in rows)
+    for row in rows:
+        if not -TOLERANCE * highest <= row.value < math.inf:
+            raise SpectrumError(f"{path}, line {row.line}: response {row.value:g} is not a finite number of 0 or more")
+    if highest <= 0.0:
+        raise SpectrumError(f"{path}: the response is 0 at every wavelength")
+    return np.array([(row.wavelength, max(0.0, row.value)) for row in rows])
 
 
 def _read_lines(path: Path) -> list[str]:
@@ -122,14 +144,23 @@ def _rows(path: Path, lines: list[str], first: int) -> list[_Row]:
 def _points(path: Path, rows: list[_Row], quantity: str, unit: str) -> np.ndarray:
     """(n, 2) float64 [um, emissivity], ascending, of rows in any order."""
     whole = UNITS[unit]
+    rows = _ordered(path, rows)
+    for row in rows:
+        if not -TOLERANCE * whole <= row.value <= (1.0 + TOLERANCE) * whole:
+            raise SpectrumError(f"{path}, line {row.line}: {quantity} {row.value:g} is outside 0..{whole:g} ({unit})")
+    values = np.clip([row.value / whole for row in rows], 0.0, 1.0)
+    emissivity = values if quantity == "emissivity" else 1.0 - values
+    return np.column_stack(([row.wavelength for row in rows], emissivity))
+
+
+def _ordered(path: Path, rows: list[_Row]) -> list[_Row]:
+    """Rows by wavelength: two or more, in um and each once."""
     for row in rows:
         if not SHORTEST <= row.wavelength <= LONGEST:  # also refuses NaN
             raise SpectrumError(
                 f"{path}, line {row.line}: wavelength {row.wavelength:g} is outside {SHORTEST:g}..{LONGEST:g} um; "
                 "nanometres and wavenumbers must be converted first"
             )
-        if not -TOLERANCE * whole <= row.value <= (1.0 + TOLERANCE) * whole:
-            raise SpectrumError(f"{path}, line {row.line}: {quantity} {row.value:g} is outside 0..{whole:g} ({unit})")
     if len(rows) < 2:
         raise SpectrumError(f"{path}: a spectrum needs two points or more, this file has {len(rows)}")
     rows = sorted(rows, key=lambda row: row.wavelength)
@@ -139,9 +170,7 @@ def _points(path: Path, rows: list[_Row], quantity: str, unit: str) -> np.ndarra
             raise SpectrumError(
                 f"{path}, line {second}: wavelength {after.wavelength:g} um stands in line {first} already"
             )
-    values = np.clip([row.value / whole for row in rows], 0.0, 1.0)
-    emissivity = values if quantity == "emissivity" else 1.0 - values
-    return np.column_stack(([row.wavelength for row in rows], emissivity))
+    return rows
 
 
 def _how(quantity: str) -> str:
@@ -164,7 +193,7 @@ def _read_ecostress(path: Path, lines: list[str]) -> Spectrum:
     if "micromet" not in header["x units"].lower():
         raise SpectrumError(f"{path}: X Units are '{header['x units']}', expected Wavelength (micrometers)")
     y_units = header["y units"].lower()
-    quantity = next((quantity for quantity in QUANTITIES if quantity in y_units), None)
+    quantity = next((quantity for quantity in QUANTITIES if quantity[:7] in y_units), None)  # some say 'Reflectence'
     unit = next((unit for unit in UNITS if unit in y_units), None)
     if quantity is None or unit is None:
         raise SpectrumError(f"{path}: Y Units are '{header['y units']}', expected Reflectance (percentage)")
@@ -245,13 +274,9 @@ def _find_wavelengths(path: Path, count: int) -> Path:
 
 def _read_table(path: Path, lines: list[str], quantity: str, unit: str) -> Spectrum:
     """Two columns, after one line of titles if the file has one, and lines that start with #."""
-    lines = ["" if line.startswith("#") else line for line in lines]
-    first = next(i for i, line in enumerate([*lines, "end"]) if line)
-    if first == len(lines):
-        raise SpectrumError(f"{path}: the file has only comments")
-    if not _starts_with_number(lines[first]):
-        _check_titles(path, first + 1, lines[first].lower(), quantity, unit)
-        first += 1
+    lines, first, titles = _table(path, lines)
+    if titles:
+        _check_titles(path, first, titles, quantity, unit)
     rows = _rows(path, lines, first)
     points = _points(path, rows, quantity, unit)
     if unit == "percent":
@@ -259,10 +284,18 @@ def _read_table(path: Path, lines: list[str], quantity: str, unit: str) -> Spect
     return Spectrum(path.stem, points, f"file {path.name}; {_how(quantity)}")
 
 
+def _table(path: Path, lines: list[str]) -> tuple[list[str], int, str]:
+    """The lines without comments, the index of the first row of numbers, and the titles right above it or ''."""
+    lines = ["" if line.startswith("#") else line for line in lines]
+    first = next(i for i, line in enumerate([*lines, "end"]) if line)
+    if first == len(lines):
+        raise SpectrumError(f"{path}: the file has only comments")
+    return (lines, first, "") if _starts_with_number(lines[first]) else (lines, first + 1, lines[first].lower())
+
+
 def _check_titles(path: Path, line: int, titles: str, quantity: str, unit: str) -> None:
     """Refuse titles that contradict what the columns are said to be."""
-    strange = {"nanomet": "nanometres", "(nm": "nanometres", "_nm": "nanometres", "cm-1": "wavenumbers",
-               "wavenumber": "wavenumbers", "transmi": "transmittance"}  # fmt: skip
+    strange = NOT_MICROMETRES | {"transmi": "transmittance"}
     strange |= {"%": "percent", "percent": "percent"} if unit == "fraction" else {"fraction": "fractions"}
     if quantity[:7] not in titles:  # 'reflect' also stands in reflectivity, 'emissiv' in emissivities
         strange |= {other[:7]: other for other in QUANTITIES if other != quantity}

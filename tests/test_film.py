@@ -27,8 +27,8 @@ def random_passes(count, spread=0.05, mean=0.1, seed=1):
     return (BLACK * (mean + spread * (common + 0.3 * rng.normal(size=(count, HEIGHT * WIDTH, 3))))).astype(np.float32)
 
 
-def film_of(passes, reference=REFERENCE):
-    film = Film(WIDTH, HEIGHT, EDGES, reference)
+def film_of(passes, reference=REFERENCE, seed=0, first=0):
+    film = Film(WIDTH, HEIGHT, EDGES, reference, seed, first)
     for excess in passes:
         film.add_pass(excess, NOTHING, 1000)
     return film
@@ -196,7 +196,7 @@ def test_merged_films_are_the_film_of_all_passes(parts):
     whole = film_of(passes)
     merged, start = film_of([]), 0
     for size in parts:
-        merged = merged.merge(film_of(passes[start : start + size]))
+        merged = merged.merge(film_of(passes[start : start + size], first=start))
         start += size
     assert (merged.passes, merged.photons) == (whole.passes, whole.photons)
     for name in ("radiance", "temperature", "noise"):
@@ -212,7 +212,7 @@ def test_merged_films_know_what_was_seen():
     seen = (passes.sum(axis=2) * rng.random((20, HEIGHT * WIDTH))).astype(np.float32)
     films = []
     for first, last in ((0, 20), (0, 7), (7, 20)):
-        film = Film(WIDTH, HEIGHT, EDGES, REFERENCE)
+        film = Film(WIDTH, HEIGHT, EDGES, REFERENCE, first_pass=first)
         for i in range(first, last):
             film.add_pass(passes[i], seen[i], 1000)
         films.append(film)
@@ -220,7 +220,7 @@ def test_merged_films_know_what_was_seen():
 
 
 def test_merging_leaves_both_as_they_were():
-    first, second = film_of(random_passes(3)), film_of(random_passes(4, seed=2))
+    first, second = film_of(random_passes(3)), film_of(random_passes(4, seed=2), seed=2)
     before = first.radiance(), second.noise()
     first.merge(second)
     assert np.array_equal(first.radiance(), before[0]) and np.array_equal(second.noise(), before[1])
@@ -228,12 +228,26 @@ def test_merging_leaves_both_as_they_were():
 
 
 def test_merging_commutes():
-    first, second = film_of(random_passes(3)), film_of(random_passes(4, seed=2))
+    first, second = film_of(random_passes(3)), film_of(random_passes(4, seed=2), seed=2)
     np.testing.assert_allclose(first.merge(second).noise(), second.merge(first).noise(), rtol=1e-6)
 
 
 def test_empty_films_merge():
     assert film_of([]).merge(film_of([])).passes == 0
+
+
+def test_a_pass_cannot_be_merged_twice():
+    """Not even in part, nor after other merges; passes of another seed are others."""
+    passes = random_passes(10)
+    film = film_of(passes[:2]).merge(film_of(passes[6:], first=6))
+    assert film.ranges == [(0, 0, 2), (0, 6, 10)]
+    for other in (film, film_of(passes[:1]), film_of(passes[1:3], first=1), film_of(passes[5:7], first=5)):
+        for pair in ((film, other), (other, film)):
+            with pytest.raises(ValueError, match=r"hold pass \d of seed 0"):
+                pair[0].merge(pair[1])
+    whole = film.merge(film_of(passes[2:6], first=2))
+    assert whole.ranges == [(0, 0, 10)]
+    assert whole.merge(film_of(passes, seed=1)).ranges == [(0, 0, 10), (1, 0, 10)]
 
 
 @pytest.mark.parametrize(

@@ -63,8 +63,9 @@ def test_bidirectional_reflectance_is_remarked(tmp_path):
 
 
 def test_ecostress_takes_what_its_header_says(tmp_path):
-    """Line ends of Windows, Latin letters, `percent`, and a spectrum of emissivity as fraction."""
-    text = ECOSTRESS.replace("nobody", "M\u00fcller").replace("percentage", "percent").replace("\n", "\r\n")
+    """Line ends of Windows, Latin letters, `percent`, a slip of the library, and emissivity as a fraction."""
+    text = ECOSTRESS.replace("nobody", "M\u00fcller").replace("Reflectance (percentage)", "Reflectence (percent)")
+    text = text.replace("\n", "\r\n")
     assert read_spectrum(write(tmp_path, text.encode("latin-1"))).points[0, 1] == pytest.approx(0.7)
     text = ECOSTRESS.split("14.0112\t")[0].replace("Reflectance (percentage)", "Emissivity (fraction)")
     text = text.replace("Values: 4", "Values: 2") + "3 0.7\n8 0.9\n"

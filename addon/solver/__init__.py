@@ -4,7 +4,7 @@
 from .kernel_cache import kept_kernels
 
 with kept_kernels():
-    from .film import Film
+    from .film import Correction, Film
     from .render import render
     from .scene import (
         AreaLight,
@@ -12,6 +12,7 @@ with kept_kernels():
         Light,
         Material,
         PointLight,
+        Response,
         Scene,
         SceneError,
         SpotLight,
@@ -22,10 +23,12 @@ with kept_kernels():
 __all__ = [
     "AreaLight",
     "Camera",
+    "Correction",
     "Film",
     "Light",
     "Material",
     "PointLight",
+    "Response",
     "Scene",
     "SceneError",
     "Settings",

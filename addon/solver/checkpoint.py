@@ -30,7 +30,8 @@ from .surfaces import Geometry
 
 log = logging.getLogger(__name__)
 
-_WHEN_TO_STOP = {"passes", "time_limit", "target_noise"}  # settings that change no pass; nor do threads
+# settings that change no pass: when to stop, how fast to go, and what is made of the finished image
+_NO_PASS = {"passes", "time_limit", "target_noise", "threads", "assumed_emissivity", "reflected_temperature"}
 _WHAT = "the checkpoint"
 
 
@@ -41,7 +42,7 @@ class CheckpointError(ValueError):
 def fingerprint(scene: Scene, settings: Settings) -> dict[str, str]:
     """What a pass depends on, by name: digests of the scene's parts, settings, the version of the solver."""
     parts = {field.name: _digest(getattr(scene, field.name)) for field in fields(scene)}
-    names = [field.name for field in fields(settings) if field.name not in _WHEN_TO_STOP | {"threads"}]
+    names = [field.name for field in fields(settings) if field.name not in _NO_PASS]
     return {"engine": source_digest()} | parts | {name: repr(getattr(settings, name)) for name in names}
 
 

@@ -18,8 +18,8 @@ from .low_discrepancy import scrambled, shuffled
 from .photon_map import gather, irradiance, neighbours_room
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
-from .splitting import Splitting
+from .sampling import FAST, FAST_INLINED, basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
+from .splitting import Splitting, recall_chance
 from .surfaces import PATCH_LIMIT, facing_side, point, put_ray, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
 
@@ -28,7 +28,6 @@ _RECALLING, _GATHERING, _FEELING, _LAMPS, _SPLITTING = 1 << 17, 1 << 18, 1 << 19
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
-_LEAST = 1.0 / 2048.0  # the same of ends that recall: that is cheap, and in a cavity most of the light is there
 _FULL = 1.0 / 64.0  # of a pixel: roulette starts where a path carries less
 
 
@@ -90,13 +89,15 @@ def render_pixels(
     keys,
     index,
     pixels,
+    weights,
     cancelled,
 ):
     """Estimate the excess radiance of a tile of pixels in one pass.
 
     samples: (n,) uint8, rays of every pixel in a pass. keys: of the camera stream (of the seed, of this pass). index:
-    of the pass. pixels: (h, w) int64, numbers in the window. Returns image (h w, b) float32, W m-2 sr-1 per band, and
-    seen (h w,) float32: the part of the radiance over all bands that the surfaces send straight into the camera.
+    of the pass. pixels: (h, w) int64, numbers in the window. weights: (b,) float32, response of the sensor in each
+    band. Returns image (h w, b) float32, W m-2 sr-1 per band, and seen (h w,) float32: the part of the radiance over
+    all bands, through the response, that the surfaces send straight into the camera.
     """
     samples, bands = samples[pixels.ravel()], radiometry.reference.size
     count = int(samples.sum())
@@ -113,7 +114,7 @@ def render_pixels(
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
         gathers = meet(surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, closeness, image)
         if bounce == 0:
-            image.sum(axis=1, out=seen)
+            np.einsum("pb,b->p", image, weights, out=seen)  # not by a library that has threads of its own
         split = 0
         if estimate.photons:
             found = len(gathers.ray)
@@ -213,7 +214,7 @@ class Hit(NamedTuple):
     cosine: float
 
 
-@njit(inline="always")
+@njit(**FAST_INLINED)
 def _hit(surfaces, rays, i, t, u, v):
     dx, dy, dz = float(rays.direction[i, 0]), float(rays.direction[i, 1]), float(rays.direction[i, 2])
     inverse = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -390,24 +391,26 @@ def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, 
         if t < 0 or not rays.gathered[i]:
             continue
         material = surfaces.material[t]
-        diffuse = (1.0 - float(radiometry.specular[material])) / math.pi
         rho = radiometry.reflectance[material]
-        carried = diffuse * largest_throughput(rays.throughput[i], rho)
-        chance, choice = min(1.0, carried / _LEAST), uniform(rays.path[i], _RECALLING + bounce)
+        carried = (1.0 - float(radiometry.specular[material])) * largest_throughput(rays.throughput[i], rho)
+        if carried == 0.0:
+            continue
+        sheet = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]
+        chance, choice = recall_chance(estimate.splitting, sheet, carried), uniform(rays.path[i], _RECALLING + bounce)
         if choice >= chance:
             continue
         hit = _hit(surfaces, rays, i, t, u[i], v[i])
         known = recalled(
-            cache, surfaces.sheet[t, hit.side], hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz,
+            cache, sheet, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz,
             _FAR * estimate.shrink2 * estimate.reach2, room,
         )  # fmt: skip
         out = image[rays.pixel[i]]
         if known >= 0:
-            scale = np.float32(diffuse / chance)
+            scale = np.float32((1.0 - radiometry.specular[material]) / (math.pi * chance))
             for b in range(rho.size):
                 out[b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, b])
             continue
-        chance = min(1.0, carried / _LITTLE)
+        chance = min(chance, carried / _LITTLE)
         if choice >= chance:
             continue
         lost.ray[found], lost.weight[found] = i, 1.0 / chance

@@ -6,16 +6,29 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from .radiometry import reference_radiance
 from .scene import check_band_edges
-from .spectrum import apparent_temperature, band_names
+from .spectrum import apparent_temperature, band_names, sensor_radiance
 
-_VALUES = ("width", "height", "band_edges", "reference_temperature", "passes", "photons")
+_VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
 _ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares")
+
+
+class Correction(NamedTuple):
+    """How a camera's user turns the apparent temperature of a surface into its own.
+
+    A surface of this emissivity, in surroundings that look like a blackbody at reflected_temperature (K), sends the
+    radiance L = emissivity L(T) + (1 - emissivity) L(reflected_temperature), which is solved for T. Emissivity 1
+    corrects nothing. (M. Vollmer, K.-P. Moellmann, Infrared Thermal Imaging, 2nd edition 2018, chapter 3.)
+    """
+
+    emissivity: float = 1.0
+    reflected_temperature: float = 293.15  # K
 
 
 class Film:
@@ -24,21 +37,37 @@ class Film:
     Films of disjoint pass ranges merge into the film of all of them. Memory does not depend on the number of passes.
 
     width, height: pixels. band_edges: (b + 1,) um. reference_temperature: K, 0 without subtraction.
+    weights: (b,) response of the sensor in each band (`sensors.band_weights`), by which the bands count in radiance();
+    None counts all alike. correction: of temperature() and noise(); it may be changed at any time.
+    seed, first_pass: of the passes to be added. ranges: (seed, first pass, last pass + 1) of those that are finished.
     passes: finished. photons: emitted in them.
     lock: held while a pass is added; hold it to read several images of the same passes from another thread.
     """
 
-    def __init__(self, width: int, height: int, band_edges: np.ndarray, reference_temperature: float = 0.0):
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        band_edges: np.ndarray,
+        reference_temperature: float = 0.0,
+        seed: int = 0,
+        first_pass: int = 0,
+        weights: np.ndarray | None = None,
+    ):
         self.width, self.height = width, height
         self.band_edges = np.asarray(band_edges, dtype=np.float64)
         self.reference_temperature = reference_temperature
+        self.weights = np.ones(self.band_count) if weights is None else np.asarray(weights, dtype=np.float64)
+        self.correction = Correction()
+        self.ranges = [(seed, first_pass, first_pass)]
         self.passes = 0
         self.photons = 0
         self.lock = threading.RLock()
         self._reference = reference_radiance(self.band_edges, reference_temperature)
         # float64: a float32 mean stops moving after 2^24 passes and drifts long before
         self._mean = np.zeros((height * width, len(self.band_edges) - 1))
-        # sums of squared deviations (Welford 1962) of what surfaces send straight into the camera, and of the rest
+        # sums of squared deviations (Welford 1962) of what surfaces send straight into the camera, and of the rest,
+        # both through the response
         self._seen, self._seen_squares = np.zeros(height * width), np.zeros(height * width)
         self._squares = np.zeros(height * width)
 
@@ -51,12 +80,12 @@ class Film:
 
     def state(self) -> dict[str, np.ndarray]:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
-        return {name: np.asarray(getattr(self, name)) for name in (*_VALUES, *_ARRAYS)}
+        return {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS)}
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
         """The film of a state. Raises ValueError if something is missing, misshapen or not finite."""
-        missing = {*_VALUES, *_ARRAYS} - set(state)
+        missing = {*_VALUES, "ranges", *_ARRAYS} - set(state)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
@@ -68,7 +97,16 @@ class Film:
                 raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
             if not np.isfinite(state[name]).all():
                 raise ValueError(f"{name} holds values that are not finite")
-        film = cls(width, height, edges, float(state["reference_temperature"]))
+        weights = state["weights"]
+        if weights.shape != (len(edges) - 1,) or not (
+            np.isfinite(weights).all() and weights.min() >= 0 < weights.max()
+        ):
+            raise ValueError(f"weights {weights.tolist()} are no response in {len(edges) - 1} bands")
+        ranges = state["ranges"]
+        if ranges.dtype != np.int64 or ranges.shape[1:] != (3,) or np.sum(ranges[:, 2] - ranges[:, 1]) != passes:
+            raise ValueError(f"ranges {ranges.tolist()} are not those of {passes} passes")
+        film = cls(width, height, edges, float(state["reference_temperature"]), weights=weights)
+        film.ranges = [tuple(row) for row in ranges.tolist()]
         film.passes, film.photons = passes, photons
         for name in _ARRAYS:
             setattr(film, name, state[name])
@@ -85,11 +123,15 @@ class Film:
 
     def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int) -> None:
         """Add one finished pass: excess radiance (height * width, b) float32, W m-2 sr-1 per band, the part of its sum
-        over bands that surfaces send straight into the camera (height * width,) float32, and its photons.
+        over bands, through the response, that surfaces send straight into the camera (height * width,) float32, and
+        its photons.
         """
         with self.lock:
             count = self.passes + 1
-            _accumulate(self._mean, self._squares, self._seen, self._seen_squares, excess, seen, count)
+            means, squares = (self._mean, self._seen), (self._squares, self._seen_squares)
+            _accumulate(means, squares, excess, seen, self.weights, count)
+            seed, first, stop = self.ranges[-1]
+            self.ranges[-1] = seed, first, stop + 1
             self.passes += 1
             self.photons += photons
 
@@ -103,11 +145,19 @@ class Film:
                 f"Films with different reference temperatures cannot be merged: "
                 f"{self.reference_temperature:g} K and {other.reference_temperature:g} K"
             )
+        if not np.array_equal(self.weights, other.weights):
+            raise ValueError("Films of sensors with different responses cannot be merged")
 
     def merge(self, other: Film) -> Film:
-        """Film of the passes of both (Chan, Golub and LeVeque 1979). ValueError if they do not belong together."""
+        """Film of the passes of both (Chan, Golub and LeVeque 1979).
+
+        Raises ValueError if they do not belong together or hold the same pass: it would count twice, and the noise
+        would come out too small.
+        """
         self.check_same_kind(other)
-        total = Film(self.width, self.height, self.band_edges, self.reference_temperature)
+        total = Film(self.width, self.height, self.band_edges, self.reference_temperature, weights=self.weights)
+        total.correction = self.correction
+        total.ranges = _joined(self.ranges + other.ranges) or self.ranges[:]
         total.passes = self.passes + other.passes
         total.photons = self.photons + other.photons
         if total.passes:
@@ -117,7 +167,7 @@ class Film:
             seen = other._seen - self._seen
             total._seen = self._seen + share * seen
             total._seen_squares = self._seen_squares + other._seen_squares + seen**2 * self.passes * share
-            rest = difference.sum(axis=1) - seen
+            rest = _weighted(difference, np.zeros(self.band_count), self.weights) - seen
             total._squares = self._squares + other._squares + rest**2 * self.passes * share
         return total
 
@@ -133,12 +183,15 @@ class Film:
         return images.reshape(self.band_count, self.height, self.width)
 
     def radiance(self) -> np.ndarray:
-        """(height, width) float32 radiance over all bands, W m-2 sr-1."""
+        """(height, width) float32 radiance over all bands through the sensor's response, W m-2 sr-1."""
         return self._image(self._radiance())
 
     def temperature(self) -> np.ndarray:
-        """(height, width) float32 apparent temperature: of the blackbody with this radiance over all bands, K."""
-        return self._image(apparent_temperature(self._radiance(), self.band_edges))
+        """(height, width) float32 temperature of the blackbody with this radiance, after the correction, K.
+
+        Where the correction leaves no radiance, as the surroundings alone would send more, it is 0 K.
+        """
+        return self._image(self._apparent(self._object_radiance()))
 
     def noise(self) -> np.ndarray:
         """(height, width) float32 standard error of temperature(), K.
@@ -147,21 +200,44 @@ class Film:
         """
         if self.passes < 2:
             return self.temperature()
-        radiance = self._radiance()
+        radiance = self._object_radiance()
         # Photons of different passes are independent. The passes' camera rays are one stratified sequence: the
         # variance of the area that an edge cuts off falls as n^-3/2, as only n^1/2 strata on it err (Mitchell 1996).
         seen = self._seen_squares / math.sqrt(self.passes)
-        error = np.sqrt((self._squares + seen) / (self.passes * (self.passes - 1)))
+        error = np.sqrt((self._squares + seen) / (self.passes * (self.passes - 1))) / self.correction.emissivity
         # half of the interval that one standard error spans: finite where the radiance itself is 0
-        above = apparent_temperature(radiance + error, self.band_edges)
-        below = apparent_temperature(np.maximum(radiance - error, 0.0), self.band_edges)
+        above = self._apparent(radiance + error)
+        below = self._apparent(np.maximum(radiance - error, 0.0))
         return self._image(0.5 * (above - below))
 
+    def _apparent(self, radiance: np.ndarray) -> np.ndarray:
+        return apparent_temperature(radiance, self.band_edges, self.weights)
+
+    def _object_radiance(self) -> np.ndarray:
+        """What a blackbody at the corrected temperature would send, (pixels,) W m-2 sr-1; below 0 is possible."""
+        emissivity, reflected = self.correction
+        reflection = (1.0 - emissivity) * sensor_radiance(self.band_edges, self.weights, reflected)
+        return (self._radiance() - reflection) / emissivity
+
     def _radiance(self) -> np.ndarray:
-        return self._mean.sum(axis=1) + self._reference.sum()
+        return _weighted(self._mean, self._reference, self.weights)
 
     def _image(self, values: np.ndarray) -> np.ndarray:
         return values.astype(np.float32).reshape(self.height, self.width)
+
+
+def _joined(ranges: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
+    """Film.ranges in order, without empty ones, neighbours as one. Raises ValueError if two hold the same pass."""
+    joined = []
+    for seed, first, stop in sorted(each for each in ranges if each[1] < each[2]):
+        last_seed, begin, end = joined[-1] if joined else (None, 0, 0)
+        if seed == last_seed and first < end:
+            raise ValueError(f"Both films hold pass {first} of seed {seed}: only different passes can be merged")
+        if seed == last_seed and first == end:
+            joined[-1] = seed, begin, stop
+        else:
+            joined.append((seed, first, stop))
+    return joined
 
 
 @njit(cache=True, nogil=True)
@@ -172,7 +248,19 @@ def _split(mean, reference, width, images):
 
 
 @njit(cache=True, nogil=True)
-def _accumulate(mean, squares, seen_mean, seen_squares, excess, seen, count):
+def _weighted(mean, reference, weights):
+    """(pixels,) float64 sum over bands of weights * (mean + reference): exactly 0 where they cancel in each band."""
+    total = np.zeros(mean.shape[0])
+    for i in range(mean.shape[0]):
+        for b in range(mean.shape[1]):
+            total[i] += weights[b] * (mean[i, b] + reference[b])
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _accumulate(means, squares, excess, seen, weights, count):
+    """Welford's step for the bands, what is seen and the rest."""
+    (mean, seen_mean), (rest_squares, seen_squares) = means, squares
     share = 1.0 / count
     for i in range(excess.shape[0]):
         row = mean[i]
@@ -180,9 +268,9 @@ def _accumulate(mean, squares, seen_mean, seen_squares, excess, seen, count):
         for b in range(row.size):
             delta = excess[i, b] - row[b]
             row[b] += delta * share
-            rest += delta
+            rest += weights[b] * delta
         delta = seen[i] - seen_mean[i]
         seen_mean[i] += delta * share
         seen_squares[i] += delta * delta * (1.0 - share)
         rest -= delta
-        squares[i] += rest * rest * (1.0 - share)
+        rest_squares[i] += rest * rest * (1.0 - share)

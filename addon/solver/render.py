@@ -27,7 +27,7 @@ from .antialiasing import choose_samples
 from .camera import Eye, build_eye
 from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
-from .film import Film
+from .film import Correction, Film
 from .free_space import free_space
 from .guide import Gathers, add_scores, build_gathers, build_guide
 from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
@@ -36,9 +36,10 @@ from .memory import check_memory, memory_beforehand, memory_of_passes
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
-from .reference import choose_reference
+from .reference import choose_reference, gather_sources, typical_source
 from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
 from .scene import Scene
+from .sensors import band_weights
 from .settings import Settings
 from .splitting import Splitting, Trial, plan_splitting
 from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius
@@ -74,6 +75,7 @@ class Model:
     places: Places  # where camera paths gather
     splitting: Splitting | None  # None without photons
     reference_temperature: float
+    weights: np.ndarray  # (b,) response of the sensor in each band
     photons_per_pass: int
     hits_per_photon: float  # that are stored, of trial photons
 
@@ -102,10 +104,14 @@ def render(
     model = prepare(scene, settings, geometry)
     check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon))
     x0, y0, x1, y1 = scene.camera.pixels
-    empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature)
+    numbers = settings.seed, settings.pass_offset
+    empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature, *numbers, model.weights)
     if film is None:
         film = empty
     film.check_same_kind(empty)
+    if len(film.ranges) > 1 or film.ranges[0][:2] != empty.ranges[0][:2]:
+        raise ValueError("The film does not hold the first passes of this render")
+    film.correction = Correction(settings.assumed_emissivity, settings.reflected_temperature)
     image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
     seen = np.empty(len(image), np.float32)
     store = PhotonStore(scene.band_count, model.optics.keep_incoming, model.optics.keep_caustic)
@@ -157,12 +163,15 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     specular = np.array([material.specular for material in scene.materials])
     is_mirror = np.array([material.alpha == 0.0 for material in scene.materials])
     pilot = explore(surfaces, tracer, eye, 1.0 - emissivity.mean(axis=1), specular, is_mirror)
-    chosen = choose_reference(scene, surfaces, pilot, emissivity)
-    reference = chosen if settings.reference_temperature is None else settings.reference_temperature
+    sources = gather_sources(scene, surfaces, pilot, emissivity)
+    reference = settings.reference_temperature
+    if reference is None:
+        reference = choose_reference(sources)
     if not settings.reference_subtraction:
         reference = 0.0
+    weighting = typical_source(sources, scene.band_edges, reference)
     radiometry = build_radiometry(
-        scene.materials, scene.band_edges, emission_range(surfaces.temperature), chosen, reference
+        scene.materials, scene.band_edges, emission_range(surfaces.temperature), weighting, reference
     )
     area = areas(surfaces.corners)
     power = side_power(surfaces, radiometry, area)
@@ -223,6 +232,7 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         Places(pilot.place, pilot.facing, pilot.code, np.cumsum(pilot.carried)),
         splitting,
         reference,
+        band_weights(scene.response, scene.band_edges),
         photons,
         hits,
     )
@@ -320,13 +330,14 @@ def render_pass(
     if estimate.photons:
         cache = cache_irradiance(m, photon_map, estimate, pass_key(settings.seed, index, CACHE), pool, cancelled)
     shining = lamp_points(m.lamps, m.surfaces, pass_key(settings.seed, index, LAMPS))
+    weights = m.weights.astype(np.float32)
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
 
     def gather(pixels: np.ndarray):
         if not cancelled():
             image[pixels.ravel()], seen[pixels.ravel()] = render_pixels(
                 m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, m.samples, photon_map, cache,
-                estimate, keys, index, pixels, cancelled,
+                estimate, keys, index, pixels, weights, cancelled,
             )  # fmt: skip
 
     for _ in pool.map(gather, tiles(m.eye.window)):

@@ -22,6 +22,7 @@ class Settings:
     reference_temperature: K, None chooses it from the scene.
     roulette: 'POWER' keeps a photon's total weight; 'BAND_AVERAGE' is Boudet et al. 2004, section 3.2.
     shrink: let the gather radius shrink from pass to pass (Knaus and Zwicker 2011), so that the blur vanishes.
+    assumed_emissivity: above 0, at most 1, and reflected_temperature: K: of the film's Correction. They change no pass.
     """
 
     passes: int = 32
@@ -36,6 +37,8 @@ class Settings:
     reference_temperature: float | None = None
     roulette: str = "POWER"
     shrink: bool = True
+    assumed_emissivity: float = 1.0
+    reflected_temperature: float = 293.15
 
     def __post_init__(self):
         for name, least in (
@@ -47,7 +50,7 @@ class Settings:
         ):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}, at least {least} is needed")
-        for name in ("time_limit", "target_noise", "reference_temperature"):
+        for name in ("time_limit", "target_noise", "reference_temperature", "reflected_temperature"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < math.inf:
                 raise ValueError(f"{name} is {value}, expected a finite number of 0 or more")
@@ -55,5 +58,7 @@ class Settings:
             raise ValueError(f"seed is {self.seed}, expected 0 to 2^63 - 1")
         if self.passes == 0 and self.time_limit <= 0 and self.target_noise <= 0:
             raise ValueError("Nothing stops this render: set passes, time_limit or target_noise")
+        if not 0 < self.assumed_emissivity <= 1:
+            raise ValueError(f"assumed_emissivity is {self.assumed_emissivity:g}, expected above 0 to 1")
         if self.roulette not in ("POWER", "BAND_AVERAGE"):
             raise ValueError(f"roulette is '{self.roulette}', expected 'POWER' or 'BAND_AVERAGE'")

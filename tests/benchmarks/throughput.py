@@ -123,7 +123,7 @@ def main():
                 m = model
                 render_pixels(
                     m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, m.samples, photon_map,
-                    cache, estimate, camera_keys, 0, pixels, lambda: False,
+                    cache, estimate, camera_keys, 0, pixels, m.weights.astype(np.float32), lambda: False,
                 )  # fmt: skip
 
             pixels = tiles(model.eye.window)
