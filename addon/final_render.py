@@ -19,6 +19,8 @@ import numpy as np
 from mathutils import Color
 
 from .heat_settings import read_scale
+from .output.description import how_rendered
+from .output.formats import FORMATS, without_extension, write_file
 from .output.temperature_scale import TemperatureScale
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
@@ -26,7 +28,6 @@ from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, s
 from .solver.memory import check_memory, memory_beforehand
 from .solver.spectrum import band_names
 from .solver.surfaces import Geometry, build_geometry
-from .version import version
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +106,7 @@ def register_passes(engine, scene, view_layer) -> None:
 
 
 def render_view_layer(engine, depsgraph) -> None:
-    """Render the depsgraph's view layer into the render result, and into a band EXR if the scene wants one.
+    """Render the depsgraph's view layer into the render result, and into the files that the scene wants.
 
     Raises SceneError if the scene cannot be rendered, OSError if a file cannot be written; the images of a render that
     ended are in the result by then.
@@ -117,7 +118,9 @@ def render_view_layer(engine, depsgraph) -> None:
         finished_layers.clear()
         finished_frames.clear()
     settings = read_settings(scene.infrared)
-    passes = tuple(render_passes(read_band_edges(scene.infrared)))
+    edges = read_band_edges(scene.infrared)
+    passes = tuple(render_passes(edges))
+    log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
     if scene.render.use_multiview:
         warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
@@ -152,8 +155,9 @@ def render_view_layer(engine, depsgraph) -> None:
         finished_layers[layer] = exr_arguments(job, images)
         finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
         if scene.infrared.band_exr_path:
-            path = band_exr_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
-            write_layer(path, layer)
+            for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
+                path = file_path(scene, layer if len(layers) > 1 else "", engine.is_animation, file_format)
+                write_layer(path, layer, file_format)
 
 
 def _warn(engine, message: str) -> None:
@@ -329,35 +333,30 @@ def process_memory() -> float:
 
 def exr_arguments(job: RenderJob, images: dict[str, np.ndarray]) -> dict:
     """The arguments of write_band_exr, but for its path."""
-    film, settings = job.film, job.settings
+    film, response = job.film, job.scene.response
     return {
         "bands": [images[name] for name in film.band_names],
         "band_edges": film.band_edges,
         "radiance": images["Radiance"],
         "temperature": images["Temperature"],
         "noise": images["Noise"],
-        "metadata": {
-            "passes": film.passes,
-            "firstPass": settings.pass_offset,
-            "photons": film.photons,
-            "seed": settings.seed,
-            "referenceTemperature": film.reference_temperature,
-            "software": f"Infrared Photons {version()}",
-        },
+        "metadata": {"sensor": response.name if response else "Ideal", **how_rendered(film, job.settings)},
     }
 
 
-def write_layer(path: Path, layer: str) -> None:
-    """Write the last finished render of a view layer to a band EXR. Raises OSError, KeyError without such a render."""
-    from .output.exr import write_band_exr  # here, so that rendering works without OpenEXR
+def write_layer(path: Path, layer: str, file_format: str) -> None:
+    """Write the last finished render of a view layer. file_format: a key of FORMATS.
 
-    write_band_exr(path, **finished_layers[layer])
-    log.info("%s: band images written to %s", layer, path)
+    Raises OSError, KeyError without such a render.
+    """
+    write_file(file_format, path, finished_layers[layer])
+    log.info("%s: %s written to %s", layer, FORMATS[file_format].name, path)
 
 
-def band_exr_path(scene, layer: str, animation: bool) -> Path:
-    """File of this frame's band images; layer: as `_output_path` has it."""
-    return _output_path(scene, scene.infrared.band_exr_path, ".exr", layer, animation)
+def file_path(scene, layer: str, animation: bool, file_format: str = "BAND_EXR") -> Path:
+    """File of this frame in a format (a key of FORMATS); layer: as `_output_path` has it."""
+    path = without_extension(scene.infrared.band_exr_path)
+    return _output_path(scene, path, FORMATS[file_format].ending, layer, animation)
 
 
 def checkpoint_path(scene, layer: str, animation: bool) -> Path:

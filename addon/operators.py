@@ -11,6 +11,7 @@ from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator
 from bpy_extras.io_utils import ExportHelper
 
+from .output.formats import ENUM_ITEMS, FORMATS
 from .properties import CUSTOM_PROPERTIES, add_custom_property, initial_value
 
 OWNERS = (
@@ -112,13 +113,18 @@ class INFRARED_OT_emissivity_curve(EmissivityOperator, Operator):
 
 
 class INFRARED_OT_export_bands(Operator, ExportHelper):
-    """Write every band of the last render to an OpenEXR file, one for each view layer"""
+    """Write the last render to a file, one for each view layer"""
 
     bl_idname = "infrared.export_bands"
     bl_label = "Export Band Images"
 
-    filename_ext = ".exr"
-    filter_glob: StringProperty(default="*.exr", options={"HIDDEN"})
+    filter_glob: StringProperty(default="*.exr;*.hdr;*.tif", options={"HIDDEN"})
+    file_format: EnumProperty(name="Format", description="Format of the file", items=ENUM_ITEMS)
+
+    @property
+    def filename_ext(self) -> str:
+        """The extension that ExportHelper gives to the file."""
+        return FORMATS[self.file_format].extension
 
     @classmethod
     def poll(cls, _context):
@@ -132,7 +138,8 @@ class INFRARED_OT_export_bands(Operator, ExportHelper):
         try:
             for layer in layers:
                 suffix = f"_{bpy.path.clean_name(layer)}" if len(layers) > 1 else ""
-                final_render.write_layer(path.with_name(f"{path.stem}{suffix}.exr"), layer)
+                file = path.with_name(f"{path.stem}{suffix}{self.filename_ext}")
+                final_render.write_layer(file, layer, self.file_format)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What leaves a render beside Blender's own output: band EXR files and pictures in a thermal palette."""
+"""What leaves a render beside Blender's own output: files for tools that measure, and pictures in a palette."""

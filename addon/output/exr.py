@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on's own export: one OpenEXR file per frame with every band, 32-bit float, lossless.
+"""OpenEXR files with every band of a frame, 32-bit float, lossless: one for Blender, one in the published layout.
 
-A pass '7.50-7.90um' is the channel '7,50-7,90um.V' here, and 'Temperature' is 'Temperature.V'. OpenEXR separates layers
-with dots: with the dots kept, Blender, Nuke and others read '50-7' of a layer '7', and Blender drops one-word channels
-altogether. A comma for the decimal point follows Fichet et al. 2021, 'An OpenEXR layout for spectral images'; '.V' is
-what Blender's own files end in.
+`write_band_exr`: a pass '7.50-7.90um' is the channel '7,50-7,90um.V', and 'Temperature' is 'Temperature.V'. OpenEXR
+separates layers with dots: with the dots kept, Blender, Nuke and others read '50-7' of a layer '7', and Blender drops
+one-word channels altogether. '.V' is what Blender's own files end in.
 
-Header attributes are text, because OpenEXR's Python module writes numbers as float32 and int32 (and 0 for larger
-ones): `bandEdges` (um, space separated, float64 to the last digit), `wavelengthRange` (um), `units`, and the caller's.
+`write_spectral_exr`: the layout of A. Fichet, R. Pacanowski and A. Wilkie, 'An OpenEXR layout for spectral images',
+Journal of Computer Graphics Techniques 10 (2021). A band is the channel 'S0.7700,000000nm', its middle in nm with a
+comma for the decimal point, and holds W m-2 sr-1 nm-1. An attribute of the channel's name holds the band's response.
+
+All other facts (`description.py`) are text attributes, because OpenEXR's Python module writes numbers as float32 and
+int32 (and 0 for larger ones).
 """
 
 from __future__ import annotations
@@ -21,8 +24,11 @@ import OpenEXR
 
 from ..solver.files import replacing
 from ..solver.spectrum import band_names
+from .description import BAND_UNIT, describe
+from .temperature_scale import TemperatureScale
 
-UNITS = "bands: W m-2 sr-1 um-1; Radiance: W m-2 sr-1; Temperature: K; Noise: K; bandEdges, wavelengthRange: um"
+IMAGE_UNITS = "Radiance: W m-2 sr-1; Temperature: K; Noise: K"
+NM_PER_UM = np.float32(1000.0)
 
 
 def channel_name(pass_name: str) -> str:
@@ -43,26 +49,70 @@ def write_band_exr(
 
     bands: (h, w) float32 for each band, spectral radiance, W m-2 sr-1 um-1. band_edges: (b + 1,) um.
     radiance: (h, w) W m-2 sr-1. temperature, noise: (h, w) K. Row 0 is the bottom, as in Blender.
-    metadata: more header attributes, written as text: passes, photons, seed, referenceTemperature (K), software.
+    metadata: more header attributes, written as text, see `description.how_rendered`.
 
     An existing file is replaced once the new one is complete. Raises OSError naming the path if it cannot be written,
     ValueError if the images differ in shape or are not one per band.
     """
+    names = [channel_name(name) for name in band_names(band_edges)]
+    images = dict(zip(names, bands, strict=True)) | _other_images(radiance, temperature, noise)
+    _write(path, images, describe(f"bands: {BAND_UNIT}; {IMAGE_UNITS}", band_edges, metadata))
+
+
+def write_spectral_exr(
+    path: str | os.PathLike,
+    bands: Iterable[np.ndarray],
+    band_edges: np.ndarray,
+    radiance: np.ndarray,
+    temperature: np.ndarray,
+    noise: np.ndarray,
+    metadata: Mapping[str, object] | None = None,
+) -> None:
+    """Write one frame in the published Spectral OpenEXR layout; arguments and errors are those of `write_band_exr`.
+
+    The values of a band are those of its image divided by 1000, in float32. Radiance, Temperature and Noise go along
+    as in `write_band_exr`, and the layout's preview (R, G, B) shows Temperature in the default palette.
+    """
+    names = spectral_channel_names(band_edges)
+    per_nm = (np.asarray(image, np.float32) / NM_PER_UM for image in bands)
+    images = dict(zip(names, per_nm, strict=True)) | _other_images(radiance, temperature, noise)
+    preview = TemperatureScale().colours(temperature)
+    images |= {channel: preview[..., i] for i, channel in enumerate("RGB")}
+    facts = describe(f"S0: W m-2 sr-1 nm-1; {IMAGE_UNITS}", band_edges, metadata)
+    layout = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1", "EV": 0.0}  # names and units are fixed
+    edges = [np.format_float_positional(1000.0 * edge, precision=9, trim="-") for edge in band_edges]
+    boxes = (f"{low}nm:1;{high}nm:1;" for low, high in zip(edges[:-1], edges[1:], strict=True))
+    _write(path, images, facts | layout | dict(zip(names, boxes, strict=True)))
+
+
+def spectral_channel_names(band_edges: np.ndarray) -> list[str]:
+    """Channels in the published layout, such as 'S0.7700,000000nm': the middle of each band in nm.
+
+    Six decimals as its authors' own files, and more where they would not tell two bands apart.
+    """
+    edges = np.asarray(band_edges, np.float64)
+    middles = 500.0 * (edges[:-1] + edges[1:])
+    for decimals in range(6, 64):
+        values = [f"{middle:.{decimals}f}".replace(".", ",") for middle in middles]
+        if len(set(values)) == len(values):
+            break
+    return [f"S0.{value}nm" for value in values]
+
+
+def _other_images(radiance, temperature, noise) -> dict[str, np.ndarray]:
+    named = {"Radiance": radiance, "Temperature": temperature, "Noise": noise}
+    return {channel_name(name): image for name, image in named.items()}
+
+
+def _write(path: str | os.PathLike, images: Mapping[str, np.ndarray], attributes: Mapping[str, object]) -> None:
+    """images: (h, w) by channel, row 0 at the bottom."""
     path = Path(path)
-    images = dict(zip(band_names(band_edges), bands, strict=True))
-    images |= {"Radiance": radiance, "Temperature": temperature, "Noise": noise}
     shapes = {name: np.shape(image) for name, image in images.items()}
-    if len(set(shapes.values())) != 1 or len(shapes["Radiance"]) != 2:
+    if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 2:
         raise ValueError(f"The images for '{path}' need one shape (height, width), got {shapes}")
     # EXR stores the top row first.
-    channels = {channel_name(name): np.ascontiguousarray(image[::-1], np.float32) for name, image in images.items()}
+    channels = {name: np.ascontiguousarray(image[::-1], np.float32) for name, image in images.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    file = OpenEXR.File(header | _attributes(band_edges, metadata or {}), channels)
+    file = OpenEXR.File(header | attributes, channels)
     with replacing(path, "the band images") as unfinished:
         file.write(str(unfinished))
-
-
-def _attributes(band_edges: np.ndarray, metadata: Mapping[str, object]) -> dict[str, str]:
-    edges = [str(float(edge)) for edge in band_edges]
-    attributes = {"bandEdges": " ".join(edges), "wavelengthRange": f"{edges[0]} {edges[-1]}", "units": UNITS}
-    return attributes | {name: str(value) for name, value in metadata.items()}

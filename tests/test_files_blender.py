@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of every format from Blender: written with a render, frame by frame, and by the export operator."""
+
+import re
+
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from spectral.io import envi
+
+bpy = pytest.importorskip("bpy")
+
+from blender_helpers import camera, cube_mesh, link, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
+
+from addon.output.formats import FORMATS  # noqa: E402
+
+ENDINGS = [".exr", "_spectral.exr", ".hdr", ".raw", ".tif", "_16bit.tif"]
+
+
+@pytest.fixture
+def infrared(reset_blender):
+    """A warm cube under the cold sky, in three bands."""
+    camera(width=8, height=6)
+    link("Cube", cube_mesh(), temperature=310.0)
+    infrared = bpy.context.scene.infrared
+    infrared.passes, infrared.photons_per_pass, infrared.band_count, infrared.threads = 2, 1000, 3, 1
+    infrared.file_formats = set(FORMATS)
+    return infrared
+
+
+def bands(passes):
+    """The images of the bands, by rising wavelength."""
+    return [passes[name] for name in sorted((name for name in passes if "um" in name), key=lambda n: float(n[:4]))]
+
+
+def assert_files_hold(stem, passes):
+    """The files of a frame hold what Blender's own file does."""
+    channels = OpenEXR.File(f"{stem}.exr").channels()
+    np.testing.assert_array_equal(channels["Noise.V"].pixels[::-1], passes["Noise"])
+    channels = OpenEXR.File(f"{stem}_spectral.exr").channels()
+    names = sorted((name for name in channels if name.startswith("S0")), key=lambda n: float(n[3:-2].replace(",", ".")))
+    cube = envi.open(f"{stem}.hdr").open_memmap(interleave="bsq")
+    assert len(bands(passes)) == len(names) == len(cube) == 3
+    for band, name, image in zip(bands(passes), names, cube, strict=True):
+        np.testing.assert_array_equal(channels[name].pixels[::-1], band / np.float32(1000))
+        np.testing.assert_array_equal(image[::-1], band)
+    np.testing.assert_array_equal(tifffile.imread(f"{stem}.tif")[::-1], passes["Temperature"])
+    counts = tifffile.imread(f"{stem}_16bit.tif")[::-1]
+    np.testing.assert_array_equal(counts, np.rint(passes["Temperature"].astype(float) * 100))
+
+
+def test_a_render_writes_every_format(infrared, tmp_path):
+    infrared.band_exr_path = str(tmp_path / "bands.exr")
+    passes = render_to_exr(tmp_path)["ViewLayer"]
+    assert passes["Temperature"].max() > 300  # there is something in the picture
+    assert {file.name for file in tmp_path.glob("bands*")} == {f"bands{ending}" for ending in ENDINGS}
+    assert_files_hold(tmp_path / "bands", passes)
+    header = OpenEXR.File(str(tmp_path / "bands.exr"), header_only=True).header()
+    assert (header["photonsPerPass"], header["neighbours"]) == ("1000", str(infrared.neighbours))
+
+
+def test_an_animation_numbers_them(infrared, tmp_path):
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 4, 5
+    infrared.band_exr_path = str(tmp_path / "bands")
+    scene.render.engine, scene.render.filepath = "INFRARED_PHOTONS", str(tmp_path / "image_####")
+    use_multilayer_exr()
+    bpy.ops.render.render(animation=True)
+    names = {f"bands{frame}{ending}" for frame in ("0004", "0005") for ending in ENDINGS}
+    assert {file.name for file in tmp_path.glob("bands*")} == names
+    for frame in ("0004", "0005"):
+        assert_files_hold(tmp_path / f"bands{frame}", read_exr(tmp_path / f"image_{frame}.exr")["ViewLayer"])
+
+
+@pytest.mark.parametrize("path", ["bands.tif", "bands.HDR", "bands"])
+def test_one_format_alone_whatever_the_extension_says(infrared, tmp_path, path):
+    infrared.band_exr_path, infrared.file_formats = str(tmp_path / path), {"ENVI"}
+    render_to_exr(tmp_path)
+    assert {file.name for file in tmp_path.glob("bands*")} == {"bands.hdr", "bands.raw"}
+
+
+def test_the_operator_exports_every_format_of_every_view_layer(infrared, tmp_path):
+    bpy.context.scene.view_layers.new("Other")
+    passes = render_to_exr(tmp_path)
+    assert set(passes) == {"ViewLayer", "Other"}
+    for file_format, each in FORMATS.items():
+        path = tmp_path / f"bands{each.ending}"
+        assert bpy.ops.infrared.export_bands(filepath=str(path), file_format=file_format) == {"FINISHED"}
+    exported = {}  # the operator puts the layer last, the files of a render have it before the ending
+    for ending in ENDINGS:
+        stem, extension = ending.split(".")
+        exported |= {f"bands{stem}_{layer}.{extension}": f"bands_{layer}{ending}" for layer in passes}
+    assert {file.name for file in tmp_path.glob("bands*")} == set(exported)
+    for old, new in exported.items():
+        (tmp_path / old).rename(tmp_path / new)
+    for layer, images in passes.items():
+        assert_files_hold(tmp_path / f"bands_{layer}", images)
+
+
+@pytest.mark.parametrize("file_format", FORMATS)
+def test_what_cannot_be_written_is_named_and_the_picture_kept(infrared, tmp_path, file_format):
+    infrared.band_exr_path, infrared.file_formats = str(tmp_path / "missing" / "bands"), {file_format}
+    bpy.context.scene.render.engine = "INFRARED_PHOTONS"
+    with pytest.raises(RuntimeError, match=re.escape(str(tmp_path / "missing"))):
+        bpy.ops.render.render()
+    with pytest.raises(RuntimeError, match=re.escape(str(tmp_path / "missing"))):
+        bpy.ops.infrared.export_bands(filepath=str(tmp_path / "missing" / "bands"), file_format=file_format)
+    assert bpy.ops.infrared.export_bands(filepath=str(tmp_path / "kept"), file_format=file_format) == {"FINISHED"}
+    assert list(tmp_path.glob("kept*"))
