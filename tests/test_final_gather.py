@@ -238,17 +238,21 @@ def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
     scene = dataclasses.replace(corner(kind), camera=look((1.0, 1.0, 1.4), (1.1, 0.9, 0.0), 64, 48, 0.3))
     plans = []
 
-    def photons_alone(*inputs):
-        plans.append((plan_splitting(*inputs)._replace(price=math.inf), inputs))
-        return plans[-1][0]
+    def plan_at(price):
+        def plan(*inputs):
+            plans.append((plan_splitting(*inputs)._replace(price=price), inputs))
+            return plans[-1][0]
+
+        monkeypatch.setattr(render_module, "plan_splitting", plan)
 
     def variance():
         settings = Settings(passes=1, photons_per_pass=20_000, reference_temperature=290.0)
         images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(24)]
         return np.mean(np.var(images, axis=0, ddof=1))
 
-    monkeypatch.setattr(render_module, "plan_splitting", photons_alone)
+    plan_at(math.inf)
     by_photons = variance()
+    plan_at(1e-30)  # no roulette on what rays recall
     monkeypatch.setattr(eye_paths, "choose_splits", split_all)
     by_rays = variance()
     splitting, (surfaces, _, _, _, pilot, *_, reach2, neighbours, _, _) = plans[0]

@@ -18,7 +18,7 @@ from addon.solver.surfaces import build_surfaces, unit_normal
 
 EDGES = np.array([8.0, 12.0])
 
-NO_RAYS = Splitting(*np.zeros((6, 1), np.float32), 0.0, math.inf)
+NO_RAYS = Splitting(*np.zeros((7, 1), np.float32), math.inf)
 
 
 def choices(neighbours, reach2, shrink2):

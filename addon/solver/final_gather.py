@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from .free_space import LEAST_FREE
-from .sampling import FAST
+from .sampling import FAST, FAST_INLINED
 from .splitting import rays_beside, shared_area
 from .surfaces import unit_normal
 
@@ -89,14 +89,14 @@ def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free
     return finals
 
 
-@njit(inline="always")
+@njit(**FAST_INLINED)
 def carried_by(radiometry, material, rays, i, weight):
     """Share of a pixel that is reflected diffusely in a gather of ray i, the largest of any band."""
     diffuse = 1.0 - radiometry.specular[material]
     return weight * largest_throughput(rays.throughput[i], radiometry.reflectance[material]) * diffuse
 
 
-@njit(inline="always")
+@njit(**FAST_INLINED)
 def largest_throughput(throughput, rho):
     """Largest throughput of any band after a reflection."""
     largest = np.float32(0.0)

@@ -5,6 +5,7 @@ import numpy as np
 from numba import njit
 
 from .rng import uniform
+from .sampling import INLINED
 
 # Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).
 _SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
@@ -42,7 +43,7 @@ def reversed_sobol(index, dimension):
     return x
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def _reverse(x):
     """The bits of a uint32 from last to first."""
     x = np.uint32((x >> np.uint32(16)) | (x << np.uint32(16)))
@@ -52,7 +53,7 @@ def _reverse(x):
     return ((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1)) | ((x & np.uint32(0x55555555)) << np.uint32(1))
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def _permute(x, seed):
     """Owen's nested permutation of uint32 with reversed bits: a bit is flipped or not by a hash of those behind it.
 
@@ -64,7 +65,7 @@ def _permute(x, seed):
     return np.uint32(x ^ (x * np.uint32(0x53A22864)))
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def scrambled(index, path, dimension):
     """Coordinate of the sequence in [0, 1), scrambled for every path and dimension on its own.
 
@@ -74,7 +75,7 @@ def scrambled(index, path, dimension):
     return float(_reverse(_permute(reversed_sobol(index, dimension), seed))) * 2.0**-32
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def shuffled(index, count, path, dimension):
     """Index of a point among the first `count` of the sequence, a power of two, in an order of every path's own.
 

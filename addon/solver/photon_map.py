@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from .point_tree import FAR, STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
+from .sampling import FAST
 from .surfaces import SAME_SURFACE, Surfaces, in_slab, is_small, longest_edge, patch_in_ball, region_area, unit_normal
 
 MAX_PHOTONS = 2**31 - 1
@@ -237,7 +238,7 @@ def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
     tree = photon_map.tree
     index, distance2, stack, near = room.index, room.distance2, room.stack, room.near
     limit = 4 * k + 64
-    count = 0
+    count = np.int64(0)  # a literal would be a type of its own
     stack[0] = tree.starts[tree.starts.size - 2]
     depth = 1
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
@@ -282,6 +283,15 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caus
     only_caustic: list those of caustics alone. guess: squared radius to try first; it changes the time, not the result.
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
     """
+    return _gather(
+        photon_map, surfaces, np.int64(t), np.int64(side), np.float64(x), np.float64(y), np.float64(z), k,
+        np.float64(reach2), np.float64(shrink2), bool(only_caustic), np.float64(guess), room, patch,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caustic, guess, room, patch):
+    """gather, with one type of each argument, whoever calls: so it is compiled once."""
     corners = surfaces.corners
     nx, ny, nz = unit_normal(surfaces, t, side)
     sheet = surfaces.sheet[t, side]
@@ -295,9 +305,9 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caus
         bound = min(np.float32(4.0) * bound, limit)
     next_guess = _GUESS * r2
     disk2 = max(np.float32(shrink2 * r2), smallest)
-    members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, float(disk2), patch)
+    members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), patch)
     if members == 0:  # a mesh much finer than the disk
-        area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, disk2, room.stack, room.near)
+        area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, np.float64(disk2), room.stack, room.near)
     index, codes = room.index, photon_map.photons.surface
     near = 0
     for i in range(count):  # no branch here and below: the order is as good as random
@@ -331,7 +341,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caus
     return kept, area, next_guess
 
 
-@njit(inline="always")
+@njit(cache=True, nogil=True, fastmath=FAST)
 def irradiance(photon_map, room, count, area, out):
     """Fill out (b,) float64 with the irradiance of the gathered photons, W m-2 per band."""
     power, index = photon_map.photons.power, room.index

@@ -44,7 +44,6 @@ class Pilot(NamedTuple):
     place, facing: (r, 3) float64, points where camera paths gather and the normals there. code: (r,) int32, 2 triangle
         + side. carried: (r,) float64, share of a pixel that their reflected light makes up.
     left, met: (p,) int32, label of the sheet that camera paths left in a random direction, and triangle that they met,
-        -1 for the surroundings. ends: (e,) int32, label of the sheet that a path meets after it was first reflected,
         -1 for the surroundings.
     """
 
@@ -63,7 +62,6 @@ class Pilot(NamedTuple):
     carried: np.ndarray
     left: np.ndarray
     met: np.ndarray
-    ends: np.ndarray
 
 
 def explore(
@@ -92,7 +90,6 @@ def explore(
     left, escaped = np.zeros((2, 2 * len(sheet)))
     looks = (reflectance, specular, is_mirror)
     sights = []
-    ends = np.empty(0, np.int32)
     for bounce in range(_BOUNCES):
         triangle, u, v = tracer.trace(origin, direction, reach)
         if bounce == 0:
@@ -102,8 +99,6 @@ def explore(
         _bounce(
             surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance, sources, escapes, left, escaped
         )
-        if bounce == 1:
-            ends = paths.label[on_way]
         reach = np.full(count, 1e37, np.float32)
     for round_ in range(3):
         codes = _probe_codes(sheet, reached)
@@ -146,7 +141,6 @@ def explore(
         paths.code[gathers],
         paths.carried[gathers],
         *map(np.concatenate, zip(*sights, strict=True)),
-        ends,
     )
 
 

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .sampling import FAST_INLINED
+
 WIDTH = 16  # points in a leaf, children of a node: one vector register of float32
 FAR = np.float32(1e30)  # coordinate of the padding in the last leaf
 STACK = 10 * WIDTH  # room for the nodes that wait while one is open, at 16^8 points
@@ -146,7 +148,7 @@ def _build_nodes(leaves, nodes, starts, extent):
                     nodes[node, 3 + axis, c] = high if low < FAR else low
 
 
-@njit(inline="always")
+@njit(**FAST_INLINED)
 def open_node(tree, stack, depth, x, y, z, bound, near):
     """Take the last node off the stack.
 

@@ -10,10 +10,16 @@ from numba import njit
 # order of every sum, is the same in every thread.
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
+# Of small functions that many kernels call: LLVM puts them into each. Numba's own inlining would infer their types anew
+# at every call, which made up a quarter of the time that the first render compiles. Without a word on fastmath they
+# would inherit that of whichever kernel happens to be compiled first.
+INLINED = {"forceinline": True, "fastmath": False, "no_cfunc_wrapper": True}
+FAST_INLINED = INLINED | {"fastmath": FAST}
+
 _HALF_SQRT2 = 0.7071067811865476
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def turn(u):
     """Cosine and sine of u turns, 0 <= u < 1, to 1e-11: several times faster than libm and without branches."""
     x = 4.0 * u
@@ -27,7 +33,7 @@ def turn(u):
     return c * mx - s * my, s * mx + c * my
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def basis(nx, ny, nz):
     """Two unit vectors that complete a right-handed frame with the normal (Duff et al. 2017)."""
     sign = math.copysign(1.0, nz)
@@ -36,14 +42,14 @@ def basis(nx, ny, nz):
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def to_world(x, y, z, nx, ny, nz):
     """Vector with local coordinates (x, y, z) in the frame of the normal."""
     tx, ty, tz, bx, by, bz = basis(nx, ny, nz)
     return x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def cosine_direction(u, v):
     """Local direction with density cos(theta) / pi (Malley's method)."""
     r = math.sqrt(u)
@@ -57,7 +63,7 @@ def cosine_stratum(stratum, side, u, v):
     return cosine_direction((stratum % side + u) / side, (stratum // side + v) / side)
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def cone_direction(u, v, cos_min):
     """Local direction uniform in the cone around +z with cosine above cos_min."""
     z = 1.0 - u * (1.0 - cos_min)
@@ -66,21 +72,21 @@ def cone_direction(u, v, cos_min):
     return r * c, r * s, z
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def triangle_point(u, v):
     """Barycentric coordinates of corners 1 and 2, uniform over the area."""
     r = math.sqrt(u)
     return r * (1.0 - v), r * v
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def _lambda(alpha, z):
     """Smith's auxiliary function of GGX for a direction with cosine z > 0 (Heitz 2014, eq. 72)."""
     tan2 = max(0.0, 1.0 - z * z) / (z * z)
     return 0.5 * (math.sqrt(1.0 + alpha * alpha * tan2) - 1.0)
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def sample_lobe(x, y, z, alpha, u, v):
     """Reflect the local direction (x, y, z), z > 0, at a microfacet of the GGX normals visible from it (Heitz 2018).
 
@@ -115,13 +121,13 @@ def sample_lobe(x, y, z, alpha, u, v):
     return ox, oy, oz, (1.0 + lambda_in) / (1.0 + lambda_in + _lambda(alpha, oz))
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def mirror(dx, dy, dz, nx, ny, nz, cosine):
     """Direction of a ray with direction d after a mirror whose normal it meets under `cosine` > 0."""
     return dx + 2.0 * cosine * nx, dy + 2.0 * cosine * ny, dz + 2.0 * cosine * nz
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def reflect_in_lobe(dx, dy, dz, nx, ny, nz, cosine, alpha, u, v):
     """Direction of a ray with direction d after a rough surface, and its weight (see `sample_lobe`)."""
     tx, ty, tz, bx, by, bz = basis(nx, ny, nz)

@@ -21,11 +21,13 @@ from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, patch_in_ball, region
 _GATHER = 6.0  # of k photons
 _FIXED = 16.0  # of a gather's share of camera rays
 _PHOTON = 2.0  # traced, sorted, and its share of the cache
+_RECALL = 1.0  # of what a ray's end reflects
 _FEWEST, _MOST = 16, 128  # rays of a final gather; powers of two
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over that of photons: they blur less
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
 _STRATIFIED = 0.7  # variance of so many rays in strata, over that of as many at random
+_LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
 _PRIOR = 4.0  # samples that the mean of all sheets is worth on each
 _PRICES = np.geomspace(1e-3, 1e1, 25)  # tried, over that of photons alone
 _SPANS = 1024  # places at which the extent of sheets is measured
@@ -38,8 +40,8 @@ class Splitting(NamedTuple):
     perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
     the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk. gathers: m-2, final
     gathers of a pass that would share rays. reflected: W sr-1 m-2, mean radiance that a perfect reflector reflects.
-    ends: W2 sr-2 m-4, variance of what all rays together bring of the photons at their ends, however many they are.
-    price: W2 sr-2 m-4, variance that a ray should save.
+    recalled: W sr-1 m-2, root mean square of what the photons say of it. price: W2 sr-2 m-4, variance that a ray should
+    save.
     """
 
     density: np.ndarray
@@ -48,7 +50,7 @@ class Splitting(NamedTuple):
     span: np.ndarray
     gathers: np.ndarray
     reflected: np.ndarray
-    ends: float
+    recalled: np.ndarray
     price: float
 
 
@@ -74,9 +76,8 @@ def rays_beside(splitting, sheet, carried, free2, k, shrink2):
     by_ray = carried * carried * ray_variance(splitting, sheet, free2, k, shrink2)
     best = min(max(math.sqrt(by_ray / splitting.price), float(_FEWEST)), float(_MOST))
     rays = 1 << int(math.log2(best) + 0.5)
-    by_rays = by_ray / rays + carried * carried * splitting.ends
-    if by_photons + _GATHER * splitting.price > by_rays + rays * splitting.price:
-        return rays, by_rays
+    if by_photons + _GATHER * splitting.price > by_ray / rays + rays * splitting.price:
+        return rays, by_ray / rays
     return 0, by_photons
 
 
@@ -100,6 +101,16 @@ def ray_variance(splitting, sheet, free2, k, shrink2):
     """Variance (W2 sr-2 m-4) of what a perfect reflector reflects if each final gather around sends one ray."""
     sharing = _EQUAL * splitting.gathers[sheet] * shared_area(splitting, sheet, free2, k, shrink2)
     return _STRATIFIED * splitting.ray_noise[sheet] / max(1.0, min(_EQUAL_MOST, sharing))
+
+
+@njit(inline="always")
+def recall_chance(splitting, sheet, carried):
+    """Chance that the end of a ray on a sheet should recall what it reflects, a share `carried` of a pixel.
+
+    Roulette with chance q adds the variance y^2 (1 / q - 1) to what carries y, and saves 1 - q of its time.
+    """
+    chance = carried * splitting.recalled[sheet] / math.sqrt(_RECALL * splitting.price)
+    return min(1.0, max(_LEAST_CHANCE, chance))
 
 
 def plan_splitting(
@@ -143,11 +154,11 @@ def plan_splitting(
     span = _means(places[some], spans, labels, math.pi * reach2, 1e-9)
     crowds = _crowds(places, pilot.place, pilot.facing, some.step, reach2) * (pilot.gathering * pixels)
     gathers = _means(places[some], crowds / (max(1, len(places)) * spans), labels, 0.0, 1e-9)
-    tables = (table.astype(np.float32) for table in (density, photon_noise, ray_noise, span, gathers, reflected))
-    ends = _variance_at_ends(surfaces, radiometry, pilot.ends, trial, hit, size) * (trial.photons / photons)
-    splitting = Splitting(*tables, ends, math.inf)
-    # photons of caustics are gathered whatever is chosen
     disk = np.minimum(span, neighbours / np.maximum(density, 1e-30))
+    recalled = np.sqrt(reflected**2 + photon_noise / disk)
+    tables = (density, photon_noise, ray_noise, span, gathers, reflected, recalled)
+    splitting = Splitting(*(table.astype(np.float32) for table in tables), math.inf)
+    # photons of caustics are gathered whatever is chosen
     rest = float(np.mean(pilot.carried**2 * (caustic_noise / disk)[places])) if len(places) else 0.0
     fixed = _FIXED + _PHOTON * photons / max(1.0, pilot.gathering * pixels)
     noise, _ = _mean_of(splitting, places, pilot.carried, reach2, neighbours)
@@ -156,20 +167,6 @@ def plan_splitting(
         noise, time = _mean_of(splitting._replace(price=price), places, pilot.carried, reach2, neighbours)
         tried.append(((noise + rest) * (fixed + time), price))
     return splitting._replace(price=min(tried)[1])
-
-
-def _variance_at_ends(
-    surfaces: Surfaces, radiometry: Radiometry, ends: np.ndarray, trial: Trial, hit: np.ndarray, size: np.ndarray
-) -> float:
-    """Variance (W2 sr-2 m-4) of the mean radiance that the sheets at the ends of rays reflect, by a trial's photons.
-
-    The mean over ends, of density d (m-2), of rho E / pi is the sum over photons of d rho power / pi, and the variance
-    of such a sum is the sum of squares. hit: (n,) label of their sheets. size: (labels,) m2.
-    """
-    material = surfaces.material[trial.code >> 1]
-    rho = radiometry.reflectance.mean(axis=1)[material] * (1.0 - radiometry.specular[material])
-    density = np.bincount(ends[ends >= 0], minlength=len(size)) / (size * max(1, len(ends)))
-    return float(np.sum((density[hit] * rho * trial.power / math.pi) ** 2))
 
 
 def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, worth: float = _PRIOR) -> np.ndarray:

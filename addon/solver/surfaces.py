@@ -11,7 +11,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .sampling import FAST, to_world
+from .sampling import FAST, INLINED, to_world
 from .scene import Scene
 
 log = logging.getLogger(__name__)
@@ -174,7 +174,7 @@ def _areas(corners):
     return area
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def normal(corners, t):
     """Unit normal of triangle t and twice its area, float64 (numba's float() would keep float32)."""
     x, y, z = np.float64(corners[t, 0, 0]), np.float64(corners[t, 0, 1]), np.float64(corners[t, 0, 2])
@@ -186,7 +186,7 @@ def normal(corners, t):
     return nx * inverse, ny * inverse, nz * inverse, length
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def unit_normal(surfaces, t, side=0):
     """Unit normal of a side of triangle t, float64 with the precision of float32."""
     sign = 1.0 - 2.0 * side
@@ -194,7 +194,7 @@ def unit_normal(surfaces, t, side=0):
     return sign * plane[t, 0], sign * plane[t, 1], sign * plane[t, 2]
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def facing_side(surfaces, t, direction, i):
     """Side of triangle t that a ray meets."""
     plane = surfaces.plane
@@ -202,7 +202,7 @@ def facing_side(surfaces, t, direction, i):
     return 1 if towards > 0.0 else 0
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def point(corners, t, u, v):
     """Point of triangle t with barycentric coordinates u, v of corners 1 and 2."""
     w = 1.0 - u - v
@@ -213,7 +213,7 @@ def point(corners, t, u, v):
     )
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def temperature_at(temperature, t, u, v):
     """Temperature on triangle t, linear between its corners, K."""
     if temperature.shape[1] == 1:
@@ -221,7 +221,7 @@ def temperature_at(temperature, t, u, v):
     return (1.0 - u - v) * temperature[t, 0] + u * temperature[t, 1] + v * temperature[t, 2]
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def _edge(corners, t, i):
     """Length of the edge of triangle t from corner i to the next, m, float64."""
     square = 0.0
@@ -231,7 +231,7 @@ def _edge(corners, t, i):
     return math.sqrt(square)
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def longest_edge(corners, t):
     """Length of the longest edge of triangle t, m, float64."""
     return max(_edge(corners, t, 0), _edge(corners, t, 1), _edge(corners, t, 2))
@@ -266,21 +266,21 @@ def _planes(corners):
     return plane
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def clear_of(surfaces, t, x, y, z, nx, ny, nz):
     """Point of triangle t, moved along the normal of one side to where a ray may start or end (see `offset`)."""
     clear = surfaces.plane[t, 3]
     return x + clear * nx, y + clear * ny, z + clear * nz
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, origin, direction, i):
     """Put ray i into origin and direction (n, 3): from a point of triangle t, clear of the side with the normal."""
     origin[i, 0], origin[i, 1], origin[i, 2] = clear_of(surfaces, t, x, y, z, nx, ny, nz)
     direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def start_ray(surfaces, code, u, v, lx, ly, lz, origin, direction, i):
     """Put ray i into origin and direction (n, 3): from a point of side `code` (2 t + side) in a local direction."""
     t = code >> 1
@@ -436,7 +436,7 @@ def area_in_ball(corners, t, x, y, z, r2):
     return _wedge(au, av, bu, bv, r2) + _wedge(bu, bv, cu, cv, r2) + _wedge(cu, cv, au, av, r2)
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def _edge_distance2(corners, t, i, x, y, z):
     """Squared distance of a point from edge i of triangle t."""
     j = (i + 1) % 3
@@ -549,5 +549,5 @@ def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, stack, near):
             total += part
             for j in range(WIDTH if large else 0):
                 if near[j]:
-                    total += area_in_ball(surfaces.corners, surfaces.leaf_triangle[leaf * WIDTH + j], *place)
+                    total += area_in_ball(surfaces.corners, np.int64(surfaces.leaf_triangle[leaf * WIDTH + j]), *place)
     return max(total, 1e-3 * math.pi * r2)

@@ -88,7 +88,7 @@ VARIANTS = {
     "at most 64 rays": {"splitting._MOST": 64},
     "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
     "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
-    "no roulette on gathers": {"eye_paths._LITTLE": 1e-30, "eye_paths._LEAST": 1e-30},
+    "no roulette on gathers": {"eye_paths._LITTLE": 1e-30},
     "no sky rays": {"pilot._OPEN": 2.0},
     "sky rays everywhere": _OPEN,
     "no guide": {"render._ENOUGH": -1.0},
