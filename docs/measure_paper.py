@@ -2,7 +2,7 @@
 """Repeat the results of the paper (docs/method.md names it): write the tables of docs/paper.md and draw its pictures.
 
 python docs/measure_paper.py [PART ...]        (needs matplotlib)
-python docs/measure_paper.py thousand-million [--folder FOLDER] [--ranges N]        (needs bpy too)
+python docs/measure_paper.py thousand-million [--folder FOLDER] [--passes N]        (needs bpy too)
 
 Parts are tube, times, passes, noise, estimators and blur; without any, all of these.
 
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 import math
 import subprocess
 import sys
@@ -50,7 +49,7 @@ NOISE_PASSES = (1, 5, 20, 250)  # of its pictures
 TUBE_PHOTONS, TUBE_PASSES = 1_360_000, 50  # thrown in one pass of figure 1, of which a million are stored
 COMPARED = Settings(passes=30, photons_per_pass=1_000_000, neighbours=51)  # both estimators
 TRUTH = Settings(passes=40, photons_per_pass=1_000_000, seed=1000)
-RANGES, RANGE_PASSES, RANGE_PHOTONS = 20, 10, 5_000_000  # of thousand-million: 20 * 10 * 5,000,000
+MANY_PASSES, MANY_PHOTONS = 200, 5_000_000  # of thousand-million
 
 
 # The scenes -----------------------------------------------------------------------------------------------------------
@@ -495,8 +494,11 @@ def memory_of_blender(names: list[str]) -> float:
     return float(done.stdout.split("peak")[-1])
 
 
-def render_ranges(folder: Path, count: int) -> None:
-    """Render the demo as F12 does, the first so many ranges of passes, into folder; those that are there stay."""
+def render_photons(folder: Path, passes: int) -> dict[str, float]:
+    """Render the demo as F12 does, into folder, and go on from the checkpoint that is there; what it took.
+
+    seconds, processor: of the passes rendered now, as many as `passes` says. peak: MiB.
+    """
     import bpy
 
     import addon
@@ -507,50 +509,48 @@ def render_ranges(folder: Path, count: int) -> None:
         scene = bpy.context.scene
         scene.render.resolution_x = scene.render.resolution_y = SIZE
         infrared = scene.infrared
-        infrared.passes, infrared.photons_per_pass, infrared.threads = RANGE_PASSES, RANGE_PHOTONS, 1
-        for number in range(count):
-            path = folder / f"range-{number:03}.exr"
-            if path.exists():
-                continue
-            infrared.pass_offset, infrared.band_exr_path = number * RANGE_PASSES, str(path)
-            begin = time.monotonic(), time.process_time()
-            bpy.ops.render.render()
-            spent = time.monotonic() - begin[0], time.process_time() - begin[1]
-            figures = {"seconds": spent[0], "processor": spent[1], "peak": peak_memory()}
-            path.with_suffix(".json").write_text(json.dumps(figures))
-            print(f"{path.name}: {figures}", flush=True)
+        infrared.passes, infrared.photons_per_pass, infrared.threads = passes, MANY_PHOTONS, 1
+        infrared.checkpoint_path, infrared.checkpoint_minutes = str(folder / "passes.npz"), 2.0
+        infrared.band_exr_path = str(folder / "image.exr")
+        begin = time.monotonic(), time.process_time()
+        bpy.ops.render.render()
+        spent = time.monotonic() - begin[0], time.process_time() - begin[1]
+        return {"seconds": spent[0], "processor": spent[1], "peak": peak_memory()}
     finally:
         addon.unregister()
 
 
-def thousand_million(folder: Path, count: int) -> str:
-    """Render what folder lacks; the first so many ranges as one picture, and the memory that they took."""
+def compile_kernels() -> None:
+    """Render a little in a process of its own: the compiler's memory is not the renderer's."""
+    script = f"""
+import sys
+sys.path.insert(0, {str(DOCS)!r})
+import measure_paper as paper
+paper.render(paper.ring_scene(), paper.Settings(passes=1, photons_per_pass=1000))
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=600)
+
+
+def thousand_million(folder: Path, passes: int) -> str:
+    """Render so many passes into folder; the picture, and the memory that it took."""
     import OpenEXR
 
     folder.mkdir(parents=True, exist_ok=True)
-    render_ranges(folder, count)
-    done = sorted(folder.glob("range-*.json"))[:count]
-    figures = [json.loads(path.read_text()) for path in done]
-    radiance, variance, photons = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE)), 0
-    for path in done:
-        with OpenEXR.File(str(path.with_suffix(".exr"))) as file:
-            channels = file.channels()
-            radiance += channels[channel_name("Radiance")].pixels[::-1] / len(done)
-            variance += (channels[channel_name("Noise")].pixels[::-1] / len(done)) ** 2
-            photons += int(file.header()["photons"])
-            names = list(channels)
-    noise = np.sqrt(variance)  # ranges are independent
+    compile_kernels()
+    figures = render_photons(folder, passes)
+    with OpenEXR.File(str(folder / "image.exr")) as file:
+        channels, photons = file.channels(), int(file.header()["photons"])
+        radiance, noise = (channels[channel_name(name)].pixels[::-1] for name in ("Radiance", "Noise"))
     draw("thousand-million", [(f"{photons:,} photons", apparent_temperature(radiance, BANDS))], "K", columns=1)
-    alone, peak = memory_of_blender(names), max(row["peak"] for row in figures)
-    minutes, processor = (sum(row[name] for row in figures) / 60 for name in ("seconds", "processor"))
+    alone = memory_of_blender(list(channels))
     return table(
         ("", "here", "wanted"),
         ("photons", f"{photons:,}", "1,000,000,000"),
-        ("passes", RANGE_PASSES * len(done), ""),
+        ("passes", passes, ""),
         ("peak memory of Blender alone, MiB", f"{alone:.0f}", ""),
-        ("peak memory with the render, MiB", f"{peak:.0f}", ""),
-        ("above Blender, MiB", f"{peak - alone:.0f}", "at most 512"),
-        ("minutes, and of processor time", f"{minutes:.0f}, {processor:.0f}", ""),
+        ("peak memory with the render, MiB", f"{figures['peak']:.0f}", ""),
+        ("above Blender, MiB", f"{figures['peak'] - alone:.0f}", "at most 512"),
+        ("minutes, and of processor time", f"{figures['seconds'] / 60:.0f}, {figures['processor'] / 60:.0f}", ""),
         (
             "noise, K: median of the pixels; 95 % are below",
             f"{np.median(noise):.4f}; {np.percentile(noise, 95):.4f}",
@@ -575,9 +575,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)} or thousand-million")
     parser.add_argument("--folder", type=Path, default=DOCS.parent / "render" / "thousand-million")
-    parser.add_argument("--ranges", type=int, default=RANGES, help="render so many of thousand-million's %(default)s")
+    parser.add_argument("--passes", type=int, default=MANY_PASSES, help="of thousand-million, if not %(default)s")
     options = parser.parse_args(arguments)
-    parts = PARTS | {"thousand-million": lambda: thousand_million(options.folder, options.ranges)}
+    parts = PARTS | {"thousand-million": lambda: thousand_million(options.folder, options.passes)}
     for name in options.parts or PARTS:
         if name not in parts:
             parser.error(f"there is no part '{name}'")

@@ -266,6 +266,10 @@ def test_a_film_of_another_render_is_refused():
             render(room(), QUICK, pytest.fail, film=other)
     with pytest.raises(ValueError, match="different reference temperatures"):
         render(room(), QUICK, pytest.fail, film=Film(24, 18, room().band_edges, 1.0))
+    film = render(room(), dataclasses.replace(QUICK, passes=1))
+    for change in ({"seed": QUICK.seed + 1}, {"pass_offset": 1}):
+        with pytest.raises(ValueError, match="not hold the first passes"):
+            render(room(), dataclasses.replace(QUICK, **change), pytest.fail, film=film)
 
 
 def test_checkpoints_are_saved_during_the_render(tmp_path):
