@@ -68,18 +68,22 @@ def _modules():
         panels,
         preferences,
         properties,
+        sensor_image,
+        sensor_panel,
         temperature_tools,
     )
 
     return (
         properties,
         operators,
+        sensor_image,
         temperature_tools,
         heat_map,
         curve_previews,
         material_library,
         material_assets,
         panels,
+        sensor_panel,
         curve_points,
         band_presets,
         checks,

@@ -7,6 +7,8 @@ import numpy as np
 
 from .solver.scene import Camera, SceneError
 
+WHOLE = np.array([[0.0, 0.0], [1.0, 1.0]])  # a border that is all of its frame
+
 
 def read_camera(depsgraph, obj, warnings) -> Camera:
     """The solver's camera for an evaluated camera object and the scene's resolution and border.
@@ -27,7 +29,10 @@ def read_camera(depsgraph, obj, warnings) -> Camera:
     if kind is None:
         raise SceneError(f"Camera '{obj.name}': type {camera.type} cannot be rendered")
     if kind == "PANORAMA":
-        frame = _panorama_frame(camera, obj.name, warnings)
+        if camera.panorama_type != "EQUIRECTANGULAR":
+            other = camera.bl_rna.properties["panorama_type"].enum_items[camera.panorama_type].name
+            warnings.add(obj.name, f"panorama type {other} is not supported, rendered as Equirectangular")
+        frame = _panorama_frame(camera)
     else:
         projection = obj.calc_matrix_camera(
             depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
@@ -49,7 +54,8 @@ def read_view(depsgraph, space, region, view) -> Camera:
     """The solver's camera for what a 3D viewport shows, one pixel for each of its own, with its render region.
 
     space, region, view: SpaceView3D, Region and RegionView3D. A camera's zoom, offset and shift in camera view are in
-    the view's matrices already. As its overlays, it shows panoramas as perspectives.
+    the view's matrices already. A panorama fills the camera's frame, as in Cycles, and nothing is around it; Blender's
+    own overlays lie as in a perspective.
     """
     projection = np.array(view.window_matrix, dtype=np.float64)
     matrix = _rigid(np.linalg.inv(np.array(view.view_matrix, dtype=np.float64)))
@@ -57,6 +63,11 @@ def read_view(depsgraph, space, region, view) -> Camera:
     through = space.camera if view.view_perspective == "CAMERA" else None
     camera = through.evaluated_get(depsgraph).data if through is not None and through.type == "CAMERA" else None
     lens = _lens(depsgraph, camera, matrix, kind) if camera else {}
+    frame, border = _projection_frame(projection, kind), _view_border(depsgraph.scene_eval, space, view, camera)
+    place = _frame_in_view(depsgraph.scene_eval, camera, projection) if camera else WHOLE
+    if camera and camera.type == "PANO":
+        kind, frame = "PANORAMA", _frame_around(_panorama_frame(camera), place)
+        border = WHOLE if border is None else border
     start, end = (camera or space).clip_start, (camera or space).clip_end
     if kind == "ORTHOGRAPHIC" and not camera:  # as Blender, which also shows what is behind the view's centre
         start, end = -0.5 * end, 0.5 * end
@@ -67,31 +78,42 @@ def read_view(depsgraph, space, region, view) -> Camera:
         height=region.height,
         matrix=matrix,
         kind=kind,
-        frame=_projection_frame(projection, kind),
-        window=_view_window(depsgraph.scene_eval, space, region, view, projection, camera),
+        frame=frame,
+        window=None if border is None else _whole_pixels(place[0] + border * (place[1] - place[0]), region),
         clip=(start, end),
         **lens,
     )
 
 
-def _view_window(scene, space, region, view, projection: np.ndarray, camera) -> tuple[int, int, int, int] | None:
-    """(x0, y0, x1, y1) of the render region in pixels of the viewport, whole ones; None renders all of it.
-
-    Through a camera that is the render's border within the camera's frame, else the viewport's own.
+def _view_border(scene, space, view, camera) -> np.ndarray | None:
+    """The render region (2, 2) as `_border` has it: through a camera the render's border in its frame, else the
+    viewport's own; None renders all.
     """
-    low, high = np.zeros(2), np.ones(2)
     if view.view_perspective == "CAMERA":
-        used, border = camera and scene.render.use_border, _border(scene.render, "border")
-        if used:
-            corners = np.column_stack((camera.view_frame(scene=scene), np.ones(4))) @ projection.T
-            corners = 0.5 + 0.5 * corners[:, :2] / corners[:, 3:]
-            low, high = corners.min(axis=0), corners.max(axis=0)
-    else:
-        used, border = space.use_render_border, _border(space, "render_border")
-    if not used:
-        return None
+        return _border(scene.render, "border") if camera and scene.render.use_border else None
+    return _border(space, "render_border") if space.use_render_border else None
+
+
+def _frame_in_view(scene, camera, projection: np.ndarray) -> np.ndarray:
+    """(2, 2) lower left and upper right corner of a camera's frame, as shares of the viewport's width and height."""
+    corners = np.column_stack((camera.view_frame(scene=scene), np.ones(4))) @ projection.T
+    corners = 0.5 + 0.5 * corners[:, :2] / corners[:, 3:]
+    return np.stack((corners.min(axis=0), corners.max(axis=0)))
+
+
+def _frame_around(frame: tuple[float, float, float, float], place: np.ndarray) -> tuple[float, float, float, float]:
+    """The frame (left, right, bottom, top) of a viewport in which a given one has a place as `_frame_in_view` says."""
+    low, high = np.reshape(frame, (2, 2)).T
+    size = (high - low) / (place[1] - place[0])
+    start = low - place[0] * size
+    left, right, bottom, top = np.column_stack((start, start + size)).ravel().tolist()
+    return left, right, bottom, top
+
+
+def _whole_pixels(corners: np.ndarray, region) -> tuple[int, int, int, int]:
+    """(x0, y0, x1, y1) of the region's pixels that hold a rectangle (2, 2), shares of width and height."""
     size = np.array((region.width, region.height))
-    (x0, y0), (x1, y1) = np.clip((low + border * (high - low)) * size, 0, size)
+    (x0, y0), (x1, y1) = np.clip(corners * size, 0, size)
     return int(x0), int(y0), int(np.ceil(x1)), int(np.ceil(y1))
 
 
@@ -133,11 +155,8 @@ def _projection_frame(projection: np.ndarray, kind: str) -> tuple[float, float, 
     return float(left), float(right), float(bottom), float(top)
 
 
-def _panorama_frame(camera, name: str, warnings) -> tuple[float, float, float, float]:
+def _panorama_frame(camera) -> tuple[float, float, float, float]:
     """(left, right, bottom, top) in radians of longitude and latitude; a shift counts in frames, as in Cycles."""
-    if camera.panorama_type != "EQUIRECTANGULAR":
-        other = camera.bl_rna.properties["panorama_type"].enum_items[camera.panorama_type].name
-        warnings.add(name, f"panorama type {other} is not supported, rendered as Equirectangular")
     across = camera.shift_x * (camera.longitude_max - camera.longitude_min)
     up = camera.shift_y * (camera.latitude_max - camera.latitude_min)
     return (

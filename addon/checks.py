@@ -16,6 +16,7 @@ from bpy.types import Panel
 from .panels import SURFACE_TYPES, INFRARED_PT_light, INFRARED_PT_object, InfraredPanel, band_problem
 
 LISTED = 8  # messages of a kind; more are counted
+LOST = 0.02  # share of a sensor's signal outside the bands that is worth a warning
 SLACK = 1e-4  # um: settings are float32, so 14 um may be 14.0000001
 
 ICONS = {"ERROR": "ERROR", "WARNING": "QUESTION", "HINT": "INFO"}
@@ -31,7 +32,7 @@ class Check:
 
 def material_checks(material, infrared) -> list[Check]:
     """What is to be said of a material's emissivity, specular share and roughness."""
-    from .scene_reader import SceneError, read_band_edges, read_material
+    from .scene_reader import SceneError, read_band_range, read_material
 
     owner = f"Material '{material.name}'"
     try:
@@ -41,23 +42,64 @@ def material_checks(material, infrared) -> list[Check]:
     if material.get("emissivity") is None:
         return [Check("HINT", f"{owner}: no emissivity; the default {infrared.default_emissivity:.3g} counts")]
     try:
-        edges = read_band_edges(infrared)
+        low, high = read_band_range(infrared)
     except SceneError:
         return []  # reported for the bands
     first, last = wavelengths[0], wavelengths[-1]
-    if len(wavelengths) > 1 and (edges[0] < first - SLACK or edges[-1] > last + SLACK):
+    if len(wavelengths) > 1 and (low < first - SLACK or high > last + SLACK):
         return [
             Check(
                 "WARNING",
-                f"{owner}: emissivity is known from {first:.4g} to {last:.4g} µm; the bands reach from {edges[0]:.4g} "
-                f"to {edges[-1]:.4g} µm, where the nearest value is held",
+                f"{owner}: emissivity is known from {first:.4g} to {last:.4g} µm; the bands reach from {low:.4g} "
+                f"to {high:.4g} µm, where the nearest value is held",
             )
         ]
     return []
 
 
+def sensor_checks(infrared) -> list[Check]:
+    """What is to be said of the sensor and the bands that it sees through."""
+    from .scene_reader import SceneError, read_band_range, read_response
+    from .solver.scene import check_response
+    from .solver.sensors import share_outside
+
+    try:
+        low, high = read_band_range(infrared)
+    except SceneError:
+        return []  # reported for the bands
+    try:
+        response = read_response(infrared)
+        check_response(response, (low, high))
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    lost = 0.0 if response is None else share_outside(response, low, high, infrared.ambient_temperature)
+    if lost <= LOST:
+        return []
+    text = (
+        f"Sensor '{response.name}': {lost:.0%} of its signal at {infrared.ambient_temperature:.5g} K lies outside the "
+    )
+    return [Check("WARNING", text + f"bands from {low:.4g} to {high:.4g} µm, which act as a filter")]
+
+
 def object_checks(obj, infrared) -> list[Check]:
-    """What is to be said of an object's temperature; none for objects that neither emit nor shine."""
+    """What is to be said of an object; nothing of one that neither emits nor shines."""
+    return _temperature_checks(obj, infrared) + _ignored_checks(obj)
+
+
+def _ignored_checks(obj) -> list[Check]:
+    from .scene_reader import ignored_settings
+
+    if obj.type not in SURFACE_TYPES and obj.type != "LIGHT":
+        return []
+    messages = ignored_settings(obj, bpy.context.view_layer)
+    return [Check("WARNING", f"{_owner(obj)}: {message}") for message in messages]
+
+
+def _owner(obj) -> str:
+    return f"{'Light' if obj.type == 'LIGHT' else 'Object'} '{obj.name}'"
+
+
+def _temperature_checks(obj, infrared) -> list[Check]:
     if obj.type == "MESH" and "temperature" in obj.data.attributes:
         problem = attribute_problem(obj.data, obj.name)
         return [Check("ERROR", problem)] if problem else []
@@ -65,7 +107,7 @@ def object_checks(obj, infrared) -> list[Check]:
         return []
     temperature = obj.get("temperature")
     if temperature is not None:
-        return _number_checks(obj, f"{'Light' if obj.type == 'LIGHT' else 'Object'} '{obj.name}'")
+        return _number_checks(obj, _owner(obj))
     if obj.type == "LIGHT":
         return []
     ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
@@ -92,6 +134,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     slots = (slot.material for obj in objects if obj.type in SURFACE_TYPES for slot in obj.material_slots)
     materials = [override] if override else dict.fromkeys(material for material in slots if material is not None)
     found = [Check("ERROR", problem) for problem in [band_problem(infrared)] if problem]
+    found += sensor_checks(infrared)
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
     if scene.world is not None:
         found += _number_checks(scene.world, f"World '{scene.world.name}'")

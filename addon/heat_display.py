@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How temperatures are shown: the colour bar and the spots over the Image Editor, the panels and the PNG export."""
+"""How temperatures are shown: colour bar and spot meter over pictures, the panels and the PNG export."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from .panels import ENGINE, RenderSettingsPanel
 FONT = 0  # Blender's own
 TEXT = 13  # pixels at a scale of 1: height of the text
 GAP = 12  # pixels at a scale of 1: between the bar and the edges of its region
+GIZMOS = 260  # pixels at a scale of 1: what gizmos and header take of a 3D viewport's height at the right
 MOST_HEIGHT = 420  # pixels at a scale of 1, of the bar's panel
 PANEL_OPACITY = 0.8
 
@@ -26,32 +27,43 @@ PANEL_OPACITY = 0.8
 # Drawing --------------------------------------------------------------------------------------------------------------
 
 
-def draw_colour_bar(right: int, bottom: int, height: int, scale, unit, note: str = "") -> None:
-    """Draw a colour bar into the region that is being drawn, in its pixels (a POST_PIXEL draw handler's coordinates).
+def colour_bar_of(context, scale, above: int):
+    """The ColourBar of a scale whose ends are known, at the lower right of the region; None if there is no room for it.
 
-    right, bottom: lower right corner of the bar's panel, which is made no higher than it needs. height: there is.
-    scale: a TemperatureScale whose ends are known. unit: a TemperatureUnit. note: a line over the bar.
+    In the region's pixels and the scene's unit. above: pixels at a scale of 1 to be left free over it.
     """
-    from .output.colour_bar import BACKGROUND, INK, ColourBar
+    from .output.colour_bar import ColourBar
+
+    ui = context.preferences.system.ui_scale
+    text, gap = round(TEXT * ui), round(GAP * ui)
+    height = min(context.region.height - round(above * ui), round(MOST_HEIGHT * ui))
+    if height < 8 * text:
+        return None
+    right = context.region.width - gap - overlapping_width(context.area)
+    left = right - ColourBar.panel_width(text)
+    return ColourBar(scale, scene_unit(context.scene), left, gap, height, text)
+
+
+def draw_colour_bar(context, scale, above: int) -> None:
+    """Draw colour_bar_of into the region that is being drawn, in a POST_PIXEL draw handler."""
+    from .output.colour_bar import BACKGROUND, INK
     from .output.palette import display
 
-    ui = bpy.context.preferences.system.ui_scale
-    text = round(TEXT * ui)
-    height = min(height, round(MOST_HEIGHT * ui))
-    if height < 8 * text:
+    bar = colour_bar_of(context, scale, above)
+    if bar is None:
         return
-    width = ColourBar.panel_width(text)
-    bar = ColourBar(scale, unit, right - width, bottom, height, text)
-    rectangles = [(bar.left, bottom, width, height, (*BACKGROUND, PANEL_OPACITY))]
+    width, line = bar.panel_width(bar.text), max(1.0, context.preferences.system.ui_scale)
+    rectangles = [(bar.left, bar.bottom, width, bar.height, (*BACKGROUND, PANEL_OPACITY))]
     left, low, across, _ = bar.bar
     rows = (display(bar.colours()) / 255.0).tolist()
     rectangles += [(left, low + row, across, 1, (*colour, 1.0)) for row, colour in enumerate(rows)]
-    rectangles += [(start, y, end - start, max(1.0, ui), (*INK, 1.0)) for start, end, y in bar.ticks()]
+    rectangles += [(start, y, end - start, line, (*INK, 1.0)) for start, end, y in bar.ticks()]
     draw_rectangles(rectangles)
     for x, y, label in bar.labels():
-        draw_text(x, y, label, text)
-    if note:
-        draw_label(right, bottom + height + text, note, text, from_right=True)
+        draw_text(x, y, label, bar.text)
+    if problem := view_problem(context.scene):
+        note, top = f"Colors changed by: {problem}", bar.bottom + bar.height
+        draw_label(bar.left + width, top + bar.text, note, bar.text, from_right=True)
 
 
 def draw_rectangles(rectangles) -> None:
@@ -121,17 +133,32 @@ def draw_over_image_editor() -> None:
         value = spot_meter.reading_at(layer, *spot.position, unit)
         draw_spot(*region.view2d.view_to_region(*spot.position, clip=False), value or "not rendered", text)
     if scene.infrared.show_colour_bar and is_combined:
-        gap = round(GAP * context.preferences.system.ui_scale)
-        right = region.width - gap - overlapping_width(context.area)
-        problem = view_problem(scene)
-        note = f"Colors changed by: {problem}" if problem else ""
-        scale = spot_meter.finished()[1][layer].scale
-        draw_colour_bar(right, gap, region.height - 5 * gap, scale, unit, note)
+        draw_colour_bar(context, spot_meter.finished()[1][layer].scale, 5 * GAP)
     cursor = spot_meter.Cursor
-    if cursor.meter is not None and cursor.area == context.area.as_pointer():
-        value = spot_meter.reading_at(layer, *spot_meter.cursor_position(region, cursor.x, cursor.y), unit)
-        if value:
-            draw_label(cursor.x + 1.5 * text, cursor.y + 1.5 * text, value, text)
+    if cursor.is_in(context.area):
+        value = spot_meter.reading_at(layer, *region.view2d.region_to_view(cursor.x, cursor.y), unit)
+        draw_at_cursor(cursor, value, text)
+
+
+def draw_over_viewport() -> None:
+    """Draw the bar and the spot meter's reading over a 3D viewport that shows a picture of ours."""
+    context = bpy.context
+    picture = spot_meter.live_picture(context.region)
+    space = context.space_data
+    if picture is None or space.shading.type != "RENDERED" or not space.overlay.show_overlays:
+        return
+    if context.scene.infrared.show_colour_bar:
+        draw_colour_bar(context, picture.scale, GIZMOS)
+    cursor = spot_meter.Cursor
+    if cursor.is_in(context.area):
+        value = spot_meter.live_reading(picture, cursor.x, cursor.y, scene_unit(context.scene))
+        draw_at_cursor(cursor, value, round(TEXT * context.preferences.system.ui_scale))
+
+
+def draw_at_cursor(cursor, value: str | None, text: int) -> None:
+    """Draw a reading, if there is one, beside the spot meter's cursor. text: its height in pixels."""
+    if value:
+        draw_label(cursor.x + 1.5 * text, cursor.y + 1.5 * text, value, text)
 
 
 def overlapping_width(area) -> int:
@@ -246,7 +273,7 @@ class INFRARED_PT_heat_display(RenderSettingsPanel, Panel):
         draw_scale_settings(column, infrared.id_data)
 
 
-class HeatSidebarPanel:
+class ImageSidebarPanel:
     """Base of panels in the sidebar of an Image Editor that shows a render."""
 
     bl_space_type = "IMAGE_EDITOR"
@@ -259,27 +286,63 @@ class HeatSidebarPanel:
         return image is not None and image.type == "RENDER_RESULT" and context.scene.render.engine == ENGINE
 
 
-class INFRARED_PT_image_heat_display(HeatSidebarPanel, Panel):
+class ViewSidebarPanel:
+    """Base of panels in the sidebar of a 3D viewport in Rendered mode."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Infrared"
+
+    @classmethod
+    def poll(cls, context):
+        return context.space_data.shading.type == "RENDERED" and context.scene.render.engine == ENGINE
+
+
+def draw_sidebar_settings(layout, scene):
+    """The colour bar's switch and the scale; returns the column."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    column = layout.column()
+    column.prop(scene.infrared, "show_colour_bar")
+    draw_scale_settings(column, scene)
+    return column
+
+
+def draw_spot_meter_button(layout) -> None:
+    """Pressed while it runs."""
+    layout.operator("infrared.spot_meter", icon="EYEDROPPER", depress=spot_meter.Cursor.meter is not None)
+
+
+class INFRARED_PT_view_heat_display(ViewSidebarPanel, Panel):
     bl_label = "Heat Display"
 
     def draw(self, context):
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
-        column = self.layout.column()
-        column.prop(context.scene.infrared, "show_colour_bar")
-        draw_scale_settings(column, context.scene)
+        draw_sidebar_settings(self.layout, context.scene)
+
+
+class INFRARED_PT_view_spots(ViewSidebarPanel, Panel):
+    bl_label = "Spot Meter"
+
+    def draw(self, _context):
+        draw_spot_meter_button(self.layout)
+
+
+class INFRARED_PT_image_heat_display(ImageSidebarPanel, Panel):
+    bl_label = "Heat Display"
+
+    def draw(self, context):
+        column = draw_sidebar_settings(self.layout, context.scene)
         shown = spot_meter.shown_layer(context.space_data, context.scene)
         if shown and spot_meter.finished()[1][shown[0]].asked != read_scale(context.scene.infrared):
             column.label(text="Changed since this render", icon="INFO")
 
 
-class INFRARED_PT_image_spots(HeatSidebarPanel, Panel):
+class INFRARED_PT_image_spots(ImageSidebarPanel, Panel):
     bl_label = "Spot Meter"
 
     def draw(self, context):
         layout, scene = self.layout, context.scene
-        running = spot_meter.Cursor.meter is not None
-        layout.operator("infrared.spot_meter", icon="EYEDROPPER", depress=running)
+        draw_spot_meter_button(layout)
         shown, unit = spot_meter.shown_layer(context.space_data, scene), scene_unit(scene)
         column = layout.column(align=True)
         for index, spot in enumerate(scene.infrared.spots):
@@ -298,22 +361,25 @@ CLASSES = (
     INFRARED_PT_heat_display,
     INFRARED_PT_image_heat_display,
     INFRARED_PT_image_spots,
+    INFRARED_PT_view_heat_display,
+    INFRARED_PT_view_spots,
 )
-_draw_handler = None
+OVERLAYS = ((bpy.types.SpaceImageEditor, draw_over_image_editor), (bpy.types.SpaceView3D, draw_over_viewport))
+_handlers = []  # (type of space, Blender's handle)
 
 
 def register():
-    global _draw_handler
     spot_meter.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    _draw_handler = bpy.types.SpaceImageEditor.draw_handler_add(draw_over_image_editor, (), "WINDOW", "POST_PIXEL")
+    for space, draw in OVERLAYS:
+        _handlers.append((space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")))
 
 
 def unregister():
-    global _draw_handler
-    bpy.types.SpaceImageEditor.draw_handler_remove(_draw_handler, "WINDOW")
-    _draw_handler = None
+    while _handlers:
+        space, handle = _handlers.pop()
+        space.draw_handler_remove(handle, "WINDOW")
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
     spot_meter.unregister()

@@ -13,9 +13,13 @@ from .interface import redraw, temperature_property
 scale_temperature = partial(temperature_property, min=0.0, soft_max=2_000.0, step=100)
 
 
-def redraw_image_editors(_owner=None, _context=None) -> None:
+PICTURE_EDITORS = ("IMAGE_EDITOR", "VIEW_3D")  # types of the areas that show pictures of this engine
+
+
+def redraw_pictures(_owner=None, _context=None) -> None:
     """Draw what lies over pictures again; also the update function of settings that it depends on."""
-    redraw("IMAGE_EDITOR")
+    for kind in PICTURE_EDITORS:
+        redraw(kind)
 
 
 class InfraredSpot(bpy.types.PropertyGroup):
@@ -86,7 +90,7 @@ class HeatDisplaySettings:
         name="Color Bar",
         description="Show beside a render what temperatures its colors stand for",
         default=True,
-        update=redraw_image_editors,
+        update=redraw_pictures,
     )
     spots: CollectionProperty(
         name="Spots",

@@ -10,6 +10,7 @@ from . import heat_map
 from .surface_temperature import DOMAINS, SURFACE_TYPES, in_scene_unit, temperature_source, usable_attribute
 
 ENGINE = "INFRARED_PHOTONS"
+EDGES_A_LINE, EDGE_LINES = 6, 6  # of adaptive bands that the panel shows
 
 # Blender's panels for every engine are marked BLENDER_RENDER; these do nothing here, or ours stand in their place.
 REPLACED_PANELS = {"DATA_PT_light", "DATA_PT_preview", "NODE_DATA_PT_light", "NODE_DATA_PT_spot", "OBJECT_PT_shading"}
@@ -87,14 +88,21 @@ class INFRARED_PT_spectrum(RenderSettingsPanel, Panel):
         INFRARED_PT_band_presets.draw_panel_header(self.layout)
 
     def draw_settings(self, column, infrared):
-        column.row().prop(infrared, "band_mode", expand=True)
-        if infrared.band_mode == "UNIFORM":
+        column.prop(infrared, "band_mode")
+        adaptive = infrared.band_mode == "ADAPTIVE"
+        if infrared.band_mode == "CUSTOM":
+            column.prop(infrared, "band_edges")
+        else:
             limits = column.column(align=True)
             limits.prop(infrared, "wavelength_min")
             limits.prop(infrared, "wavelength_max")
-            column.prop(infrared, "band_count")
-        else:
-            column.prop(infrared, "band_edges")
+            count = column.row()
+            count.active = not adaptive or infrared.band_tolerance == 0
+            count.prop(infrared, "band_count")
+        if adaptive:
+            column.prop(infrared, "band_tolerance")
+            draw_chosen_bands(column, infrared)
+            return
         problem = band_problem(infrared)
         if problem:
             column.label(text=problem, icon="ERROR")
@@ -116,7 +124,11 @@ class INFRARED_PT_output(RenderSettingsPanel, Panel):
 
     def draw_settings(self, column, infrared):
         column.prop(infrared, "band_exr_path")
+        formats = column.column(align=True)
+        formats.active = bool(infrared.band_exr_path)
+        formats.prop(infrared, "file_formats")
         column.operator("infrared.export_bands", text="Export Last Render...", icon="EXPORT")
+        column.operator("infrared.sensor_image", text="Sensor Image Nodes...", icon="NODETREE")
 
 
 class INFRARED_PT_checkpoint(RenderSettingsPanel, Panel):
@@ -306,6 +318,27 @@ def draw_spectrum(column, emissivity) -> None:
     value = draw_text(column.row(align=True), "emissivity", text)
     operator = value.operator("infrared.property_remove", text="", icon="X")
     operator.owner, operator.key = "MATERIAL", "emissivity"
+
+
+def draw_chosen_bands(column, infrared) -> None:
+    """The edges of adaptive bands, the error foreseen, and a button to keep them; or why there are none."""
+    from .scene_reader import SceneError, read_adaptive_bands
+
+    try:
+        edges, error = read_adaptive_bands(infrared)
+    except SceneError as problem:
+        column.label(text=str(problem), icon="ERROR")
+        return
+    box = column.box().column(align=True)
+    box.label(text=f"{len(edges) - 1} bands, error about {error:.1g} K")
+    box.label(text="Edges (µm):")
+    words = [f"{edge:.6g}" for edge in edges]
+    lines = [", ".join(words[i : i + EDGES_A_LINE]) for i in range(0, len(words), EDGES_A_LINE)]
+    for line in lines[:EDGE_LINES]:
+        box.label(text=line)
+    if len(lines) > EDGE_LINES:
+        box.label(text=f"and {len(words) - EDGE_LINES * EDGES_A_LINE} more")
+    column.operator("infrared.bands_keep", icon="PINNED")
 
 
 def band_problem(infrared) -> str:

@@ -12,6 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from .heat_settings import HeatDisplaySettings, InfraredSpot
 from .interface import TEMPERATURE_DIGITS, temperature_property
+from .output.formats import ENUM_ITEMS
 
 ROOM_TEMPERATURE = 293.15  # K
 
@@ -157,6 +158,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         description="How the spectrum is divided into bands; each becomes one image",
         items=(
             ("UNIFORM", "Uniform", "Bands of equal width between two wavelengths", 0),
+            ("ADAPTIVE", "Adaptive", "Narrow bands where the scene's spectra change, wide ones elsewhere", 2),
             ("CUSTOM", "Custom", "Bands between the edges you list", 1),
         ),
         default="UNIFORM",
@@ -179,15 +181,54 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     )
     band_count: IntProperty(
         name="Band Count",
-        description="Number of bands of equal width",
+        description="Number of bands",
         default=16,
         min=1,
         soft_max=256,
+    )
+    band_tolerance: FloatProperty(
+        name="Tolerance (K)",
+        description="Take as few bands as keep what they lose in reflections below this many kelvin, foreseen from the "
+        "scene's materials and temperatures; 0 takes Band Count",
+        default=0.0,
+        min=0.0,
+        soft_max=1.0,
+        precision=3,
     )
     band_edges: StringProperty(
         name="Edges (µm)",
         description="Band edges in micrometres, ascending, separated by commas",
         default="3, 5, 8, 10, 12, 14",
+    )
+    sensor: EnumProperty(
+        name="Sensor",
+        description="Spectral response of the camera, by which bands count in Radiance and Temperature",
+        items=(
+            ("BOX", "Ideal", "All wavelengths in the bands count alike", 0),
+            ("INSB", "InSb", "Cooled indium antimonide: 1 to 5.5 µm, for bands from 3 to 5 µm", 1),
+            ("HGCDTE", "HgCdTe", "Cooled mercury cadmium telluride: up to 10.8 µm, for bands from 8 to 11 µm", 2),
+            ("MICROBOLOMETER", "Microbolometer", "Uncooled vanadium oxide: 7.5 to 13.5 µm", 3),
+            ("CUSTOM", "Custom", "The scene's custom property 'sensor_response', which an import sets", 4),
+        ),
+        default="BOX",
+    )
+    assumed_emissivity: FloatProperty(
+        name="Assumed Emissivity",
+        description="Emissivity that Temperature is corrected for, as a thermal camera's user sets it; 1 corrects "
+        "nothing",
+        default=1.0,
+        soft_min=0.01,
+        soft_max=1.0,
+        precision=3,
+        subtype="FACTOR",
+    )
+    reflected_temperature: temperature_property(
+        "Reflected Temperature",
+        "Apparent temperature in kelvin of what the surfaces reflect; it counts if Assumed Emissivity is below 1",
+        ROOM_TEMPERATURE,
+        soft_min=0.0,
+        soft_max=2_000.0,
+        step=100,
     )
     ambient_temperature: temperature_property(
         "Ambient",
@@ -207,12 +248,19 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         subtype="FACTOR",
     )
     band_exr_path: StringProperty(
-        name="Band EXR",
-        description="Write every band of each final render to this OpenEXR file, with the band edges and units in its "
-        "header. '//' starts at the blend file, '####' is the frame number; empty writes nothing",
+        name="Path",
+        description="Write each final render to files of this name, one for each of the formats below. '//' starts at "
+        "the blend file, '####' is the frame number; empty writes nothing",
         default="",
         subtype="FILE_PATH",
         options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    file_formats: EnumProperty(
+        name="Formats",
+        description="Formats of the files of each final render; several may be chosen",
+        items=ENUM_ITEMS,
+        options={"ENUM_FLAG"},
+        default={"BAND_EXR"},
     )
     checkpoint_path: StringProperty(
         name="Checkpoint",

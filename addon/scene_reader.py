@@ -7,12 +7,16 @@ Units: metres (one Blender unit, whatever the display units), kelvin, micrometre
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from .camera_reader import read_camera
 from .solver import library
+from .solver.band_partition import Partition, choose_bands
 from .solver.scene import (
     LAMP_TEMPERATURE,
     SUN_TEMPERATURE,
@@ -20,6 +24,7 @@ from .solver.scene import (
     Light,
     Material,
     PointLight,
+    Response,
     Scene,
     SceneError,
     SpotLight,
@@ -27,8 +32,10 @@ from .solver.scene import (
     check_band_edges,
     check_temperature,
 )
+from .solver.sensors import BUILT_IN
 from .solver.settings import Settings
 from .solver.spectrum import uniform_edges
+from .surface_temperature import SURFACE_TYPES, usable_attribute
 
 UNSUPPORTED = {
     "CURVES": "hair curves",
@@ -80,17 +87,21 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
     """
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     check_temperature(scene.infrared.ambient_temperature, "Ambient")
-    warnings, lights = surfaces.warnings, []
+    warnings, lights, known = surfaces.warnings, [], set()
     for instance in depsgraph.object_instances:
         obj = instance.object
         if not instance.show_self:
             continue
         if space and not (instance.parent or obj).visible_in_viewport_get(space):
             continue
+        if obj.type in ("MESH", "LIGHT") and obj.name_full not in known:  # one of many instances tells all
+            known.add(obj.name_full)
+            for message in ignored_settings(obj, layer):
+                warnings.add(obj.name, message)
         if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
             surfaces.add(obj, np.array(instance.matrix_world, dtype=np.float64))
         elif obj.type == "LIGHT":
-            lights.extend(read_light(obj, np.array(instance.matrix_world, dtype=np.float64), warnings))
+            lights.extend(read_light(obj, np.array(instance.matrix_world, dtype=np.float64)))
         elif obj.type in UNSUPPORTED:
             warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
     if not surfaces.triangles:
@@ -99,6 +110,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
         "band_edges": read_band_edges(scene.infrared),
         "world_temperature": _world_temperature(scene.world),
         "lights": tuple(lights),
+        "response": read_response(scene.infrared),
     }
 
 
@@ -106,15 +118,45 @@ def read_settings(infrared) -> Settings:
     """The solver's settings from scene.infrared. Raises SceneError if nothing would stop the render."""
     try:
         names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name)]
-        return Settings(**{name: getattr(infrared, name) for name in names})
+        return Settings(**{name: as_typed(getattr(infrared, name)) for name in names})
     except ValueError as error:
         raise SceneError(str(error)) from error
+
+
+def as_typed(value):
+    """A property's value as its user typed it: those that are floats are rounded to float32, 293.15 to 293.149994."""
+    return float(f"{value:.7g}") if isinstance(value, float) else value
+
+
+# Sensor ---------------------------------------------------------------------------------------------------------------
+
+
+def read_response(infrared) -> Response | None:
+    """The sensor of scene.infrared, None for an ideal one. Raises SceneError if a custom one is no response."""
+    if infrared.sensor == "BOX":
+        return None
+    if infrared.sensor != "CUSTOM":
+        return BUILT_IN[infrared.sensor]()
+    value = infrared.id_data.get("sensor_response")
+    if getattr(value, "typecode", None) not in ("i", "f", "d"):  # an IDPropertyArray of numbers
+        raise SceneError(
+            f"Sensor: the scene's sensor_response is {_describe(value)}, expected a flat list of wavelengths (um) and "
+            "responses; import one, or choose another sensor"
+        )
+    if len(value) % 2:
+        raise SceneError(f"Sensor: sensor_response has {len(value)} numbers, expected pairs of um and response")
+    return Response("Custom", np.array(value.to_list(), dtype=np.float64).reshape(-1, 2))
+
+
+# Bands ----------------------------------------------------------------------------------------------------------------
 
 
 def read_band_edges(infrared) -> np.ndarray:
     """Band edges (b + 1,) in um from scene.infrared. Raises SceneError if they are no ascending numbers above 0."""
     if infrared.band_mode == "UNIFORM":
         return uniform_edges(infrared.wavelength_min, infrared.wavelength_max, infrared.band_count)
+    if infrared.band_mode == "ADAPTIVE":
+        return read_adaptive_bands(infrared).edges
     words = [word.strip() for word in infrared.band_edges.split(",")]
     edges = []
     for word in words:
@@ -127,6 +169,111 @@ def read_band_edges(infrared) -> np.ndarray:
     edges = np.array(edges)
     check_band_edges(edges)
     return edges
+
+
+def read_band_range(infrared) -> tuple[float, float]:
+    """Ends of the bands, um, without the look at all objects that adaptive edges need. Raises as read_band_edges."""
+    adaptive = infrared.band_mode == "ADAPTIVE"
+    ends = infrared.wavelength_min, infrared.wavelength_max
+    edges = uniform_edges(*ends, 1) if adaptive else read_band_edges(infrared)
+    return float(edges[0]), float(edges[-1])
+
+
+def read_adaptive_bands(infrared) -> Partition:
+    """The bands that suit the scene of scene.infrared best. Raises SceneError as choose_bands does.
+
+    Passes are registered and rendered with the same bands, in each frame and view layer. So the scene itself decides,
+    with the values that the interface shows, and not what is evaluated for a frame. Values that cannot be rendered are
+    passed over: the render reports them.
+    """
+    scene = infrared.id_data.original
+    infrared = scene.infrared
+    materials = {layer.material_override for layer in scene.view_layers}
+    curves, temperatures, lights = set(), [], set()
+    with suppress(SceneError):
+        temperatures.append(_world_temperature(scene.world))
+    for obj in _rendered_objects(scene):
+        with suppress(SceneError):
+            if obj.type in SURFACE_TYPES:
+                materials.update(slot.material for slot in obj.material_slots)
+                temperatures += _extremes(obj, infrared.ambient_temperature)
+            elif obj.type == "LIGHT" and obj.data.energy > 0:
+                lights.add(light_temperature(obj))
+    for material in materials - {None}:
+        with suppress(SceneError):
+            curves.add(np.array(read_material(material, infrared.default_emissivity).curve).tobytes())
+    low, high, tolerance = (
+        as_typed(value) for value in (infrared.wavelength_min, infrared.wavelength_max, infrared.band_tolerance)
+    )
+    count = 0 if tolerance > 0 else infrared.band_count
+    spectra = (tuple(sorted(each)) for each in (curves, temperatures or [0.0], lights))
+    response = read_response(infrared)
+    curve = None if response is None else np.array(response.curve).tobytes()
+    return _choose_bands(low, high, *spectra, count, tolerance, curve)
+
+
+@lru_cache(maxsize=8)
+def _choose_bands(low, high, curves: tuple[bytes, ...], temperatures, lights, count, tolerance, response) -> Partition:
+    """choose_bands, which takes 0.1 s, once for each scene. curves, response: (2, n) float64 arrays."""
+
+    def unpacked(curve: bytes):
+        return tuple(np.frombuffer(curve).reshape(2, -1))
+
+    seen = None if response is None else unpacked(response)
+    return choose_bands(low, high, [unpacked(curve) for curve in curves], temperatures, lights, count, tolerance, seen)
+
+
+def _rendered_objects(scene) -> set:
+    """The objects in a scene's collections and in those that they instance, but for those that no render shows."""
+    found, new = set(), set(scene.objects)
+    while new:
+        found |= new
+        collections = {obj.instance_collection for obj in new if obj.instance_type == "COLLECTION"} - {None}
+        new = {obj for collection in collections for obj in collection.all_objects} - found
+    return {obj for obj in found if not obj.hide_render}
+
+
+def _extremes(obj, ambient: float) -> list[float]:
+    """Lowest and highest temperature (K) of an object itself, not of what modifiers make of it."""
+    attribute = usable_attribute(obj.data) if obj.type == "MESH" else None
+    if attribute is None or len(attribute.data) == 0:  # in Edit Mode there is nothing to read
+        return [read_temperature(obj, ambient, f"Object '{obj.name}'")]
+    values = _read(attribute, "value", np.float32)
+    extremes = [float(values.min()), float(values.max())]
+    for value in extremes:
+        check_temperature(value, f"Attribute 'temperature' of object '{obj.name}'")
+    return extremes
+
+
+# Settings of other engines --------------------------------------------------------------------------------------------
+
+RAYS = ("camera", "diffuse", "glossy", "shadow")  # kinds that Blender's objects can be hidden from
+
+
+def ignored_settings(obj, layer) -> Iterator[str]:
+    """What an object's Blender settings ask for and the engine does not do, each with what it does instead.
+
+    layer: the view layer, whose collections may ask for more.
+    """
+    if obj.type == "LIGHT":
+        yield from _ignored_light_settings(obj.data)
+        return
+    if obj.holdout_get(view_layer=layer) or obj.is_shadow_catcher:
+        yield "holdout and shadow catcher are ignored; the object is rendered like any other"
+    hidden = [ray for ray in RAYS if not getattr(obj, f"visible_{ray}")]
+    if obj.indirect_only_get(view_layer=layer) and "camera" not in hidden:
+        hidden.insert(0, "camera")
+    if hidden:
+        yield f"ray visibility is ignored (off: {', '.join(hidden)}); all rays meet the object"
+
+
+def _ignored_light_settings(light) -> Iterator[str]:
+    if tuple(light.color) != (1.0, 1.0, 1.0) or getattr(light, "use_temperature", False):  # Blender 5
+        yield "the light's color is ignored; its spectrum is a blackbody's at the object's temperature"
+    if getattr(light, "exposure", 0.0) != 0:
+        yield "the light's exposure is ignored; its energy alone is its power"
+    if light.type == "AREA" and light.spread < np.pi - 1e-4:
+        yield "the area light's spread is ignored; it shines after Lambert's law"
 
 
 # Custom properties ----------------------------------------------------------------------------------------------------
@@ -392,7 +539,12 @@ def _has_particle_hair(obj) -> bool:
 # Lights ---------------------------------------------------------------------------------------------------------------
 
 
-def read_light(obj, matrix: np.ndarray, warnings: Warnings) -> list[Light]:
+def light_temperature(obj) -> float:
+    """Temperature (K) of a light object, checked."""
+    return read_temperature(obj, SUN_TEMPERATURE if obj.data.type == "SUN" else LAMP_TEMPERATURE, f"Light '{obj.name}'")
+
+
+def read_light(obj, matrix: np.ndarray) -> list[Light]:
     """The solver's light for a light obj, none if it is dark; matrix: (4, 4) float64, object to world.
 
     Only an area light's size follows the object's scale, as in Cycles.
@@ -400,31 +552,27 @@ def read_light(obj, matrix: np.ndarray, warnings: Warnings) -> list[Light]:
     light = obj.data
     owner = f"Light '{obj.name}'"
     sun = light.type == "SUN"
-    temperature = read_temperature(obj, SUN_TEMPERATURE if sun else LAMP_TEMPERATURE, owner)
+    temperature = light_temperature(obj)
     if not np.isfinite(matrix).all():
         raise SceneError(f"{owner}: its position or scale is not finite")
     if light.energy < 0 or not np.isfinite(light.energy):
         raise SceneError(f"{owner}: energy {light.energy:g} {'W/m2' if sun else 'W'}; lights radiate 0 or more")
     if light.energy == 0:
         return []
-    if getattr(light, "exposure", 0.0) != 0:
-        warnings.add(obj.name, "the light's exposure is ignored; its energy alone is its power")
     common = {"temperature": temperature, "name": obj.name}
     position, direction = matrix[:3, 3], -_unit(matrix[:3, 2], owner)
     if sun:
         return [SunLight(direction=direction, irradiance=light.energy, angle=light.angle, **common)]
     common |= {"position": position, "power": light.energy}
     if light.type == "AREA":
-        return [_area_light(light, matrix, common, warnings)]
+        return [_area_light(light, matrix, common)]
     common["radius"] = light.shadow_soft_size
     if light.type == "SPOT":
         return [SpotLight(direction=direction, cone_angle=light.spot_size, blend=light.spot_blend, **common)]
     return [PointLight(**common)]
 
 
-def _area_light(light, matrix: np.ndarray, common: dict, warnings: Warnings) -> AreaLight:
-    if light.spread < np.pi - 1e-4:
-        warnings.add(common["name"], "the area light's spread is ignored; it shines after Lambert's law")
+def _area_light(light, matrix: np.ndarray, common: dict) -> AreaLight:
     size_x, size_y = light.size, light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
     axis_u, axis_v = 0.5 * size_x * matrix[:3, 0], 0.5 * size_y * matrix[:3, 1]
     if not np.linalg.norm(np.cross(axis_u, axis_v)) > 0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The spot meter: temperatures of the last render under the cursor and at fixed spots of the Image Editor."""
+"""The spot meter: temperatures under the cursor, in the Image Editor and in a 3D viewport, and at fixed spots."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from bpy.app.handlers import persistent
 from bpy.props import FloatVectorProperty, IntProperty
 from bpy.types import Operator
 
-from .heat_settings import redraw_image_editors
+from .heat_settings import PICTURE_EDITORS, redraw_pictures
 
-HELP = "Spot Meter    LMB: Place Spot, or Remove the One There    Esc: Leave"
+HELP = "Spot Meter    LMB in an Image Editor: Place Spot, or Remove the One There    Esc: Leave"
 REACH = 8  # pixels: a click so near to a spot means that spot
 
 
@@ -64,18 +64,6 @@ def reading_at(layer: str, u: float, v: float, unit) -> str | None:
     return pixel and reading(float(images["temperature"][pixel]), float(images["noise"][pixel]), unit)
 
 
-def cursor_position(region, x: int, y: int) -> tuple[float, float]:
-    """Shares of the picture's width and height in the middle of an Image Editor region's pixel, at any zoom and offset.
-
-    region_to_view alone is up to a pixel off: it maps the first pixel's edge and the last pixel's other edge, between
-    which Blender draws, to the first and the last pixel.
-    """
-    left, bottom = region.view2d.region_to_view(0, 0)
-    right, top = region.view2d.region_to_view(region.width - 1, region.height - 1)
-    u, v = (x + 0.5) / region.width, (y + 0.5) / region.height
-    return left + u * (right - left), bottom + v * (top - bottom)
-
-
 def spot_under(positions, x: int, y: int, view2d) -> int | None:
     """Index of the spot nearest to a region's pixel as it is seen, if within REACH; positions: shares (u, v)."""
 
@@ -83,6 +71,23 @@ def spot_under(positions, x: int, y: int, view2d) -> int | None:
         return math.dist(view2d.view_to_region(*positions[index], clip=False), (x, y))
 
     return min((i for i in range(len(positions)) if distance(i) <= REACH), key=distance, default=None)
+
+
+# What a 3D viewport shows ---------------------------------------------------------------------------------------------
+
+
+def live_picture(region):
+    """The viewport.Picture that a 3D viewport's region shows, or None."""
+    viewport = sys.modules.get(f"{__package__}.viewport")  # loading it would load the solver
+    return viewport.picture_in(region) if viewport else None
+
+
+def live_reading(picture, x: int, y: int, unit) -> str | None:
+    """The reading of a viewport.Picture at a pixel of its region, in a TemperatureUnit; None outside."""
+    from .output.temperature_scale import reading
+
+    pixel = picture.pixel_at(x, y)
+    return pixel and reading(float(picture.temperature[pixel]), float(picture.noise[pixel]), unit)
 
 
 # Operators ------------------------------------------------------------------------------------------------------------
@@ -93,6 +98,11 @@ class Cursor:
 
     meter = None  # the running operator
     area, x, y = 0, 0, 0
+
+    @classmethod
+    def is_in(cls, area) -> bool:
+        """Whether a spot meter runs and its cursor is in this area."""
+        return cls.meter is not None and cls.area == area.as_pointer()
 
 
 def picture_at(area, x: int, y: int):
@@ -107,22 +117,22 @@ def _contains(region, x: int, y: int) -> bool:
 
 
 def editor_under(context, event):
-    """(area, main region) of the Image Editor under the cursor, or (None, None)."""
+    """(area, main region) of the editor of pictures under the cursor, or (None, None)."""
     for area in context.window.screen.areas:
-        if area.type == "IMAGE_EDITOR" and (region := picture_at(area, event.mouse_x, event.mouse_y)):
+        if area.type in PICTURE_EDITORS and (region := picture_at(area, event.mouse_x, event.mouse_y)):
             return area, region
     return None, None
 
 
 class INFRARED_OT_spot_meter(Operator):
-    """Show the temperature of the render under the cursor with its standard error. Clicks place fixed spots"""
+    """Show the temperature of the picture under the cursor with its standard error. Clicks place fixed spots"""
 
     bl_idname = "infrared.spot_meter"
     bl_label = "Spot Meter"
 
     @classmethod
     def poll(cls, context):
-        return context.area is not None and context.area.type == "IMAGE_EDITOR"
+        return context.area is not None and context.area.type in PICTURE_EDITORS
 
     def invoke(self, context, _event):
         if Cursor.meter is not None:  # the running one sees it and ends
@@ -140,31 +150,35 @@ class INFRARED_OT_spot_meter(Operator):
         if area is None:
             if Cursor.area:
                 Cursor.area = 0
-                redraw_image_editors()
+                redraw_pictures()
             return {"PASS_THROUGH"}
         x, y = event.mouse_x - region.x, event.mouse_y - region.y
         if event.type == "ESC" and event.value == "PRESS":
             stop(context)
             return {"CANCELLED"}
-        if event.type == "LEFTMOUSE" and event.value == "PRESS" and shown_layer(area.spaces.active, context.scene):
-            self.click(context, region, x, y)
+        if event.type == "LEFTMOUSE" and event.value == "PRESS" and self.click(context, area, region, x, y):
             return {"RUNNING_MODAL"}
+        if area.as_pointer() != Cursor.area:  # and the reading in the one that it comes from goes
+            redraw_pictures()
         if (area.as_pointer(), x, y) != (Cursor.area, Cursor.x, Cursor.y):
             Cursor.area, Cursor.x, Cursor.y = area.as_pointer(), x, y
-            redraw_image_editors()
+            area.tag_redraw()
         return {"PASS_THROUGH"}
 
-    def click(self, context, region, x: int, y: int) -> None:
-        """Remove the spot under the cursor, or place one there."""
-        u, v = cursor_position(region, x, y)
+    def click(self, context, area, region, x: int, y: int) -> bool:
+        """Remove the spot under the cursor, or place one there; False if no render is there."""
+        if area.type != "IMAGE_EDITOR" or not shown_layer(area.spaces.active, context.scene):
+            return False
+        u, v = region.view2d.region_to_view(x, y)  # of a pixel, this is where Blender takes its colour from
         under = spot_under([spot.position for spot in context.scene.infrared.spots], x, y, region.view2d)
         if under is not None:
             bpy.ops.infrared.spot_remove(index=under)
         elif 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
             bpy.ops.infrared.spot_add(position=(u, v))
         else:
-            return
+            return True
         bpy.ops.ed.undo_push(message="Spots")  # operators called by an operator push none
+        return True
 
     def cancel(self, context):
         stop(context)
@@ -175,7 +189,7 @@ def stop(context) -> None:
     Cursor.meter, Cursor.area = None, 0
     if context.workspace is not None:
         context.workspace.status_text_set(None)
-    redraw_image_editors()
+    redraw_pictures()
 
 
 class INFRARED_OT_spot_add(Operator):
@@ -189,7 +203,7 @@ class INFRARED_OT_spot_add(Operator):
 
     def execute(self, context):
         context.scene.infrared.spots.add().position = self.position
-        redraw_image_editors()
+        redraw_pictures()
         return {"FINISHED"}
 
 
@@ -211,7 +225,7 @@ class INFRARED_OT_spot_remove(Operator):
         else:
             self.report({"ERROR"}, f"There is no spot {self.index}")
             return {"CANCELLED"}
-        redraw_image_editors()
+        redraw_pictures()
         return {"FINISHED"}
 
 

@@ -25,7 +25,7 @@ from .final_render import thermal_picture, working_primaries
 from .heat_settings import read_scale
 from .output.temperature_scale import TemperatureScale
 from .scene_reader import SceneError, SurfaceReader, Warnings, read_contents, read_settings
-from .solver import Camera, Scene, Settings, render
+from .solver import Camera, Film, Scene, Settings, render
 from .solver.surfaces import Geometry, build_geometry
 
 log = logging.getLogger(__name__)
@@ -52,11 +52,21 @@ class Request:
 class Picture:
     """pixels: (h, w, 4) float32, linear colours, row 0 at the bottom. step: screen pixels on each side of one of them.
     origin: x and y of the lower left corner in the region, screen pixels.
+    temperature, noise: (h, w) float32 K, what was painted and its standard error. scale: that of the colours, fitted.
     """
 
     pixels: np.ndarray
     step: int
     origin: tuple[int, int]
+    temperature: np.ndarray
+    noise: np.ndarray
+    scale: TemperatureScale
+
+    def pixel_at(self, x: int, y: int) -> tuple[int, int] | None:
+        """(row, column) at a pixel of the region, or None outside."""
+        row, column = (y - self.origin[1]) // self.step, (x - self.origin[0]) // self.step
+        height, width = self.temperature.shape
+        return (row, column) if 0 <= row < height and 0 <= column < width else None
 
 
 def same(a, b) -> bool:
@@ -104,6 +114,15 @@ def hasty(settings: Settings, step: int) -> Settings:
     """Settings of one pass at 1/step of the resolution, with so many photons less."""
     photons = max(min(settings.photons_per_pass, FIRST_PHOTONS), settings.photons_per_pass // step**2)
     return dataclasses.replace(settings, passes=1, photons_per_pass=photons)
+
+
+def paint(film: Film, request: Request, step: int, origin: tuple[int, int]) -> Picture:
+    """The picture of a film as it is now."""
+    temperature = film.temperature()
+    noise = film.noise() if film.passes > 1 else temperature  # which is what the film would say, too
+    scale = request.scale.fitted(temperature)
+    pixels = thermal_picture(temperature, scale, request.primaries)
+    return Picture(pixels, step, origin, temperature, noise, scale)
 
 
 class ViewportRender:
@@ -176,9 +195,7 @@ class ViewportRender:
                 if cancelled():
                     return
                 shown.append(film.passes)
-                colours = thermal_picture(film.temperature(), request.scale, request.primaries)
-                origin = tuple(step * place for place in scene.camera.pixels[:2])
-                self.picture = Picture(colours, step, origin)
+                self.picture = paint(film, request, step, tuple(step * place for place in scene.camera.pixels[:2]))
                 total = f"/{settings.passes}" if settings.passes else ""
                 self._tell(f"Pass {film.passes}{total}" if step == 1 else f"1/{step} of the resolution")
 
@@ -204,6 +221,7 @@ class Viewport:
         self._render = ViewportRender(_redraw_of(engine))
         self._meshes = {}  # read earlier, see SurfaceReader
         self._wanted = self._request = None  # what to render, but for the view, and the last request
+        self.shown: Picture | None = None
         self._drawn = self._texture = None  # the last picture, and the texture made of it
         self._problem = ""
 
@@ -229,8 +247,9 @@ class Viewport:
         """Draw the newest picture; if the scene or the view changed, ask for another."""
         self._ask(context, depsgraph)
         engine.update_stats("", self._problem or self._render.status)
-        picture = self._render.picture
-        if picture is None or self._problem:
+        picture = self.shown = self._render.picture if self._request is not None else None
+        _viewports[context.region.as_pointer()] = self
+        if picture is None:
             return
         if picture is not self._drawn:
             self._drawn, self._texture = picture, _texture_of(picture.pixels)
@@ -250,10 +269,20 @@ class Viewport:
         request = self._wanted
         if request is not None:
             camera = read_view(depsgraph, context.space_data, context.region, context.region_data)
-            request = dataclasses.replace(request, camera=camera)
+            x0, y0, x1, y1 = camera.pixels
+            request = dataclasses.replace(request, camera=camera) if x0 < x1 and y0 < y1 else None  # out of sight
         if not same(request, self._request):
             self._request = request
             self._render.submit(request)
+
+
+_viewports = weakref.WeakValueDictionary()  # a region as a pointer -> the Viewport that draws in it
+
+
+def picture_in(region) -> Picture | None:
+    """What a 3D viewport's region shows of this engine, if it does."""
+    viewport = _viewports.get(region.as_pointer())
+    return viewport and viewport.shown
 
 
 def _redraw_of(engine) -> Callable[[], None]:

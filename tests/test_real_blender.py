@@ -219,16 +219,33 @@ def test_viewport_follows_an_artist_at_work(first, capsys):
     """
     text = blender(DEMO, "--python", SCRIPTS / "viewport.py", window=True)
     steps = re.findall(r"PICTURE (\w+) ([\d.]+) ([\d.]+)", text)
-    assert len(steps) == 14, text
+    assert len(steps) == 16, text
     mismatches = [float(pixels) for pixels in re.findall(r"VIEW \w+ ([\d.]+)", text)]
     # Blender's matrices are float32, 6e-8 of places 10 m away, over pixels of at least 0.0005 m: 0.0012 of a pixel
-    assert len(mismatches) == 12 and max(mismatches) < 0.01, text
+    assert len(mismatches) == 13 and max(mismatches) < 0.01, text
     assert "THREADS ENDED" in text and "QUIT WITH" in text, text
     with capsys.disabled():
         times = [float(seconds) for _, seconds, _ in steps[1:]]
         calls = [float(seconds) for _, _, seconds in steps[1:]]
         print(f" [first picture after {np.median(times):.2f} s, at most {max(times):.2f} s;", end=" ")
         print(f"Blender's thread held for {np.median(calls):.3f} s, at most {max(calls):.3f} s]", end=" ")
+
+
+def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
+    """In the viewport and, at any zoom and offset, in the Image Editor: the pixel that is read is the one that is seen.
+
+    The tiles are black, so that their pictures hold their temperatures, but for float32 and the step of a table.
+    """
+    script = "--enable-event-simulate", "--python", SCRIPTS / "readings.py"
+    found = facts(blender(*script, window=True))
+    assert found.get("end")
+    assert found["cursor"] and found["meter ended"]
+    value, sign, error, unit = found["reading"].split()
+    assert (sign, error, unit) == ("±", "0.00", "K") and abs(float(value) - found["truth"]) < 0.005 + 1e-3
+    rows, shift = found["bar"]
+    assert rows > 300 and shift == 0  # it fits best where it should be: sRGB is drawn a little brighter in the dark
+    zooms = [counts for name, counts in found.items() if name.startswith("zoom")]
+    assert len(zooms) == 10 and all(read > 1000 and other == 0 for read, other in zooms), found
 
 
 # By mouse and keyboard ------------------------------------------------------------------------------------------------
@@ -315,6 +332,34 @@ def test_exported_bands_obey_plancks_law(hour, exported):
         kelvin = 3 * images["Noise.V"][corner]  # standard errors
         slack = kelvin * (mean(1.0, table + 0.5) - mean(1.0, table - 0.5))
         assert (image > least - slack).all() and (image < most + slack).all(), (low, image, least, most, slack)
+
+
+# The application template ---------------------------------------------------------------------------------------------
+
+
+def rendered_template(*arguments) -> None:
+    """Run template.py with arguments to Blender, and check that what it has open is the template and renders."""
+    found = facts(blender(*arguments))
+    assert [found["template"], found["engine"]] == ["Infrared_Photons", "INFRARED_PHOTONS"]
+    assert found["objects"] == ["Camera", "Cube", "Floor", "Mirror Ball"]
+    low, high = found["temperatures"]
+    assert 260 <= low < high - 5 and high <= 320  # K: sky and cube are the ends; there is something to see
+
+
+def test_the_template_renders_from_the_menu_and_from_the_command_line(first):
+    script = "--python", SCRIPTS / "template.py", "--"
+    rendered_template(*script, WORK / "dist" / "infrared_photons_template.zip")
+    assert (WORK / "user" / "scripts" / "startup" / "bl_app_templates_user" / "Infrared_Photons").is_dir()
+    rendered_template("--app-template", "Infrared_Photons", *script)
+
+
+def test_the_template_says_that_the_extension_is_missing(first):
+    with empty_user_folder():
+        template = WORK / "user" / "scripts" / "startup" / "bl_app_templates_user" / "Infrared_Photons"
+        shutil.copytree(ROOT / "docs" / "template" / "Infrared_Photons", template)
+        text = blender("--app-template", "Infrared_Photons", "--python", SCRIPTS / "template.py", "--")
+    assert "This template needs the extension Infrared Photons" in text
+    assert facts(text)["engine"] == "BLENDER_EEVEE"
 
 
 # From installing to removing ------------------------------------------------------------------------------------------

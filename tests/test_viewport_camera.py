@@ -16,6 +16,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d, region_2d_to_vecto
 from mathutils import Euler, Matrix, Vector  # noqa: E402
 
 from addon.camera_reader import read_view  # noqa: E402
+from addon.viewport import Request, Viewport  # noqa: E402
 
 REGION = SimpleNamespace(width=301, height=200)
 PLACE = Matrix.LocRotScale((3.0, -4.0, 2.0), Euler((1.1, 0.2, 0.6)), None)
@@ -41,6 +42,10 @@ def space(**changes):
     return SimpleNamespace(
         **{"camera": None, "clip_start": 0.1, "clip_end": 100.0, "use_render_border": False} | border | changes
     )
+
+
+class Engine:
+    """A stand-in for Blender's engine, which asking does not need."""
 
 
 @pytest.fixture
@@ -140,3 +145,38 @@ def test_the_renders_border_lies_in_the_cameras_frame(eye):
     # edges at 150.5 and 225.75, 50 and 150; an edge on a pixel's may be rounded to either
     assert window[::2] == (150, 226) and abs(window[1] - 50) <= 1 and abs(window[3] - 150) <= 1
     assert read(viewport(zoomed), space(camera=eye)).window is None
+
+
+def test_a_panorama_fills_the_cameras_frame(eye):
+    """Longitude and latitude are linear in the frame, which here has the middle half of the viewport."""
+    projection = projection_of(eye, "PERSP")
+    eye.data.type = "PANO"
+    pano = eye.data
+    pano.longitude_min, pano.longitude_max, pano.latitude_min, pano.latitude_max = -1.0, 2.0, -0.5, 0.7
+    pano.shift_x = pano.shift_y = 0.0
+    zoomed = Matrix.Diagonal((0.5, 0.5, 1.0, 1.0)) @ projection
+    graph = bpy.context.evaluated_depsgraph_get()
+    corners = [pano.view_frame(scene=bpy.context.scene)[index] for index in (2, 0)]  # lower left, upper right
+    low, high = (location_3d_to_region_2d(REGION, viewport(zoomed), PLACE @ corner) for corner in corners)
+    result = read_view(graph, space(camera=eye), REGION, viewport(zoomed, "CAMERA"))
+    assert result.kind == "PANORAMA"
+    left, right, bottom, top = result.frame
+    for x, y, longitude, latitude in ((*low, -1.0, -0.5), (*high, 2.0, 0.7)):
+        # float32 of the corners, as above, over the pixels in a radian
+        assert left + (right - left) * x / REGION.width == pytest.approx(longitude, abs=1e-3 / 50)
+        assert bottom + (top - bottom) * y / REGION.height == pytest.approx(latitude, abs=1e-3 / 50)
+    assert result.window == (int(low.x), int(low.y), -int(-high.x // 1), -int(-high.y // 1))
+
+
+def test_a_panorama_out_of_sight_asks_for_nothing(eye):
+    """The camera's frame is moved by more than the viewport's width."""
+    projection = projection_of(eye, "PERSP")
+    eye.data.type = "PANO"
+    asked = []
+    live = Viewport(Engine())
+    live._render = SimpleNamespace(submit=asked.append)
+    live._wanted = Request(None, None, None, None, None)
+    for moved in (projection, Matrix.Translation((3.0, 0.0, 0.0)) @ projection):
+        view = SimpleNamespace(space_data=space(camera=eye), region=REGION, region_data=viewport(moved, "CAMERA"))
+        live._ask(view, bpy.context.evaluated_depsgraph_get())
+    assert asked[0].camera.kind == "PANORAMA" and asked[1:] == [None]

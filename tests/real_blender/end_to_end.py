@@ -5,7 +5,6 @@ Arguments after `--`: the extension's zip, the .blend file, and a folder for the
 for each. A second folder may follow for screenshots.
 """
 
-import json
 import subprocess
 import sys
 import threading
@@ -17,6 +16,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 sys.path.insert(0, str(Path(__file__).parent))
 import hands  # noqa: E402
+from facts import fact  # noqa: E402
 from story import tell  # noqa: E402
 
 ARCHIVE, BLEND, RESULTS, *SCREENSHOTS = sys.argv[sys.argv.index("--") + 1 :]
@@ -24,10 +24,6 @@ SMALL = Path(__file__).parent / "small.py"
 PATIENCE = 300.0  # s for a render: kernels may have to be compiled
 
 renders = []  # how those that ended did
-
-
-def fact(name: str, value) -> None:
-    print("FACT", json.dumps([name, value]), flush=True)
 
 
 def screenshot(name: str) -> None:

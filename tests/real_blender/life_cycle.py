@@ -4,7 +4,6 @@
 Arguments after `--`: the extension's zip and one of a higher version. Prints facts, a line of JSON for each.
 """
 
-import json
 import os
 import sys
 import threading
@@ -13,15 +12,14 @@ from pathlib import Path
 import addon_utils
 import bpy
 
+sys.path.insert(0, str(Path(__file__).parent))
+from facts import fact  # noqa: E402
+
 ARCHIVE, NEWER = sys.argv[sys.argv.index("--") + 1 :]
 MODULE = "bl_ext.user_default.infrared_photons"
 ENGINE = "INFRARED_PHOTONS"
 FOLDER = Path(bpy.utils.user_resource("EXTENSIONS"))
 PROPERTIES = ("passes", "seed", "band_count")
-
-
-def fact(name: str, value) -> None:
-    print("FACT", json.dumps([name, value]), flush=True)
 
 
 def traces() -> dict[str, list[str]]:

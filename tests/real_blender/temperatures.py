@@ -4,7 +4,6 @@
 Prints facts, a line of JSON for each. With '-- FOLDER' screenshots are kept there.
 """
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,14 +12,13 @@ import bpy
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).parent))
+from facts import fact  # noqa: E402
+
 import addon  # noqa: E402  from the source: nothing here renders, so no library is needed
 
 FOLDER = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else None
 KELVIN = {"Cold": 280.0, "Middle": 301.0, "Hot": 320.0}
-
-
-def fact(name: str, value) -> None:
-    print("FACT", json.dumps([name, value]), flush=True)
 
 
 def screenshot(name: str) -> None:

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run inside Blender with a window and `--enable-event-simulate`: do spot meter and bar tell what the screen shows?
+
+A wall of black tiles, one for each pixel of a render, whose temperatures are known. Prints facts. After `--` may come a
+folder for screenshots.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import region_2d_to_location_3d
+
+sys.path.insert(0, str(Path(__file__).parent))
+import hands  # noqa: E402
+from facts import fact  # noqa: E402
+from story import tell  # noqa: E402
+
+SCREENSHOTS = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else ""
+COLUMNS, ROWS = 59, 45
+LOW, HIGH = 280.0, 340.0  # K
+PATIENCE = 300.0  # s: kernels may have to be compiled
+PLACES = 3000  # pixels of the screen that are looked at for each zoom
+SHADES = 2  # of 255: rounding on the way to the screen
+
+kelvin = np.random.default_rng(7).uniform(LOW, HIGH, (ROWS, COLUMNS))  # of the tiles, row 0 at the bottom
+
+
+def modules():
+    from bl_ext.user_default.infrared_photons import heat_display, spot_meter
+    from bl_ext.user_default.infrared_photons.output import palette
+
+    return heat_display, spot_meter, palette
+
+
+def make_scene():
+    """A wall of tiles of 1 m, lower left corner at the origin, that an orthographic camera sees pixel by pixel."""
+    scene = bpy.context.scene
+    for thing in list(bpy.data.objects):
+        bpy.data.objects.remove(thing)
+    x, y = np.meshgrid(np.arange(COLUMNS + 1.0), np.arange(ROWS + 1.0))
+    corner = np.arange(ROWS)[:, None] * (COLUMNS + 1) + np.arange(COLUMNS)
+    faces = np.stack((corner, corner + 1, corner + COLUMNS + 2, corner + COLUMNS + 1), axis=-1)
+    mesh = bpy.data.meshes.new("Wall")
+    mesh.from_pydata(np.stack((x, y, 0.0 * x), axis=-1).reshape(-1, 3).tolist(), [], faces.reshape(-1, 4).tolist())
+    mesh.attributes.new("temperature", "FLOAT", "FACE").data.foreach_set("value", kelvin.ravel().astype(np.float32))
+    black = bpy.data.materials.new("Black")
+    black["emissivity"] = 1.0
+    mesh.materials.append(black)
+    camera = bpy.data.cameras.new("Camera")
+    camera.type, camera.ortho_scale, camera.show_passepartout = "ORTHO", COLUMNS, False
+    for data in (mesh, camera):
+        thing = bpy.data.objects.new(data.name, data)
+        scene.collection.objects.link(thing)
+    scene.camera = thing
+    scene.camera.location = COLUMNS / 2, ROWS / 2, 10.0
+    scene.render.engine = "INFRARED_PHOTONS"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = COLUMNS, ROWS, 100
+    scene.render.dither_intensity = 0.0
+    bpy.ops.infrared.true_colours()
+    infrared = scene.infrared
+    infrared.passes, infrared.photons_per_pass, infrared.band_count = 2, 1000, 2
+    infrared.palette, infrared.range_mode, infrared.range_low, infrared.range_high = "RAINBOW", "FIXED", LOW, HIGH
+    scene.update_tag()
+
+
+def shown(region, name):
+    """(h, w, 3) int of a region on the screen, row 0 at the bottom."""
+    window = bpy.context.window
+    command = ["import", "-window", "root", "-depth", "8"]
+    if SCREENSHOTS:
+        subprocess.run([*command, f"{SCREENSHOTS}/{name}.png"], check=True)
+    raw = subprocess.run([*command, "rgb:-"], check=True, capture_output=True).stdout
+    pixels = np.frombuffer(raw, np.uint8).reshape(window.height, window.width, 3)[::-1].astype(int)
+    return pixels[region.y : region.y + region.height, region.x : region.x + region.width]
+
+
+def differ(seen, expected) -> bool:
+    return bool(np.abs(seen - expected).max() > SHADES)
+
+
+def in_viewport():
+    """The live picture, its bar and the reading under the cursor."""
+    heat_display, spot_meter, palette = modules()
+    area = hands.area_of("VIEW_3D")
+    space, region = area.spaces.active, hands.region_of(area)
+    space.show_gizmo, overlay = False, space.overlay
+    overlay.show_text = overlay.show_extras = overlay.show_floor = overlay.show_cursor = overlay.show_axis_x = False
+    overlay.show_axis_y = False
+    space.region_3d.view_perspective = "CAMERA"
+    space.shading.type = "RENDERED"
+    while (picture := spot_meter.live_picture(region)) is None or picture.noise is picture.temperature:
+        yield 0.1  # the noise is known after the second pass
+    with bpy.context.temp_override(area=area, region=region):
+        bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")
+    middle = region.x + region.width // 2, region.y + region.height // 2
+    yield from hands.move(*middle)
+    yield 0.5
+    screen, cursor = shown(region, "viewport"), spot_meter.Cursor
+    place = region_2d_to_location_3d(region, space.region_3d, (cursor.x + 0.5, cursor.y + 0.5), (0, 0, 0))
+    picture = spot_meter.live_picture(region)
+    fact("cursor", [cursor.x + region.x, cursor.y + region.y] == list(middle))
+    fact("reading", spot_meter.live_reading(picture, cursor.x, cursor.y, heat_display.scene_unit(bpy.context.scene)))
+    fact("truth", kelvin[int(place.y), int(place.x)])
+    with bpy.context.temp_override(area=area, region=region):
+        bar = heat_display.colour_bar_of(bpy.context, picture.scale, heat_display.GIZMOS)
+    left, bottom, across, up = bar.bar
+    expected = palette.display(bar.colours()).astype(int)
+    apart = {shift: screen[bottom + shift :, left + across // 2][:up] - expected for shift in range(-3, 4)}
+    fact("bar", [up, min(apart, key=lambda shift: np.abs(apart[shift]).sum())])
+    yield from hands.press("ESC")
+    fact("meter ended", cursor.meter is None)
+
+
+def in_image_editor():
+    """Every pixel of the picture at several zooms and offsets: how many are read, and how many of another colour."""
+    _, spot_meter, palette = modules()
+    bpy.ops.render.render()
+    area = hands.area_of("VIEW_3D")
+    area.type = "IMAGE_EDITOR"
+    space, region = area.spaces.active, hands.region_of(area)
+    space.image, space.show_region_ui = bpy.data.images["Render Result"], False
+    bpy.context.scene.infrared.show_colour_bar = False
+    frame = spot_meter.finished()[1]["ViewLayer"]
+    colours = palette.display(frame.scale.colours(spot_meter.finished()[0]["ViewLayer"]["temperature"])).astype(int)
+
+    def pixel_at(x, y):
+        return spot_meter.pixel_at(*region.view2d.region_to_view(x, y), frame.size, frame.origin, colours.shape[:2])
+
+    for zoom in (0.7, 1.0, 1.3, 3.7, 13.3):
+        for pan in ((0.0, 0.0), (3.3, -7.7)):
+            with bpy.context.temp_override(area=area, region=region):
+                bpy.ops.image.view_all()
+                bpy.ops.image.view_zoom_ratio(ratio=zoom)
+                bpy.ops.image.view_pan(offset=pan)
+            area.tag_redraw()
+            yield 0.5
+            screen, read, other = shown(region, f"zoom {zoom} {pan[0]}"), 0, 0
+            corners = np.array([region.view2d.view_to_region(share, share, clip=False) for share in (0.0, 1.0)])
+            low, high = np.clip(corners, 0, (region.width - 1, region.height - 1))
+            for x, y in np.random.default_rng(3).integers(low, high + 1, (PLACES, 2)).tolist():
+                pixel = pixel_at(x, y)
+                outline = pixel_at(x + 1, y) is None or pixel_at(x, y + 1) is None  # Blender draws one over the edge
+                if pixel is not None and not outline:
+                    read += 1
+                    other += differ(screen[y, x], colours[pixel])
+            fact(f"zoom {zoom} pan {pan}", [read, other])
+
+
+def work():
+    """A generator that yields how many seconds to wait."""
+    make_scene()
+    yield 0.2
+    yield from in_viewport()
+    yield from in_image_editor()
+    fact("end", True)
+
+
+bpy.context.preferences.view.show_splash = False
+tell(work())

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Blender's settings ask for and the engine does not do: render and Checks panel name the object and say so."""
+
+import re
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender_helpers import camera, cube_mesh, link, material, read  # noqa: E402
+
+from addon.checks import scene_checks  # noqa: E402
+
+
+@pytest.fixture
+def cube(reset_blender):
+    """A scene of which nothing is to be said, with a cube and a lamp."""
+    camera()
+    cube = link("Cube", cube_mesh(), temperature=300.0)
+    cube.data.materials.append(material(emissivity=0.9))
+    link("Lamp", bpy.data.lights.new("Lamp", "AREA"), temperature=3000.0)
+    return cube
+
+
+def told():
+    """The render's warnings, and those of the panel without its objects' types."""
+    bpy.context.view_layer.update()
+    found = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    assert {check.level for check in found} <= {"WARNING"}
+    return read()[1], [check.text.partition(" ")[2] for check in found]
+
+
+def test_usual_settings_are_not_mentioned(cube):
+    assert told() == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("is_holdout", True, "holdout and shadow catcher are ignored"),
+        ("is_shadow_catcher", True, "holdout and shadow catcher are ignored"),
+        ("visible_camera", False, r"ray visibility is ignored \(off: camera\); all rays meet the object"),
+        ("visible_diffuse", False, r"\(off: diffuse\)"),
+        ("visible_glossy", False, r"\(off: glossy\)"),
+        ("visible_shadow", False, r"\(off: shadow\)"),
+    ],
+)
+def test_settings_of_objects_that_are_ignored_are_named(cube, name, value, message):
+    setattr(cube, name, value)
+    check_told("Cube", message)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("color", (1.0, 0.5, 0.5), "the light's color is ignored"),
+        ("use_temperature", True, "the light's color is ignored"),
+        ("exposure", 1.0, "the light's exposure is ignored"),
+        ("spread", 0.5, "the area light's spread is ignored"),
+    ],
+)
+def test_settings_of_lights_that_are_ignored_are_named(cube, name, value, message):
+    lamp = bpy.data.lights["Lamp"]
+    if not hasattr(lamp, name):
+        pytest.skip(f"this Blender's lights have no {name}")
+    setattr(lamp, name, value)
+    check_told("Lamp", message)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("holdout", "holdout and shadow catcher"), ("indirect_only", r"off: camera\)")]
+)
+def test_settings_of_collections_count_for_their_objects(cube, name, message):
+    collection = bpy.data.collections.new("Things")
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(cube)
+    bpy.context.scene.collection.objects.unlink(cube)
+    setattr(bpy.context.view_layer.layer_collection.children["Things"], name, True)
+    check_told("Cube", message)
+
+
+def test_instances_are_named_once(cube):
+    cube.visible_camera = False
+    things = bpy.data.collections.new("Things")
+    things.objects.link(cube)
+    for place in range(3):
+        empty = link(f"Instance {place}")
+        empty.instance_type, empty.instance_collection = "COLLECTION", things
+    check_told("Cube", "off: camera")
+
+
+def check_told(owner, message):
+    """That the render and the panel say the same, once, of this object alone."""
+    warnings, checks = told()
+    assert len(warnings) == 1 and warnings == checks, (warnings, checks)
+    assert re.match(f"'{owner}': .*{message}", warnings[0]), warnings

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the colour bar and the spot meter of a 3D viewport show is what its picture was painted from."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from addon import spot_meter, viewport  # noqa: E402
+from addon.final_render import REC709  # noqa: E402
+from addon.output.temperature_scale import CELSIUS, KELVIN, TemperatureScale  # noqa: E402
+from addon.solver import Camera, Film, Settings  # noqa: E402
+
+WIDTH, HEIGHT = 7, 5
+
+
+def film_of(passes):
+    """A film of random passes around 300 K."""
+    film = Film(WIDTH, HEIGHT, np.array([8.0, 10.0, 14.0]), 300.0)
+    rng = np.random.default_rng(4)
+    for _ in range(passes):
+        excess = rng.normal(0.0, 1.0, (WIDTH * HEIGHT, 2)).astype(np.float32)  # W m-2 sr-1
+        film.add_pass(excess, np.zeros(WIDTH * HEIGHT, np.float32), 100)
+    return film
+
+
+def picture_of(film, scale=TemperatureScale(), step=1, origin=(0, 0)):  # noqa: B008  frozen
+    return viewport.paint(film, viewport.Request(None, Settings(), scale, REC709, Camera()), step, origin)
+
+
+@pytest.mark.parametrize("scale", [TemperatureScale("VIRIDIS"), TemperatureScale(low=290.0, high=310.0)])
+def test_the_bar_is_that_of_the_colours(scale):
+    picture = picture_of(film_of(4), scale)
+    assert picture.scale == scale.fitted(picture.temperature)
+    np.testing.assert_array_equal(picture.pixels[..., :3], picture.scale.colours(picture.temperature))
+
+
+def test_temperature_and_noise_are_the_films():
+    film = film_of(6)
+    picture = picture_of(film)
+    np.testing.assert_array_equal(picture.temperature, film.temperature())
+    np.testing.assert_array_equal(picture.noise, film.noise())
+
+
+def test_readings_say_what_is_known():
+    """Of the pixel at the cursor, in the scene's unit; nothing is known of the error after one pass."""
+    film = film_of(1)
+    kelvin = film.temperature()[3, 2]
+    assert spot_meter.live_reading(picture_of(film), 2, 3, KELVIN) == f"{kelvin:.2f} K (error unknown)"
+    film = film_of(9)
+    value, error = film.temperature()[3, 2] - 273.15, film.noise()[3, 2]
+    shown, sign, uncertainty, unit = spot_meter.live_reading(picture_of(film), 2, 3, CELSIUS).split()
+    assert (sign, unit) == ("±", "°C")
+    assert abs(float(shown) - value) <= 0.05 and abs(float(uncertainty) - error) <= 0.05  # a digit after the point
+
+
+@pytest.mark.parametrize("step, origin", [(1, (0, 0)), (4, (12, 8)), (2, (3, 1))])
+def test_the_cursor_finds_its_pixel_at_any_size_of_them(step, origin):
+    picture = picture_of(film_of(2), step=step, origin=origin)
+    for x in range(origin[0] - 2, origin[0] + step * WIDTH + 2):
+        for y in range(origin[1] - 2, origin[1] + step * HEIGHT + 2):
+            column, row = np.floor((np.array((x, y)) + 0.5 - origin) / step)
+            inside = 0 <= column < WIDTH and 0 <= row < HEIGHT
+            assert picture.pixel_at(x, y) == ((row, column) if inside else None)
+            assert (spot_meter.live_reading(picture, x, y, KELVIN) is not None) == inside
+
+
+def test_without_a_viewport_there_is_nothing_to_show():
+    area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    assert spot_meter.live_picture(region) is None
