@@ -198,9 +198,10 @@ def build_extension(python: Path, stage: Path, output: Path) -> list[Path]:
 def package_template(output: Path) -> Path:
     """Zip the template as *Install Application Template* wants it: a folder with its start-up file; returns the zip."""
     output.mkdir(parents=True, exist_ok=True)
-    archive, startup = output / "infrared_photons_template.zip", "Infrared_Photons/startup.blend"
+    archive, folder = output / "infrared_photons_template.zip", ROOT / "docs" / "template" / "Infrared_Photons"
     with zipfile.ZipFile(archive, "w") as content:
-        content.write(ROOT / "docs" / "template" / startup, startup)
+        for name in ("__init__.py", "startup.blend"):
+            content.write(folder / name, f"{folder.name}/{name}")
     return archive
 
 

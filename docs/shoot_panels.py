@@ -15,6 +15,7 @@ import bpy
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "real_blender"))
+from hands import area_of  # noqa: E402
 from story import tell  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
@@ -22,10 +23,6 @@ OURS = "INFRARED_PT_"
 ORDER = {f"INFRARED_PT_{name}": place for place, name in enumerate(("photons", "spectrum", "defaults", "checks"))}
 KEPT = {"DATA_PT_lens"}  # one of ours is inside
 MARGIN, EDGE = 6, 4  # pixels: around the panels in a picture; of an editor's own frame
-
-
-def area_of(kind):
-    return next(area for area in bpy.context.screen.areas if area.type == kind)
 
 
 def hide(panels):

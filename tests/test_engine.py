@@ -406,7 +406,7 @@ def test_band_exr_paths(tmp_path):
         ("//out", "Layer/1", False, "out_Layer_1.exr"),
     ):
         scene.infrared.band_exr_path = setting
-        assert final_render.band_exr_path(scene, layer, animation) == tmp_path / expected
+        assert final_render.file_path(scene, layer, animation) == tmp_path / expected
 
 
 def test_band_exr_of_several_view_layers(tmp_path):
@@ -466,7 +466,8 @@ def test_defaults_are_the_solvers():
     properties = bpy.context.scene.infrared.bl_rna.properties
     for name in Settings.__dataclass_fields__:
         if name != "reference_temperature":  # chosen by the solver
-            assert properties[name].default == getattr(Settings(), name), name
+            default = getattr(Settings(), name)
+            assert properties[name].default == (np.float32(default) if isinstance(default, float) else default), name
 
 
 def test_every_setting_has_a_tooltip():

@@ -212,3 +212,14 @@ def test_blender_refuses_a_broken_manifest(project):
     manifest.write_text(manifest.read_text().replace('type = "add-on"', 'type = "engine"'))
     with pytest.raises(SystemExit, match="did not build"):
         run.build_extension(Path(sys.executable), folder, project)
+
+
+# The application template
+
+
+def test_the_templates_zip_is_what_blender_installs(tmp_path):
+    """One folder, whose name the menu shows, with the start-up file and the script that enables the extension."""
+    with zipfile.ZipFile(run.package_template(tmp_path / "dist")) as content:
+        assert sorted(content.namelist()) == ["Infrared_Photons/__init__.py", "Infrared_Photons/startup.blend"]
+        source = run.ROOT / "docs" / "template"
+        assert all(content.read(name) == (source / name).read_bytes() for name in content.namelist())

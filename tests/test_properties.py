@@ -158,7 +158,7 @@ def test_bands_are_alike(scene):
     model = solver.prepare(scene, settings)
     other = dataclasses.replace(
         model,
-        radiometry=swapped(model.radiometry, "reflectance", "emission", "slope", "reference"),
+        radiometry=swapped(model.radiometry, "reflectance", "emission", "slope", "base", "reference"),
         emitters=swapped(model.emitters, "surroundings", "light_power"),
         lamps=swapped(model.lamps, "light_power"),
         optics=swapped(model.optics, "band_share"),

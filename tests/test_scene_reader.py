@@ -547,12 +547,6 @@ def test_area_light(shape, half_y, ellipse, mirrored):
     np.testing.assert_allclose(towards / np.linalg.norm(towards), (0, 0, -1), atol=1e-6)
 
 
-def test_spread_is_warned_about():
-    light("AREA", spread=0.5)
-    _, warnings = read()
-    assert any("'Lamp'" in w and "spread" in w for w in warnings)
-
-
 def test_dark_light_is_dropped_and_negative_energy_refused():
     obj = light("POINT", energy=0.0)
     assert read()[0].lights == ()

@@ -1,31 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Temperatures in a real Blender's window: the heat map's colours on the screen, and undo."""
 
-import json
-
 import numpy as np
 import pytest
-from test_real_blender import SCRIPTS, blender, pytestmark  # noqa: F401  the mark counts here, too
+from test_real_blender import SCRIPTS, blender, facts, pytestmark  # noqa: F401  the mark counts here, too
 
 from addon.output.palette import display, thermal
 
 
 @pytest.fixture(scope="module")
-def facts():
+def told():
     """What the script found out."""
     text = blender("--factory-startup", "--python", SCRIPTS / "temperatures.py", window=True)
-    return dict(json.loads(line[5:]) for line in text.splitlines() if line.startswith("FACT "))
+    return facts(text)
 
 
-def test_the_screen_shows_the_palettes_colours(facts):
+def test_the_screen_shows_the_palettes_colours(told):
     colours = display(thermal(np.array([280.0, 301.0, 320.0]), 280.0, 320.0)).astype(int)
-    found = np.array([facts[name] for name in ("Cold", "Middle", "Hot")])
+    found = np.array([told[name] for name in ("Cold", "Middle", "Hot")])
     assert np.abs(found - colours).max() <= 1, found  # both round to 8 bits
 
 
-def test_what_is_written_can_be_undone_and_redone(facts):
-    assert [facts[key] for key in ("written", "undone", "redone")] == [True, False, True]
+def test_what_is_written_can_be_undone_and_redone(told):
+    assert [told[key] for key in ("written", "undone", "redone")] == [True, False, True]
 
 
-def test_the_heat_map_leaves_no_trace(facts):
-    assert facts["end"] and facts["same as before"], facts["before"]
+def test_the_heat_map_leaves_no_trace(told):
+    assert told["end"] and told["same as before"], told["before"]

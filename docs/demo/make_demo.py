@@ -15,10 +15,12 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Vector
 
 FOLDER = Path(__file__).resolve().parent
 BLEND = FOLDER / "demo.blend"
+sys.path.insert(0, str(FOLDER.parent / "examples"))
+
+from modelling import add_camera, add_sky, link, save  # noqa: E402
 
 RADIUS, THICKNESS, HEIGHT = 0.1, 0.006, 0.05  # m, of the ring: inner radius, wall, height above the plane
 SUNK = 0.001  # m of the ring below the plane, so that no faces coincide
@@ -26,19 +28,17 @@ SEGMENTS = 512  # faces have flat normals; with fewer, the caustic shows the fac
 PLANE_SIZE = 1.2  # m
 
 LIGHT_DISTANCE, LIGHT_AZIMUTH, LIGHT_HEIGHT = 0.1, np.radians(245.0), 0.13  # over the rim, from the centre; m, rad, m
-CAMERA_FROM, CAMERA_TO = Vector((0.0, -0.36, 0.46)), Vector((0.0, -0.01, 0.01))  # m
+CAMERA_FROM, CAMERA_TO = (0.0, -0.36, 0.46), (0.0, -0.01, 0.01)  # m; it looks down into the ring at an angle
 
 
 def build() -> None:
     """Fill an empty scene; the add-on has to be registered."""
-    scene = bpy.context.scene
     add_ring()
     add_plane()
     add_light()
-    scene.camera = add_camera()
-    scene.world = bpy.data.worlds.new("Clear sky")
-    scene.world["temperature"] = 250.0
-    choose_settings(scene)
+    add_camera(CAMERA_FROM, CAMERA_TO, lens=58.0).data.clip_start = 0.01  # m
+    add_sky("Clear sky", 250.0)
+    choose_settings(bpy.context.scene)
 
 
 def add_ring() -> None:
@@ -94,23 +94,6 @@ def add_light() -> None:
     heater["temperature"] = 1000.0
 
 
-def add_camera():
-    """Looks down into the ring at an angle."""
-    camera = link("Camera", bpy.data.cameras.new("Camera"))
-    camera.location = CAMERA_FROM
-    camera.rotation_euler = (CAMERA_TO - CAMERA_FROM).to_track_quat("-Z", "Y").to_euler()
-    camera.data.lens = 58.0  # mm on Blender's 36 mm sensor
-    camera.data.clip_start = 0.01  # m
-    return camera
-
-
-def link(name: str, data):
-    """A new object in the scene."""
-    new = bpy.data.objects.new(name, data)
-    bpy.context.scene.collection.objects.link(new)
-    return new
-
-
 def choose_settings(scene) -> None:
     """The engine, its settings and the picture's size: about a minute on two cores."""
     scene.render.engine = "INFRARED_PHOTONS"
@@ -124,20 +107,5 @@ def choose_settings(scene) -> None:
     infrared.wavelength_min, infrared.wavelength_max, infrared.band_count = 7.5, 13.5, 15
 
 
-def forget_folders() -> None:
-    """Blender's start-up file holds a file browser at the user's home, which is nobody else's business."""
-    for screen in bpy.data.screens:
-        for space in (space for area in screen.areas for space in area.spaces):
-            if space.type == "FILE_BROWSER" and space.params:
-                space.params.directory = b"//"
-
-
 if __name__ == "__main__":
-    sys.path.insert(0, str(FOLDER.parents[1]))
-    import addon
-
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    addon.register()
-    build()
-    forget_folders()
-    bpy.ops.wm.save_as_mainfile(filepath=str(BLEND), compress=True)
+    save(build, BLEND)

@@ -193,11 +193,11 @@ def add_sky(name, temperature):
     bpy.context.scene.world = world
 
 
-def choose_settings(bands, palette, temperatures, target_noise, photons=100_000):
+def choose_settings(bands, palette, temperatures, target_noise, passes=64):
     """The engine, a picture of 640 x 480 pixels in true colours, and when to stop.
 
     bands: shortest and longest wavelength in um and the number of bands. temperatures: the ends of the palette, K.
-    target_noise: K; slow machines stop after 75 s.
+    target_noise: K. passes: at most; slow machines stop after a minute.
     """
     scene = bpy.context.scene
     scene.render.engine = "INFRARED_PHOTONS"
@@ -211,8 +211,8 @@ def choose_settings(bands, palette, temperatures, target_noise, photons=100_000)
     infrared.palette = palette
     infrared.range_mode = "FIXED"
     infrared.range_low, infrared.range_high = temperatures
-    infrared.photons_per_pass = photons
-    infrared.passes, infrared.target_noise, infrared.time_limit = 64, target_noise, 75.0
+    infrared.photons_per_pass = 100_000
+    infrared.passes, infrared.target_noise, infrared.time_limit = passes, target_noise, 60.0
 
 
 def forget_folders():
