@@ -67,6 +67,17 @@ def _add_segment(low, high, at_low, at_high, temperature, derivative, result):
             result[i] += math.exp(math.log(integral) - start)
 
 
+@njit(cache=True, nogil=True)
+def _integrate(points, emissivity, band, temperature, derivative, result):
+    """Add to result (b, n) the integrals of eps(lambda) B(lambda, T) between neighbouring points (um), for each T.
+
+    emissivity: at the points, linear between them. band: row of the result for each pair of neighbours.
+    """
+    for i in range(band.size):
+        ends = points[i], points[i + 1], emissivity[i], emissivity[i + 1]
+        _add_segment(*ends, temperature, derivative, result[band[i]])
+
+
 def band_radiance(
     edges: np.ndarray,
     temperature: float | np.ndarray,
@@ -87,13 +98,11 @@ def band_radiance(
     if warm.any():
         kelvin, integrals = flat[warm], np.zeros((edges.size - 1, np.count_nonzero(warm)))
         wavelengths, values = (np.array([1.0]), np.array([1.0])) if curve is None else curve
-        for band, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
-            inner = wavelengths[(wavelengths > low) & (wavelengths < high)]
-            points = np.concatenate(([low], inner, [high]))
-            emissivity = np.interp(points, wavelengths, values)
-            for i in range(points.size - 1):
-                ends = points[i], points[i + 1], emissivity[i], emissivity[i + 1]
-                _add_segment(*ends, kelvin, derivative, integrals[band])
+        inner = wavelengths[(wavelengths > edges[0]) & (wavelengths < edges[-1])]
+        points = np.union1d(edges, inner)
+        emissivity = np.interp(points, wavelengths, values)
+        band = np.searchsorted(edges, points[:-1], side="right") - 1
+        _integrate(points, emissivity, band, kelvin, derivative, integrals)
         result[:, warm] = integrals
     return np.ascontiguousarray(result.T).reshape(np.shape(temperature) + (edges.size - 1,))
 

@@ -30,7 +30,7 @@ _STRATIFIED = 0.7  # variance of so many rays in strata, over that of as many at
 _LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
 _PRIOR = 4.0  # samples that the mean of all sheets is worth on each
 _PRICES = np.geomspace(1e-3, 1e1, 25)  # tried, over that of photons alone
-_SPANS = 1024  # places at which the extent of sheets is measured
+_PLACES = 1024  # at which the extent of sheets is measured and prices are tried
 
 
 class Splitting(NamedTuple):
@@ -149,7 +149,7 @@ def plan_splitting(
     mean = _means(pilot.left, met, labels, met.mean() if met.size else 0.0)
     ray_noise = _means(pilot.left, (met - mean[pilot.left]) ** 2, labels, met.var() if met.size else 0.0)
     places = sheet[pilot.code >> 1, pilot.code & 1]
-    some = slice(None, None, max(1, len(places) // _SPANS))
+    some = slice(None, None, max(1, len(places) // _PLACES))
     spans = _spans(surfaces, pilot.code[some], pilot.place[some], reach2)
     span = _means(places[some], spans, labels, math.pi * reach2, 1e-9)
     crowds = _crowds(places, pilot.place, pilot.facing, some.step, reach2) * (pilot.gathering * pixels)
@@ -161,10 +161,11 @@ def plan_splitting(
     # photons of caustics are gathered whatever is chosen
     rest = float(np.mean(pilot.carried**2 * (caustic_noise / disk)[places])) if len(places) else 0.0
     fixed = _FIXED + _PHOTON * photons / max(1.0, pilot.gathering * pixels)
-    noise, _ = _mean_of(splitting, places, pilot.carried, reach2, neighbours)
+    places, carried = places[some], pilot.carried[some]
+    noise, _ = _mean_of(splitting, places, carried, reach2, neighbours)
     tried = []
     for price in max(noise + rest, 1e-30) / fixed * _PRICES:
-        noise, time = _mean_of(splitting._replace(price=price), places, pilot.carried, reach2, neighbours)
+        noise, time = _mean_of(splitting._replace(price=price), places, carried, reach2, neighbours)
         tried.append(((noise + rest) * (fixed + time), price))
     return splitting._replace(price=min(tried)[1])
 
