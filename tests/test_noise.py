@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The noise that a film states is the error that it has: over independent renders, and against a converged one.
 
-Renders with different seeds share nothing. Over n renders a pixel's spread is known to 1 / sqrt(2 (n - 1)), 9 % at
-n = 60; pixels of one render share photons, so the mean over the image is known to about 1.5 %.
+Renders with different seeds share nothing. Over n renders a pixel's spread is known to 1 / sqrt(2 (n - 1)), 11 % at
+n = 40; pixels of one render share photons, so the mean over the image is known to about 1.8 %.
 """
 
 import numpy as np
@@ -12,9 +12,9 @@ from scenes import box, join, look, make_scene, sphere
 from addon.solver import Material, PointLight, Settings, render
 
 EDGES = np.array([8.0, 10.0, 12.0])
-RENDERS = 60
+RENDERS = 40
 CALIBRATED = 0.10
-STATISTICAL = 3 * 0.015
+STATISTICAL = 3 * 0.018
 
 
 def placed(mesh, at, turn=0.0, tilt=0.0):
