@@ -16,6 +16,15 @@ from .output.formats import ENUM_ITEMS
 
 ROOM_TEMPERATURE = 293.15  # K
 
+# Spectral responses: key, name, description and number of each
+SENSORS = (
+    ("BOX", "Ideal", "All wavelengths in the bands count alike", 0),
+    ("INSB", "InSb", "Cooled indium antimonide: 1 to 5.5 µm, for bands from 3 to 5 µm", 1),
+    ("HGCDTE", "HgCdTe", "Cooled mercury cadmium telluride: up to 10.8 µm, for bands from 8 to 11 µm", 2),
+    ("MICROBOLOMETER", "Microbolometer", "Uncooled vanadium oxide: 7.5 to 13.5 µm", 3),
+    ("CUSTOM", "Custom", "The scene's custom property 'sensor_response', which an import sets", 4),
+)
+
 # Custom property -> what Blender's interface shows of it. The limits are soft for the reason above.
 CUSTOM_PROPERTIES = {
     "temperature": {
@@ -203,13 +212,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     sensor: EnumProperty(
         name="Sensor",
         description="Spectral response of the camera, by which bands count in Radiance and Temperature",
-        items=(
-            ("BOX", "Ideal", "All wavelengths in the bands count alike", 0),
-            ("INSB", "InSb", "Cooled indium antimonide: 1 to 5.5 µm, for bands from 3 to 5 µm", 1),
-            ("HGCDTE", "HgCdTe", "Cooled mercury cadmium telluride: up to 10.8 µm, for bands from 8 to 11 µm", 2),
-            ("MICROBOLOMETER", "Microbolometer", "Uncooled vanadium oxide: 7.5 to 13.5 µm", 3),
-            ("CUSTOM", "Custom", "The scene's custom property 'sensor_response', which an import sets", 4),
-        ),
+        items=SENSORS,
         default="BOX",
     )
     assumed_emissivity: FloatProperty(

@@ -131,12 +131,16 @@ def as_typed(value):
 # Sensor ---------------------------------------------------------------------------------------------------------------
 
 
-def read_response(infrared) -> Response | None:
-    """The sensor of scene.infrared, None for an ideal one. Raises SceneError if a custom one is no response."""
-    if infrared.sensor == "BOX":
+def read_response(infrared, sensor: str | None = None) -> Response | None:
+    """The response of a sensor, None for an ideal one. sensor: its key; None takes that of scene.infrared.
+
+    Raises SceneError if a custom one is no response.
+    """
+    sensor = sensor or infrared.sensor
+    if sensor == "BOX":
         return None
-    if infrared.sensor != "CUSTOM":
-        return BUILT_IN[infrared.sensor]()
+    if sensor != "CUSTOM":
+        return BUILT_IN[sensor]()
     value = infrared.id_data.get("sensor_response")
     if getattr(value, "typecode", None) not in ("i", "f", "d"):  # an IDPropertyArray of numbers
         raise SceneError(

@@ -27,7 +27,7 @@ from .antialiasing import choose_samples
 from .camera import Eye, build_eye
 from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
-from .film import Correction, Film
+from .film import Film
 from .free_space import free_space
 from .guide import Gathers, add_scores, build_gathers, build_guide
 from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
@@ -111,7 +111,7 @@ def render(
     film.check_same_kind(empty)
     if len(film.ranges) > 1 or film.ranges[0][:2] != empty.ranges[0][:2]:
         raise ValueError("The film does not hold the first passes of this render")
-    film.correction = Correction(settings.assumed_emissivity, settings.reflected_temperature)
+    film.correction = settings.correction
     image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
     seen = np.empty(len(image), np.float32)
     store = PhotonStore(scene.band_count, model.optics.keep_incoming, model.optics.keep_caustic)

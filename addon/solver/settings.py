@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from .film import Correction
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -62,3 +64,8 @@ class Settings:
             raise ValueError(f"assumed_emissivity is {self.assumed_emissivity:g}, expected above 0 to 1")
         if self.roulette not in ("POWER", "BAND_AVERAGE"):
             raise ValueError(f"roulette is '{self.roulette}', expected 'POWER' or 'BAND_AVERAGE'")
+
+    @property
+    def correction(self) -> Correction:
+        """Of the temperatures that a film of these settings gives."""
+        return Correction(self.assumed_emissivity, self.reflected_temperature)
