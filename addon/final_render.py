@@ -18,6 +18,7 @@ import bpy
 import numpy as np
 from mathutils import Color
 
+from .camera_effects import CameraEffects, read_detector
 from .heat_settings import read_scale
 from .output.description import FurtherImage, how_rendered
 from .output.formats import FORMATS, without_extension, write_file
@@ -119,6 +120,8 @@ def render_view_layer(engine, depsgraph) -> None:
     passes, further = (listed(scene, depsgraph.view_layer_eval) for listed in (render_passes, further_passes))
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
+    detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
+    effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
     if scene.render.use_multiview:
         warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
     for warning in warnings:
@@ -136,7 +139,8 @@ def render_view_layer(engine, depsgraph) -> None:
     copies = (IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)) * size_beside_usual(passes, further)
     scale, slot = read_scale(scene.infrared), render_slot()
     paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
-    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint)
+    makers = [effects] if effects else []
+    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, makers)
     x0, y0, x1, y1 = solver_scene.camera.pixels
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
     try:
@@ -148,8 +152,11 @@ def render_view_layer(engine, depsgraph) -> None:
     finally:
         engine.end_result(result)
     log.info("%s: %s", layer, job.status())
+    if effects and effects.warning():
+        _warn(engine, f"{layer}: {effects.warning()}")
     if images and not job.cancelled:
         finished_layers[layer] = layer_images(job, images, further)
+        finished_layers[layer]["metadata"] |= effects.facts() if effects else {}
         finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
         if scene.infrared.band_exr_path:
             for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):

@@ -81,6 +81,12 @@ def add_custom_property(id_block, key: str, value: float) -> None:
     id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
+def show_passes(settings, _context) -> None:
+    """Let the compositor's nodes show the passes that the settings ask for."""
+    for layer in settings.id_data.view_layers:
+        layer.update_render_passes()
+
+
 class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     """Settings of the Infrared Photons engine, one set in every scene."""
 
@@ -229,6 +235,102 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         "Reflected Temperature",
         "Apparent temperature in kelvin of what the surfaces reflect; it counts if Assumed Emissivity is below 1",
         ROOM_TEMPERATURE,
+        soft_min=0.0,
+        soft_max=2_000.0,
+        step=100,
+    )
+    use_detector: BoolProperty(
+        name="Camera Effects",
+        description="Deliver the passes Camera Signal and Camera Temperature, with what a real camera's optics and "
+        "detector add; the other passes stay as they are",
+        default=False,
+        update=show_passes,
+    )
+    detector_f_number: FloatProperty(
+        name="F-Number",
+        description="Of the optics, whose diffraction blurs long waves more than short ones; 0 is without diffraction",
+        default=1.0,
+        soft_min=0.0,
+        soft_max=16.0,
+        precision=2,
+    )
+    detector_pitch: FloatProperty(
+        name="Pixel Pitch (µm)",
+        description="Distance in micrometres of the detector's pixels, at a resolution of 100 %; 0 divides the "
+        "camera's sensor size by the resolution",
+        default=0.0,
+        soft_min=0.0,
+        soft_max=100.0,
+        precision=2,
+    )
+    detector_fill_factor: FloatProperty(
+        name="Fill Factor",
+        description="Share of a pixel's area that detects, above 0 to 1; a smaller one is a little sharper",
+        default=1.0,
+        soft_min=0.1,
+        soft_max=1.0,
+        precision=2,
+        subtype="FACTOR",
+    )
+    detector_netd: FloatProperty(
+        name="NETD (K)",
+        description="Noise equivalent temperature difference: standard deviation, in kelvin, of a pixel from frame to "
+        "frame in front of a blackbody at 300 K; 0 is no noise",
+        default=0.05,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+    )
+    detector_photon_noise: BoolProperty(
+        name="Photon Noise",
+        description="The noise grows with the square root of the signal, as in cooled photon detectors; else it is "
+        "the same everywhere, as in microbolometers",
+        default=False,
+    )
+    detector_gain_spread: FloatProperty(
+        name="Gain Spread",
+        description="Standard deviation of the pixels' gains, 0.001 is a thousandth, the same in all frames; 0 is none",
+        default=0.0002,
+        soft_min=0.0,
+        soft_max=0.1,
+        precision=4,
+        step=0.01,
+    )
+    detector_offset_spread: FloatProperty(
+        name="Offset Spread (K)",
+        description="Standard deviation of the pixels' offsets, in kelvin in front of a blackbody at 300 K, the same "
+        "in all frames; 0 is none",
+        default=0.02,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+    )
+    detector_seed: IntProperty(
+        name="Camera Seed",
+        description="Start of the random numbers of the camera: another number is another camera with other pixels",
+        default=0,
+        min=0,
+    )
+    detector_bits: IntProperty(
+        name="Bits",
+        description="Of the digital numbers that Camera Signal then holds, between the lowest and the highest "
+        "temperature; 0 leaves radiance",
+        default=14,
+        min=0,
+        soft_max=16,
+    )
+    detector_low: temperature_property(
+        "Lowest",
+        "Temperature in kelvin of the blackbody whose signal is the digital number 0; what is colder is clipped",
+        233.15,
+        soft_min=0.0,
+        soft_max=2_000.0,
+        step=100,
+    )
+    detector_high: temperature_property(
+        "Highest",
+        "Temperature in kelvin of the blackbody whose signal is the largest digital number; what is hotter is clipped",
+        423.15,
         soft_min=0.0,
         soft_max=2_000.0,
         step=100,

@@ -44,4 +44,8 @@ def further_passes(scene, view_layer) -> list[RenderPass]:
 
     What fills them is given to `final_render.RenderJob`; files take them as `description.FurtherImage`.
     """
-    return []
+    passes = []
+    if scene.infrared.use_detector:
+        unit = "digital number" if scene.infrared.detector_bits else "W m-2 sr-1"
+        passes += [RenderPass("Camera Signal", unit=unit), RenderPass("Camera Temperature", unit="K")]
+    return passes
