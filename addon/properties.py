@@ -81,6 +81,12 @@ def add_custom_property(id_block, key: str, value: float) -> None:
     id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
+def show_passes(settings, _context) -> None:
+    """Let the compositor's nodes show the passes that the settings ask for."""
+    for layer in settings.id_data.view_layers:
+        layer.update_render_passes()
+
+
 class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     """Settings of the Infrared Photons engine, one set in every scene."""
 
@@ -249,6 +255,19 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         soft_max=1.0,
         precision=3,
         subtype="FACTOR",
+    )
+    use_surface_temperature: BoolProperty(
+        name="Surface Temperature",
+        description="Deliver a pass of the temperature, in kelvin, that the surface in the middle of each pixel has",
+        default=False,
+        update=show_passes,
+    )
+    use_emissivity: BoolProperty(
+        name="Emissivity",
+        description="Deliver a pass of the emissivity, 0 to 1, of the surface in the middle of each pixel: towards the "
+        "camera, over all bands as the sensor sees them",
+        default=False,
+        update=show_passes,
     )
     band_exr_path: StringProperty(
         name="Path",
