@@ -23,9 +23,9 @@ from .heat_settings import read_scale
 from .output.description import FurtherImage, how_rendered
 from .output.formats import FORMATS, without_extension, write_file
 from .output.temperature_scale import TemperatureScale
-from .render_passes import RenderPass, further_passes, render_passes
-from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
-from .solver import render
+from .render_passes import RenderPass, data_passes, further_passes, render_passes
+from .scene_reader import SceneError, SurfaceReader, Warnings, read_band_edges, read_scene, read_settings
+from .solver import first_hit_images, render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from .solver.memory import check_memory, memory_beforehand
 from .solver.surfaces import Geometry, build_geometry
@@ -119,7 +119,8 @@ def render_view_layer(engine, depsgraph) -> None:
     edges = read_band_edges(scene.infrared)
     passes, further = (listed(scene, depsgraph.view_layer_eval) for listed in (render_passes, further_passes))
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
-    solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
+    surfaces = SurfaceReader(depsgraph, Warnings())
+    solver_scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
     detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
     effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
     if scene.render.use_multiview:
@@ -130,6 +131,12 @@ def render_view_layer(engine, depsgraph) -> None:
     if scene.infrared.checkpoint_path:
         path = checkpoint_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
         solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
+    data, fillers = data_passes(scene, depsgraph.view_layer_eval), [effects] if effects else []
+    if data:
+        data_images = {}
+        fillers.append(lambda film, images: data_images)
+        labels = {name: surfaces.labels(name) for name in surfaces.pass_indices if name in data}
+        solve = _solver_with_data_passes(solve, data, labels, data_images)
     if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
         solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
     else:
@@ -139,8 +146,7 @@ def render_view_layer(engine, depsgraph) -> None:
     copies = (IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)) * size_beside_usual(passes, further)
     scale, slot = read_scale(scene.infrared), render_slot()
     paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
-    makers = [effects] if effects else []
-    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, makers)
+    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, fillers)
     x0, y0, x1, y1 = solver_scene.camera.pixels
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
     try:
@@ -186,6 +192,23 @@ def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, s
     except CheckpointError as error:
         _warn(engine, f"{error}. The render starts anew; the old file is kept as '{set_aside(path)}'")
     return partial(render_with_checkpoints, path=path, interval=60.0 * minutes, saved=saved)
+
+
+def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], labels: dict, images: dict) -> Callable:
+    """A `render` that first fills `images`, by pass name, with what the middle of each pixel sees.
+
+    data: see data_passes. labels: (triangles,) for each quantity that the solver does not know.
+    """
+
+    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
+        check_memory(memory_beforehand(scene, image_copies))
+        geometry = build_geometry(scene, geometry)
+        names = [name for name in data if name not in labels]
+        found = first_hit_images(scene, names, labels, geometry, settings.workers, cancelled)
+        images.update({data[name].name: image for name, image in found.items()})
+        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
+
+    return look_and_solve
 
 
 def _solver_with_kept_geometry(solve: Callable, geometries: dict[str, Geometry], layer: str) -> Callable:

@@ -352,6 +352,19 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         precision=3,
         subtype="FACTOR",
     )
+    use_surface_temperature: BoolProperty(
+        name="Surface Temperature",
+        description="Deliver a pass of the temperature, in kelvin, that the surface in the middle of each pixel has",
+        default=False,
+        update=show_passes,
+    )
+    use_emissivity: BoolProperty(
+        name="Emissivity",
+        description="Deliver a pass of the emissivity, 0 to 1, of the surface in the middle of each pixel: towards the "
+        "camera, over all bands as the sensor sees them",
+        default=False,
+        update=show_passes,
+    )
     band_exr_path: StringProperty(
         name="Path",
         description="Write each final render to files of this name, one for each of the formats below. '//' starts at "

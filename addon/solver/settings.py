@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 
 from .film import Correction
@@ -41,6 +42,11 @@ class Settings:
     shrink: bool = True
     assumed_emissivity: float = 1.0
     reflected_temperature: float = 293.15
+
+    @property
+    def workers(self) -> int:
+        """Threads to start."""
+        return self.threads or os.cpu_count() or 1
 
     def __post_init__(self):
         for name, least in (
