@@ -60,7 +60,7 @@ class CameraEffects:
     clipped: int = 0
 
     def __call__(self, film, images: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        bands = (images[name] for name in film.band_names)
+        bands = [images[name] for name in film.band_names]
         signal, temperature, self.clipped = expose(
             bands, film.band_edges, film.weights, self.detector, self.camera, self.frame, film.correction
         )

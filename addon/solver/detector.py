@@ -14,7 +14,7 @@ The image is a copy: nothing here touches what the film holds.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -97,7 +97,7 @@ def check_range(detector: Detector, edges: np.ndarray, weights: np.ndarray) -> N
 
 
 def expose(
-    bands: Iterable[np.ndarray],
+    bands: Sequence[np.ndarray],
     edges: np.ndarray,
     weights: np.ndarray,
     detector: Detector,
@@ -134,7 +134,7 @@ def expose(
 # Optics ---------------------------------------------------------------------------------------------------------------
 
 
-def diffraction_mtf(frequency: np.ndarray, wavelength: float, f_number: float) -> np.ndarray:
+def diffraction_mtf(frequency: np.ndarray, wavelength: float | np.ndarray, f_number: float) -> np.ndarray:
     """Modulation transfer of an aberration-free circular aperture in incoherent light, 1 to 0, any shape.
 
     frequency: cycles/um in the focal plane. wavelength: um. With v = frequency wavelength f_number it is
@@ -157,18 +157,20 @@ def footprint_mtf(x: np.ndarray, y: np.ndarray, detector: Detector) -> np.ndarra
     return gain_x * (np.sinc(side * up * y) / np.sinc(up * y))
 
 
-def _through_optics(bands, wavelengths: np.ndarray, power: np.ndarray, detector: Detector) -> np.ndarray:
+def _through_optics(
+    bands: Sequence[np.ndarray], wavelengths: np.ndarray, power: np.ndarray, detector: Detector
+) -> np.ndarray:
     """(h, w) sum over bands of power times the band's image, blurred. wavelengths: (b,) um.
 
     The image goes on as its own mirror image, so nothing comes in from the opposite edge. Its Fourier series is then
     one of cosines; those of all bands are added up, and one transform leads back. The footprint sharpens, but only what
     the aperture blurred: the product is at most 1.
     """
-    series, radius, footprint = 0.0, None, None
+    (height, width), (across, up) = bands[0].shape, detector.pitch
+    x = 0.5 * np.arange(width) / (width * across)  # cycles/um
+    y = 0.5 * np.arange(height)[:, None] / (height * up)
+    radius, footprint, series = np.hypot(x, y), footprint_mtf(x, y, detector), 0.0
     for band, wavelength, share in zip(bands, wavelengths, power, strict=True):
-        if radius is None:
-            y, x = (0.5 * np.arange(n) / (n * p) for n, p in zip(band.shape, detector.pitch[::-1], strict=True))
-            radius, footprint = np.hypot(x, y[:, None]), footprint_mtf(x, y[:, None], detector)
         transfer = np.minimum(diffraction_mtf(radius, wavelength, detector.f_number) * footprint, 1.0)
         series = series + share * transfer * _cosines(_cosines(np.asarray(band, np.float64)).T).T
     return _from_cosines(_from_cosines(series.T).T)
