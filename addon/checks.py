@@ -81,6 +81,25 @@ def sensor_checks(infrared) -> list[Check]:
     return [Check("WARNING", text + f"bands from {low:.4g} to {high:.4g} µm, which act as a filter")]
 
 
+def detector_checks(scene) -> list[Check]:
+    """What is to be said of the camera effects; of the camera itself, the render says it."""
+    from .camera_effects import read_detector
+    from .scene_reader import SceneError, read_band_edges, read_response
+    from .solver.scene import check_response
+
+    if not scene.infrared.use_detector or scene.camera is None or scene.camera.type != "CAMERA":
+        return []
+    try:
+        check_response(read_response(scene.infrared), read_band_edges(scene.infrared))
+    except SceneError:
+        return []  # reported for the bands and the sensor
+    try:
+        read_detector(scene, scene.camera)
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    return []
+
+
 def object_checks(obj, infrared) -> list[Check]:
     """What is to be said of an object; nothing of one that neither emits nor shines."""
     return _temperature_checks(obj, infrared) + _ignored_checks(obj)
@@ -135,6 +154,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     materials = [override] if override else dict.fromkeys(material for material in slots if material is not None)
     found = [Check("ERROR", problem) for problem in [band_problem(infrared)] if problem]
     found += sensor_checks(infrared)
+    found += detector_checks(scene)
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
     if scene.world is not None:
         found += _number_checks(scene.world, f"World '{scene.world.name}'")

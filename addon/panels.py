@@ -131,6 +131,30 @@ class INFRARED_PT_output(RenderSettingsPanel, Panel):
         column.operator("infrared.sensor_image", text="Sensor Image Nodes...", icon="NODETREE")
 
 
+class INFRARED_PT_passes(InfraredPanel, Panel):
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, _context):
+        pass  # others are inside
+
+
+class INFRARED_PT_passes_data(InfraredPanel, Panel):
+    bl_label = "Data"
+    bl_context = "view_layer"
+    bl_parent_id = "INFRARED_PT_passes"
+
+    def draw(self, context):
+        from .render_passes import LAYER_SWITCHES, SCENE_SWITCHES
+
+        self.layout.use_property_decorate = False
+        self.layout.use_property_split = True
+        column = self.layout.column(heading="Include", align=True)
+        for owner, switches in ((context.scene.infrared, SCENE_SWITCHES), (context.view_layer, LAYER_SWITCHES)):
+            for switch, _ in switches.values():
+                column.prop(owner, switch)
+
+
 class INFRARED_PT_checkpoint(RenderSettingsPanel, Panel):
     bl_label = "Checkpoint"
     bl_context = "output"
@@ -357,6 +381,8 @@ CLASSES = (
     INFRARED_PT_photons_advanced,
     INFRARED_PT_spectrum,
     INFRARED_PT_defaults,
+    INFRARED_PT_passes,
+    INFRARED_PT_passes_data,
     INFRARED_PT_output,
     INFRARED_PT_checkpoint,
     INFRARED_PT_object,

@@ -16,6 +16,15 @@ from .output.formats import ENUM_ITEMS
 
 ROOM_TEMPERATURE = 293.15  # K
 
+# Spectral responses: key, name, description and number of each
+SENSORS = (
+    ("BOX", "Ideal", "All wavelengths in the bands count alike", 0),
+    ("INSB", "InSb", "Cooled indium antimonide: 1 to 5.5 µm, for bands from 3 to 5 µm", 1),
+    ("HGCDTE", "HgCdTe", "Cooled mercury cadmium telluride: up to 10.8 µm, for bands from 8 to 11 µm", 2),
+    ("MICROBOLOMETER", "Microbolometer", "Uncooled vanadium oxide: 7.5 to 13.5 µm", 3),
+    ("CUSTOM", "Custom", "The scene's custom property 'sensor_response', which an import sets", 4),
+)
+
 # Custom property -> what Blender's interface shows of it. The limits are soft for the reason above.
 CUSTOM_PROPERTIES = {
     "temperature": {
@@ -70,6 +79,12 @@ def add_custom_property(id_block, key: str, value: float) -> None:
     id_block[key] = float(value)
     id_block.id_properties_ui(key).update(default=float(value), **CUSTOM_PROPERTIES[key])
     id_block.property_overridable_library_set(f'["{key}"]', True)
+
+
+def show_passes(settings, _context) -> None:
+    """Let the compositor's nodes show the passes that the settings ask for."""
+    for layer in settings.id_data.view_layers:
+        layer.update_render_passes()
 
 
 class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
@@ -203,13 +218,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     sensor: EnumProperty(
         name="Sensor",
         description="Spectral response of the camera, by which bands count in Radiance and Temperature",
-        items=(
-            ("BOX", "Ideal", "All wavelengths in the bands count alike", 0),
-            ("INSB", "InSb", "Cooled indium antimonide: 1 to 5.5 µm, for bands from 3 to 5 µm", 1),
-            ("HGCDTE", "HgCdTe", "Cooled mercury cadmium telluride: up to 10.8 µm, for bands from 8 to 11 µm", 2),
-            ("MICROBOLOMETER", "Microbolometer", "Uncooled vanadium oxide: 7.5 to 13.5 µm", 3),
-            ("CUSTOM", "Custom", "The scene's custom property 'sensor_response', which an import sets", 4),
-        ),
+        items=SENSORS,
         default="BOX",
     )
     assumed_emissivity: FloatProperty(
@@ -230,6 +239,102 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         soft_max=2_000.0,
         step=100,
     )
+    use_detector: BoolProperty(
+        name="Camera Effects",
+        description="Deliver the passes Camera Signal and Camera Temperature, with what a real camera's optics and "
+        "detector add; the other passes stay as they are",
+        default=False,
+        update=show_passes,
+    )
+    detector_f_number: FloatProperty(
+        name="F-Number",
+        description="Of the optics, whose diffraction blurs long waves more than short ones; 0 is without diffraction",
+        default=1.0,
+        soft_min=0.0,
+        soft_max=16.0,
+        precision=2,
+    )
+    detector_pitch: FloatProperty(
+        name="Pixel Pitch (µm)",
+        description="Distance in micrometres of the detector's pixels, at a resolution of 100 %; 0 divides the "
+        "camera's sensor size by the resolution",
+        default=0.0,
+        soft_min=0.0,
+        soft_max=100.0,
+        precision=2,
+    )
+    detector_fill_factor: FloatProperty(
+        name="Fill Factor",
+        description="Share of a pixel's area that detects, above 0 to 1; a smaller one is a little sharper",
+        default=1.0,
+        soft_min=0.1,
+        soft_max=1.0,
+        precision=2,
+        subtype="FACTOR",
+    )
+    detector_netd: FloatProperty(
+        name="NETD (K)",
+        description="Noise equivalent temperature difference: standard deviation, in kelvin, of a pixel from frame to "
+        "frame in front of a blackbody at 300 K; 0 is no noise",
+        default=0.05,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+    )
+    detector_photon_noise: BoolProperty(
+        name="Photon Noise",
+        description="The noise grows with the square root of the signal, as in cooled photon detectors; else it is "
+        "the same everywhere, as in microbolometers",
+        default=False,
+    )
+    detector_gain_spread: FloatProperty(
+        name="Gain Spread",
+        description="Standard deviation of the pixels' gains, 0.001 is a thousandth, the same in all frames; 0 is none",
+        default=0.0002,
+        soft_min=0.0,
+        soft_max=0.1,
+        precision=4,
+        step=0.01,
+    )
+    detector_offset_spread: FloatProperty(
+        name="Offset Spread (K)",
+        description="Standard deviation of the pixels' offsets, in kelvin in front of a blackbody at 300 K, the same "
+        "in all frames; 0 is none",
+        default=0.02,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+    )
+    detector_seed: IntProperty(
+        name="Camera Seed",
+        description="Start of the random numbers of the camera: another number is another camera with other pixels",
+        default=0,
+        min=0,
+    )
+    detector_bits: IntProperty(
+        name="Bits",
+        description="Of the digital numbers that Camera Signal then holds, between the lowest and the highest "
+        "temperature; 0 leaves radiance",
+        default=14,
+        min=0,
+        soft_max=16,
+    )
+    detector_low: temperature_property(
+        "Lowest",
+        "Temperature in kelvin of the blackbody whose signal is the digital number 0; what is colder is clipped",
+        233.15,
+        soft_min=0.0,
+        soft_max=2_000.0,
+        step=100,
+    )
+    detector_high: temperature_property(
+        "Highest",
+        "Temperature in kelvin of the blackbody whose signal is the largest digital number; what is hotter is clipped",
+        423.15,
+        soft_min=0.0,
+        soft_max=2_000.0,
+        step=100,
+    )
     ambient_temperature: temperature_property(
         "Ambient",
         "Temperature in kelvin of objects that have none of their own",
@@ -246,6 +351,19 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         soft_max=1.0,
         precision=3,
         subtype="FACTOR",
+    )
+    use_surface_temperature: BoolProperty(
+        name="Surface Temperature",
+        description="Deliver a pass of the temperature, in kelvin, that the surface in the middle of each pixel has",
+        default=False,
+        update=show_passes,
+    )
+    use_emissivity: BoolProperty(
+        name="Emissivity",
+        description="Deliver a pass of the emissivity, 0 to 1, of the surface in the middle of each pixel: towards the "
+        "camera, over all bands as the sensor sees them",
+        default=False,
+        update=show_passes,
     )
     band_exr_path: StringProperty(
         name="Path",

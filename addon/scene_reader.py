@@ -66,17 +66,16 @@ class Warnings:
         return lines
 
 
-def read_scene(depsgraph, camera=None) -> tuple[Scene, list[str]]:
+def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) -> tuple[Scene, list[str]]:
     """Everything that the depsgraph's view layer renders, and warnings about what it cannot render as it stands.
 
-    camera: evaluated camera object; None is the scene's camera.
+    camera: evaluated camera object; None is the scene's camera. surfaces: a new reader, to ask it for more afterwards.
     Raises SceneError, naming the object and the value, if there is nothing to render or a value makes no sense.
     """
-    warnings = Warnings()
-    surfaces = SurfaceReader(depsgraph, warnings)
+    surfaces = surfaces or SurfaceReader(depsgraph, Warnings())
     contents = read_contents(depsgraph, surfaces)
-    solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, warnings)
-    return Scene(**contents, camera=solver_camera), warnings.messages()
+    solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, surfaces.warnings)
+    return Scene(**contents, camera=solver_camera), surfaces.warnings.messages()
 
 
 def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
@@ -131,12 +130,16 @@ def as_typed(value):
 # Sensor ---------------------------------------------------------------------------------------------------------------
 
 
-def read_response(infrared) -> Response | None:
-    """The sensor of scene.infrared, None for an ideal one. Raises SceneError if a custom one is no response."""
-    if infrared.sensor == "BOX":
+def read_response(infrared, sensor: str | None = None) -> Response | None:
+    """The response of a sensor, None for an ideal one. sensor: its key; None takes that of scene.infrared.
+
+    Raises SceneError if a custom one is no response.
+    """
+    sensor = sensor or infrared.sensor
+    if sensor == "BOX":
         return None
-    if infrared.sensor != "CUSTOM":
-        return BUILT_IN[infrared.sensor]()
+    if sensor != "CUSTOM":
+        return BUILT_IN[sensor]()
     value = infrared.id_data.get("sensor_response")
     if getattr(value, "typecode", None) not in ("i", "f", "d"):  # an IDPropertyArray of numbers
         raise SceneError(
@@ -438,6 +441,7 @@ class SurfaceReader:
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
         self.vertex_count = 0
+        self.pass_indices = {"object_index": [], "material_index": []}  # of the objects added, and of the materials
 
     def add(self, obj, matrix: np.ndarray) -> None:
         """One object or instance; matrix: (4, 4) float64, object to world."""
@@ -467,6 +471,7 @@ class SurfaceReader:
         self.triangles.append(triangles)
         self.slots.append(self._materials(obj, mesh.slot))
         self.temperatures.append(temperature)
+        self.pass_indices["object_index"].append(obj.pass_index)
         self.vertex_count += len(vertices)
 
     def _read(self, obj) -> MeshData:
@@ -489,6 +494,13 @@ class SurfaceReader:
             "temperature": np.concatenate(temperatures),
             "materials": tuple(self.materials),
         }
+
+    def labels(self, name: str) -> np.ndarray:
+        """(m,) int32 Blender's 'object_index' or 'material_index' of each triangle."""
+        indices = np.array(self.pass_indices[name], dtype=np.int32)
+        if name == "object_index":
+            return np.repeat(indices, [len(each) for each in self.triangles])
+        return indices[np.concatenate(self.slots)]
 
     def _temperature(self, obj, mesh: MeshData) -> np.ndarray:
         if mesh.temperature is not None:
@@ -519,6 +531,7 @@ class SurfaceReader:
             self.indices[key] = len(self.materials)
             default = self.default
             self.materials.append(default if material is None else read_material(material, default.emissivity))
+            self.pass_indices["material_index"].append(0 if material is None else material.pass_index)
         return self.indices[key]
 
 

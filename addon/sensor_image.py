@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compositor nodes that turn the bands of a render into the image of a sensor with a response of its own."""
+"""Compositor nodes that turn the bands of a render into the image of a sensor: the scene's, or another one."""
 
 from __future__ import annotations
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import EnumProperty
 from bpy.types import Operator
 
 from .panels import ENGINE
+from .properties import SENSORS
 
 GROUP = "Sensor Image"
 MARK = "infrared_band_edges"  # custom property of the node groups that are made here: um
@@ -15,16 +16,20 @@ _SPACING = 180  # between nodes, in units of the node editor
 
 
 class INFRARED_OT_sensor_image(Operator):
-    """Add compositor nodes that turn the bands into the image of a sensor: its radiance and its apparent temperature"""
+    """Add compositor nodes that turn the bands into the image of a sensor: its radiance and the temperature it reads"""
 
     bl_idname = "infrared.sensor_image"
     bl_label = "Sensor Image Nodes"
     bl_options = {"REGISTER", "UNDO"}
 
-    response: StringProperty(
-        name="µm, response, ...",
-        description="The sensor's response: pairs of wavelength in micrometres and response, separated by commas; "
-        "linear between them and constant outside. Empty is 1 at all wavelengths",
+    sensor: EnumProperty(
+        name="Sensor",
+        description="The sensor whose image the nodes make",
+        items=(
+            ("SCENE", "The Scene's", "That of the panel Sensor, as the passes Radiance and Temperature", 5),
+            *SENSORS,
+        ),
+        default="SCENE",
     )
 
     @classmethod
@@ -32,46 +37,29 @@ class INFRARED_OT_sensor_image(Operator):
         return context.scene.render.engine == ENGINE
 
     def invoke(self, context, _event):
-        return context.window_manager.invoke_props_dialog(self, width=500)
+        return context.window_manager.invoke_props_dialog(self, width=300)
 
     def execute(self, context):
-        from .output.sensor import band_weights, calibrate
-        from .scene_reader import SceneError, read_band_edges
+        from .scene_reader import SceneError, read_band_edges, read_response, read_settings
+        from .solver.scene import check_response
+        from .solver.sensors import band_weights
 
+        infrared = context.scene.infrared
         try:
-            edges = read_band_edges(context.scene.infrared)
-            weights = band_weights(edges, read_response(self.response))
-            if not weights.sum() > 0.0:
-                raise ValueError(f"The sensor sees nothing between {edges[0]:g} and {edges[-1]:g} um")
-        except (SceneError, ValueError) as error:
+            edges, correction = read_band_edges(infrared), read_settings(infrared).correction
+            response = read_response(infrared, None if self.sensor == "SCENE" else self.sensor)
+            check_response(response, edges)
+        except SceneError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         tree = compositor_tree(context.scene)
         node = _group_node(tree)
-        _fill(node.node_tree, edges, weights, calibrate(edges, weights))
+        _fill(node.node_tree, edges, band_weights(response, edges), correction)
         layers = _render_layers(tree, context.scene)
         context.scene.update_render_engine()  # the node has the passes of the bands at this moment
         for socket in node.inputs:
             tree.links.new(layers.outputs[socket.name], socket)
         return {"FINISHED"}
-
-
-def read_response(text: str):
-    """(n, 2) float64 [um, response] of pairs between commas, None of an empty text. ValueError if they are none."""
-    import numpy as np
-
-    if not text.strip():
-        return None
-    try:
-        points = np.array([float(word) for word in text.split(",")]).reshape(-1, 2)
-    except ValueError:
-        raise ValueError(f"'{text}' is no list of pairs of numbers separated by commas") from None
-    wavelength, response = points.T
-    if not (np.isfinite(points).all() and wavelength[0] > 0.0 and (np.diff(wavelength) > 0.0).all()):
-        raise ValueError(f"'{text}': expected wavelengths above 0 that rise from pair to pair")
-    if (response < 0.0).any():
-        raise ValueError(f"'{text}': expected responses of 0 or more")
-    return points
 
 
 def compositor_tree(scene):
@@ -112,8 +100,11 @@ def _group_node(tree):
     return node
 
 
-def _fill(group, edges, weights, calibration) -> None:
+def _fill(group, edges, weights, correction) -> None:
     """Make a group's inputs and nodes anew; what is linked to its outputs stays."""
+    import numpy as np
+
+    from .output.sensor import calibrate
     from .solver.spectrum import band_names
 
     group[MARK] = edges.tolist()
@@ -125,10 +116,13 @@ def _fill(group, edges, weights, calibration) -> None:
     bands, output = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
     math = _Arithmetic(group)
     radiance = 0.0
-    for band, weight in zip(bands.outputs[: len(weights)], weights, strict=True):
-        radiance = math("MULTIPLY_ADD", band, weight, radiance)
+    for band, factor in zip(bands.outputs[: len(weights)], weights * np.diff(edges), strict=True):
+        radiance = math("MULTIPLY_ADD", band, factor, radiance)
     group.links.new(radiance, output.inputs["Radiance"])
-    group.links.new(_temperature(math, radiance, calibration), output.inputs["Temperature"])
+    if correction.emissivity != 1.0:
+        without = correction.object_radiance(0.0, edges, weights)
+        radiance = math("MULTIPLY_ADD", radiance, 1.0 / correction.emissivity, without)
+    group.links.new(_temperature(math, radiance, calibrate(edges, weights)), output.inputs["Temperature"])
     output.location.x = math.x
 
 
@@ -165,4 +159,18 @@ class _Arithmetic:
         return node.outputs[0]
 
 
-register, unregister = bpy.utils.register_classes_factory((INFRARED_OT_sensor_image,))
+def draw_add_menu(self, context):
+    """The last entry of the compositor's Add menu."""
+    if context.space_data.tree_type == "CompositorNodeTree" and context.scene.render.engine == ENGINE:
+        self.layout.separator()
+        self.layout.operator(INFRARED_OT_sensor_image.bl_idname, text="Sensor Image...", icon="NODETREE")
+
+
+def register():
+    bpy.utils.register_class(INFRARED_OT_sensor_image)
+    bpy.types.NODE_MT_add.append(draw_add_menu)
+
+
+def unregister():
+    bpy.types.NODE_MT_add.remove(draw_add_menu)
+    bpy.utils.unregister_class(INFRARED_OT_sensor_image)

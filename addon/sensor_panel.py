@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sensor of the camera: its response over the scene's bands, an import of one, and the correction of temperatures.
+"""The sensor of the camera: its response over the scene's bands, an import of one, the correction of temperatures, and
+the effects of its optics and detector.
 
 A custom response is the scene's custom property `sensor_response`, a flat list [um, response, um, response, ...].
 """
@@ -62,6 +63,35 @@ class INFRARED_PT_sensor(RenderSettingsPanel, Panel):
         row.prop(infrared, "reflected_temperature")
 
 
+class INFRARED_PT_detector(RenderSettingsPanel, Panel):
+    bl_label = "Camera Effects"
+    bl_parent_id = "INFRARED_PT_spectrum"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.infrared, "use_detector", text="")
+
+    def draw_settings(self, column, infrared):
+        from .checks import detector_checks, draw_problems
+
+        column.active = infrared.use_detector
+        for name in ("f_number", "pitch"):
+            column.prop(infrared, f"detector_{name}")
+        row = column.row()
+        row.active = infrared.detector_f_number > 0.0
+        row.prop(infrared, "detector_fill_factor")
+        column.separator()
+        for name in ("netd", "photon_noise", "gain_spread", "offset_spread", "seed"):
+            column.prop(infrared, f"detector_{name}")
+        column.separator()
+        column.prop(infrared, "detector_bits")
+        limits = column.column(align=True)
+        limits.active = infrared.detector_bits > 0
+        limits.prop(infrared, "detector_low")
+        limits.prop(infrared, "detector_high")
+        draw_problems(column, detector_checks(infrared.id_data), bpy.context.region)
+
+
 def draw_response(column, infrared) -> None:
     """The response over the bands, if both make sense; the checks say what does not."""
     import numpy as np
@@ -81,4 +111,6 @@ def draw_response(column, infrared) -> None:
     row.label(text=f"{low:.3g} to {high:.3g} µm, bands shaded; response 0 to 1")
 
 
-register, unregister = bpy.utils.register_classes_factory((INFRARED_OT_sensor_import, INFRARED_PT_sensor))
+register, unregister = bpy.utils.register_classes_factory(
+    (INFRARED_OT_sensor_import, INFRARED_PT_sensor, INFRARED_PT_detector)
+)

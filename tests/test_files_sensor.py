@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compositor nodes that make a sensor's image of the bands, rendered through and compared with the engine's own."""
 
+from unittest.mock import MagicMock
+
 import numpy as np
 import pytest
 
@@ -9,29 +11,23 @@ bpy = pytest.importorskip("bpy")
 from blender_helpers import camera, cube_mesh, link, render_to_exr  # noqa: E402
 
 from addon import sensor_image  # noqa: E402
-from addon.output.sensor import band_weights, calibrate  # noqa: E402
-from addon.solver.spectrum import band_radiance, uniform_edges  # noqa: E402
+from addon.output.sensor import calibrate  # noqa: E402
+from addon.solver.sensors import BUILT_IN, band_weights  # noqa: E402
+from addon.solver.spectrum import band_radiance, sensor_radiance, uniform_edges  # noqa: E402
 
 FLOAT32 = 2.0**-24  # relative: one rounding
 KELVIN = (205.0, 260.0, 300.0, 310.0, 450.0, 700.0, 1200.0, 1900.0)
 TOLERANCE = 0.005  # K: a tenth of what good thermal cameras can tell apart (50 mK)
-
-
-def mean_over(function, low, high, count=20_000):
-    """Mean of a function over an interval, by midpoints."""
-    return float(np.mean(function(low + (high - low) * (np.arange(count) + 0.5) / count)))
-
-
-def test_weights_are_the_integrals_of_the_response():
-    edges = np.array([3.0, 5.0, 8.0, 9.5, 14.0])
-    response = np.array([[4.0, 0.2], [8.5, 1.0], [9.0, 0.5], [20.0, 0.0]])
-    expected = [
-        (high - low) * mean_over(lambda um: np.interp(um, *response.T), low, high)
-        for low, high in zip(edges[:-1], edges[1:], strict=True)
-    ]
-    # Midpoints are exact for straight pieces but for the four intervals that hold a kink
-    np.testing.assert_allclose(band_weights(edges, response), expected, rtol=1e-7)
-    np.testing.assert_array_equal(band_weights(edges), np.diff(edges))
+RANGES = (  # sensor, um, K: how far the formula may be off
+    ("BOX", 3.0, 5.0, 0.005),
+    ("BOX", 8.0, 14.0, 0.005),
+    ("BOX", 7.5, 14.0, 0.005),
+    ("BOX", 0.9, 1.7, 0.01),
+    ("INSB", 3.0, 5.0, 0.005),
+    ("HGCDTE", 8.0, 11.5, 0.005),
+    ("MICROBOLOMETER", 7.5, 14.0, 0.005),
+    ("INSB", 3.0, 14.0, 0.005),  # most bands are blind
+)
 
 
 def temperature(radiance, calibration):
@@ -41,14 +37,13 @@ def temperature(radiance, calibration):
     return np.polynomial.polynomial.polyval(x, calibration.coefficients) / v
 
 
-@pytest.mark.parametrize("low, high, tolerance", [(3, 5, 0.005), (8, 14, 0.005), (7.5, 14, 0.005), (0.9, 1.7, 0.01)])
-@pytest.mark.parametrize("response", [None, [[1.0, 0.3], [1.3, 1.0], [4.0, 1.0], [9.0, 0.4], [12.0, 1.0], [14.0, 0.1]]])
-def test_the_formula_inverts_planck(low, high, tolerance, response):
+@pytest.mark.parametrize("sensor, low, high, tolerance", RANGES)
+def test_the_formula_inverts_planck(sensor, low, high, tolerance):
     edges = uniform_edges(low, high, 16)
-    weights = band_weights(edges, None if response is None else np.array(response))
+    weights = band_weights(BUILT_IN[sensor]() if sensor in BUILT_IN else None, edges)
     kelvin = np.geomspace(200.0, 2000.0, 2001)
-    radiance = band_radiance(edges, kelvin) @ (weights / np.diff(edges))
-    np.testing.assert_allclose(temperature(radiance, calibrate(edges, weights)), kelvin, rtol=0, atol=tolerance)
+    shown = temperature(sensor_radiance(edges, weights, kelvin), calibrate(edges, weights))
+    np.testing.assert_allclose(shown, kelvin, rtol=0, atol=tolerance)
 
 
 def test_the_formula_is_exact_for_a_narrow_band():
@@ -56,7 +51,7 @@ def test_the_formula_is_exact_for_a_narrow_band():
     kelvin = np.geomspace(100.0, 5000.0, 50)  # outside the fit, too
     radiance = band_radiance(edges, kelvin)[:, 0]
     # The band is 1e-7 of its wavelength wide; the fit's own rounding is far below
-    np.testing.assert_allclose(temperature(radiance, calibrate(edges, np.diff(edges))), kelvin, rtol=1e-7)
+    np.testing.assert_allclose(temperature(radiance, calibrate(edges, np.ones(1))), kelvin, rtol=1e-7)
 
 
 # In Blender -----------------------------------------------------------------------------------------------------------
@@ -102,34 +97,51 @@ def composite(folder):
 
 
 @pytest.mark.parametrize("bands", [1, 16, 256])
-def test_a_flat_sensor_sees_radiance_and_temperature_of_the_engine(infrared, tmp_path, bands):
+def test_an_ideal_sensor_sees_radiance_and_temperature_of_the_engine(infrared, tmp_path, bands):
     infrared.band_count = bands
+    assert_nodes_agree(infrared, tmp_path)
+
+
+@pytest.mark.parametrize("sensor", ["HGCDTE", "MICROBOLOMETER", "CUSTOM"])
+def test_the_scenes_sensor_sees_radiance_and_temperature_of_the_engine(infrared, tmp_path, sensor):
+    bpy.context.scene["sensor_response"] = [8.0, 0.0, 10.0, 1.0, 12.0, 1.0, 13.5, 0.2]
+    infrared.sensor = sensor
+    assert_nodes_agree(infrared, tmp_path)
+
+
+def test_temperatures_are_corrected_alike(infrared, tmp_path):
+    infrared.sensor, infrared.assumed_emissivity, infrared.reflected_temperature = "MICROBOLOMETER", 0.9, 150.0
+    assert_nodes_agree(infrared, tmp_path)
+
+
+def assert_nodes_agree(infrared, folder):
+    """The group shows what the engine's own passes do."""
     assert bpy.ops.infrared.sensor_image() == {"FINISHED"}
     (node,) = group_nodes()
-    assert len(node.inputs) == bands and all(socket.is_linked for socket in node.inputs)
+    assert len(node.inputs) == len(bands_of(infrared)) - 1 and all(socket.is_linked for socket in node.inputs)
     show(node)
-    radiance, temperature, passes = composite(tmp_path)
+    radiance, temperature, passes = composite(folder)
     # Each product and sum rounds, and so do the passes and weights
-    np.testing.assert_allclose(radiance, passes["Radiance"], rtol=(bands + 4) * FLOAT32)
+    np.testing.assert_allclose(radiance, passes["Radiance"], rtol=(len(node.inputs) + 4) * FLOAT32)
     np.testing.assert_allclose(temperature, passes["Temperature"], rtol=0, atol=TOLERANCE)
     assert np.ptp(passes["Temperature"]) > 1000.0  # the picture shows the row of cubes
 
 
-def test_a_response_weights_the_bands(infrared, tmp_path):
-    infrared.band_count = 8
-    assert bpy.ops.infrared.sensor_image(response="8, 0, 10, 1, 12, 1, 13.5, 0.2") == {"FINISHED"}
+def bands_of(infrared):
+    return uniform_edges(infrared.wavelength_min, infrared.wavelength_max, infrared.band_count)
+
+
+def test_another_sensor_than_the_scenes(infrared, tmp_path):
+    """Its image is that of a render through it."""
+    assert bpy.ops.infrared.sensor_image(sensor="HGCDTE") == {"FINISHED"}
     (node,) = group_nodes()
     show(node)
-    radiance, temperature, passes = composite(tmp_path)
-    edges = uniform_edges(7.5, 14.0, 8)
-    weights = band_weights(edges, np.array([[8, 0], [10, 1], [12, 1], [13.5, 0.2]]))
-    bands = [passes[socket.name] for socket in node.inputs]
-    expected = np.tensordot(weights, np.array(bands, float), 1)
-    np.testing.assert_allclose(radiance, expected, rtol=12 * FLOAT32)
-    # What the nodes call the temperature is that of the blackbody which this sensor would see alike
-    blackbody = band_radiance(edges, temperature.astype(float)) @ (weights / np.diff(edges))
-    warmer = band_radiance(edges, temperature.astype(float) + TOLERANCE) @ (weights / np.diff(edges))
-    assert np.all(np.abs(blackbody - expected) < warmer - blackbody)
+    radiance, temperature, ideal = composite(tmp_path)
+    infrared.sensor = "HGCDTE"
+    *_, passes = composite(tmp_path)
+    np.testing.assert_allclose(radiance, passes["Radiance"], rtol=(len(node.inputs) + 4) * FLOAT32)
+    np.testing.assert_allclose(temperature, passes["Temperature"], rtol=0, atol=TOLERANCE)
+    assert np.all(radiance < 0.9 * ideal["Radiance"])  # the ideal sensor sees more
 
 
 def test_what_emits_nothing_has_no_temperature(infrared, tmp_path):
@@ -151,12 +163,22 @@ def test_again_it_follows_the_bands_and_keeps_what_is_linked(infrared):
     assert all(socket.is_linked for socket in [*node.inputs, *node.outputs])
 
 
-@pytest.mark.parametrize(
-    "response, message",
-    [("8, 1, 9", "no list of pairs"), ("9, 1, 8, 1", "rise from pair to pair"), ("8, -1", "0 or more"),
-     ("8, x", "no list of pairs"), ("8, 0", "sees nothing between 7.5 and 14 um")],
-)  # fmt: skip
-def test_a_senseless_response_is_told(infrared, response, message):
-    with pytest.raises(RuntimeError, match=message):
-        bpy.ops.infrared.sensor_image(response=response)
+def test_a_senseless_sensor_is_told(infrared):
+    with pytest.raises(RuntimeError, match="sensor_response is None"):
+        bpy.ops.infrared.sensor_image(sensor="CUSTOM")
+    with pytest.raises(RuntimeError, match="'InSb' does not respond between 7.5 and 14 um"):
+        bpy.ops.infrared.sensor_image(sensor="INSB")
     assert not any(sensor_image.MARK in group for group in bpy.data.node_groups)
+
+
+@pytest.mark.parametrize(
+    "tree, engine, shown",
+    [("CompositorNodeTree", "INFRARED_PHOTONS", True), ("ShaderNodeTree", "INFRARED_PHOTONS", False),
+     ("CompositorNodeTree", "CYCLES", False)],
+)  # fmt: skip
+def test_the_add_menu_of_the_compositor_has_it(infrared, tree, engine, shown):
+    menu, context = MagicMock(), MagicMock()
+    context.space_data.tree_type, context.scene.render.engine = tree, engine
+    sensor_image.draw_add_menu(menu, context)
+    assert menu.layout.operator.called == shown
+    assert sensor_image.draw_add_menu in bpy.types.NODE_MT_add._dyn_ui_initialize()

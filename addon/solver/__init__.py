@@ -5,6 +5,7 @@ from .kernel_cache import kept_kernels
 
 with kept_kernels():
     from .film import Correction, Film
+    from .first_hits import first_hit_images
     from .render import render
     from .scene import (
         AreaLight,
@@ -34,5 +35,6 @@ __all__ = [
     "Settings",
     "SpotLight",
     "SunLight",
+    "first_hit_images",
     "render",
 ]

@@ -138,6 +138,15 @@ def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
             row += 1
 
 
+@njit(cache=True, nogil=True)
+def middle_rays(eye, pixels, origin, direction, reach):
+    """Fill one ray for each of n pixels, through its middle; the eye is a pinhole. Arguments as in eye_rays."""
+    columns = eye.window[2] - eye.window[0]
+    for i in range(pixels.size):
+        x, y = eye.window[0] + pixels[i] % columns, eye.window[1] + pixels[i] // columns
+        _put_eye_ray(eye, x + 0.5, y + 0.5, 0.0, 0.0, origin, direction, reach, i)
+
+
 @njit(inline="always")
 def _put_eye_ray(eye, x, y, u, v, origin, direction, reach, row):
     """Fill one ray: through the frame at (x, y), in pixels from its lower left, and point (u, v) of the lens.

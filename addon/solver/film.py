@@ -30,6 +30,14 @@ class Correction(NamedTuple):
     emissivity: float = 1.0
     reflected_temperature: float = 293.15  # K
 
+    def object_radiance(self, radiance, edges: np.ndarray, weights: np.ndarray):
+        """What a blackbody at the surface's own temperature would send, W m-2 sr-1; below 0 is possible.
+
+        radiance: what was seen, any shape, which the result has. edges: (b + 1,) um. weights: (b,) response.
+        """
+        reflection = (1.0 - self.emissivity) * sensor_radiance(edges, weights, self.reflected_temperature)
+        return (radiance - reflection) / self.emissivity
+
 
 class Film:
     """Mean over passes of the radiance of each pixel and band. Row 0 is the bottom row.
@@ -214,10 +222,7 @@ class Film:
         return apparent_temperature(radiance, self.band_edges, self.weights)
 
     def _object_radiance(self) -> np.ndarray:
-        """What a blackbody at the corrected temperature would send, (pixels,) W m-2 sr-1; below 0 is possible."""
-        emissivity, reflected = self.correction
-        reflection = (1.0 - emissivity) * sensor_radiance(self.band_edges, self.weights, reflected)
-        return (self._radiance() - reflection) / emissivity
+        return self.correction.object_radiance(self._radiance(), self.band_edges, self.weights)
 
     def _radiance(self) -> np.ndarray:
         return _weighted(self._mean, self._reference, self.weights)

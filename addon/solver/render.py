@@ -15,7 +15,6 @@ from __future__ import annotations
 import itertools
 import logging
 import math
-import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -27,7 +26,7 @@ from .antialiasing import choose_samples
 from .camera import Eye, build_eye
 from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
-from .film import Correction, Film
+from .film import Film
 from .free_space import free_space
 from .guide import Gathers, add_scores, build_gathers, build_guide
 from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
@@ -111,12 +110,12 @@ def render(
     film.check_same_kind(empty)
     if len(film.ranges) > 1 or film.ranges[0][:2] != empty.ranges[0][:2]:
         raise ValueError("The film does not hold the first passes of this render")
-    film.correction = Correction(settings.assumed_emissivity, settings.reflected_temperature)
+    film.correction = settings.correction
     image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
     seen = np.empty(len(image), np.float32)
     store = PhotonStore(scene.band_count, model.optics.keep_incoming, model.optics.keep_caustic)
     started = time.monotonic()
-    with ThreadPoolExecutor(_threads(settings)) as pool:
+    with ThreadPoolExecutor(settings.workers) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
             if not render_pass(
                 model, settings, settings.pass_offset + film.passes, store, image, seen, pool, cancelled
@@ -127,10 +126,6 @@ def render(
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
     return film
-
-
-def _threads(settings: Settings) -> int:
-    return settings.threads or os.cpu_count() or 1
 
 
 def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
@@ -216,7 +211,7 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
             photons, (x1 - x0) * (y1 - y0),
         )  # fmt: skip
     samples = choose_samples(
-        surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), splitting, _threads(settings)
+        surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), splitting, settings.workers
     )
     log.info("%.1f camera rays a pixel and pass", samples.mean())
     return Model(

@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
+
+from .film import Correction
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,11 @@ class Settings:
     assumed_emissivity: float = 1.0
     reflected_temperature: float = 293.15
 
+    @property
+    def workers(self) -> int:
+        """Threads to start."""
+        return self.threads or os.cpu_count() or 1
+
     def __post_init__(self):
         for name, least in (
             ("passes", 0),
@@ -62,3 +70,8 @@ class Settings:
             raise ValueError(f"assumed_emissivity is {self.assumed_emissivity:g}, expected above 0 to 1")
         if self.roulette not in ("POWER", "BAND_AVERAGE"):
             raise ValueError(f"roulette is '{self.roulette}', expected 'POWER' or 'BAND_AVERAGE'")
+
+    @property
+    def correction(self) -> Correction:
+        """Of the temperatures that a film of these settings gives."""
+        return Correction(self.assumed_emissivity, self.reflected_temperature)
