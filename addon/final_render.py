@@ -8,7 +8,7 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -19,14 +19,14 @@ import numpy as np
 from mathutils import Color
 
 from .heat_settings import read_scale
-from .output.description import how_rendered
+from .output.description import FurtherImage, how_rendered
 from .output.formats import FORMATS, without_extension, write_file
 from .output.temperature_scale import TemperatureScale
+from .render_passes import RenderPass, further_passes, render_passes
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from .solver.memory import check_memory, memory_beforehand
-from .solver.spectrum import band_names
 from .solver.surfaces import Geometry, build_geometry
 
 log = logging.getLogger(__name__)
@@ -54,27 +54,24 @@ class FinishedFrame:
 DEFAULT_SCALE = TemperatureScale()
 REC709 = np.eye(3, dtype=np.float32)
 
-finished_layers: dict[str, dict] = {}  # view layer -> arguments of write_band_exr, of the last finished render
+finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last finished render
 finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
 
 
-def render_passes(band_edges):
-    """Every pass of a view layer as (name, channels, channel ids, kind); `film_images` fills them.
+def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict[str, np.ndarray]:
+    """The image of every pass by its name, (height, width[, channels]) float32.
 
-    Raises SceneError if a name would be too long for Blender.
+    paint: `thermal_picture` or alike. further: functions of the film and of the images so far, each returns images of
+    `further_passes`.
     """
-    yield "Combined", 4, "RGBA", "COLOR"
-    for name in (*band_names(band_edges), "Radiance", "Temperature", "Noise"):
-        yield name, 1, "V", "VALUE"
-
-
-def film_images(film, paint: Callable) -> dict[str, np.ndarray]:
-    """The image of every pass by its name, (height, width[, channels]) float32. paint: `thermal_picture` or alike."""
     with ThreadPoolExecutor(2) as pool:  # Esc must not wait for large images
         noise, bands = pool.submit(film.noise), pool.submit(film.bands)
         temperature = film.temperature()
         images = {"Combined": paint(temperature), "Radiance": film.radiance(), "Temperature": temperature}
-        return {**images, **dict(zip(film.band_names, bands.result(), strict=True)), "Noise": noise.result()}
+        images |= {**dict(zip(film.band_names, bands.result(), strict=True)), "Noise": noise.result()}
+    for make in further:
+        images |= make(film, images)
+    return images
 
 
 def thermal_picture(
@@ -98,11 +95,11 @@ def working_primaries() -> np.ndarray:
 def register_passes(engine, scene, view_layer) -> None:
     """Register the passes of the scene's bands; none if the bands are wrong, which panel and render report."""
     try:
-        passes = tuple(render_passes(read_band_edges(scene.infrared)))
+        passes = render_passes(scene, view_layer)
     except SceneError:
         return
-    for name, channels, channel_ids, kind in passes:
-        engine.register_pass(scene, view_layer, name, channels, channel_ids, kind)
+    for each in passes:
+        engine.register_pass(scene, view_layer, each.name, len(each.channels), each.channels, each.kind)
 
 
 def render_view_layer(engine, depsgraph) -> None:
@@ -119,7 +116,7 @@ def render_view_layer(engine, depsgraph) -> None:
         finished_frames.clear()
     settings = read_settings(scene.infrared)
     edges = read_band_edges(scene.infrared)
-    passes = tuple(render_passes(edges))
+    passes, further = (listed(scene, depsgraph.view_layer_eval) for listed in (render_passes, further_passes))
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
     if scene.render.use_multiview:
@@ -134,9 +131,9 @@ def render_view_layer(engine, depsgraph) -> None:
         solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
     else:
         engine.geometries.clear()
-    for name, channels, channel_ids, _kind in passes[1:]:  # Combined is there already
-        engine.add_pass(name, channels, channel_ids, layer=layer)
-    copies = IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)
+    for each in passes[1:]:  # Combined is there already
+        engine.add_pass(each.name, len(each.channels), each.channels, layer=layer)
+    copies = (IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)) * size_beside_usual(passes, further)
     scale, slot = read_scale(scene.infrared), render_slot()
     paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
     job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint)
@@ -152,12 +149,18 @@ def render_view_layer(engine, depsgraph) -> None:
         engine.end_result(result)
     log.info("%s: %s", layer, job.status())
     if images and not job.cancelled:
-        finished_layers[layer] = exr_arguments(job, images)
+        finished_layers[layer] = layer_images(job, images, further)
         finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
         if scene.infrared.band_exr_path:
             for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
                 path = file_path(scene, layer if len(layers) > 1 else "", engine.is_animation, file_format)
                 write_layer(path, layer, file_format)
+
+
+def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass]) -> float:
+    """Size of the images of all passes, over that of those which every render has; `further` are the others."""
+    total, asked = (sum(len(each.channels) for each in some) for some in (passes, further))
+    return total / (total - asked)
 
 
 def _warn(engine, message: str) -> None:
@@ -216,10 +219,13 @@ def _watch(engine, job: RenderJob, result) -> None:
 class RenderJob(threading.Thread):
     """The solver in a background thread. It touches no Blender data; images are handed over on request."""
 
-    def __init__(self, scene, settings, solve: Callable, paint: Callable = thermal_picture):
-        """solve, paint: `render` and `thermal_picture`, or what takes the same arguments."""
+    def __init__(
+        self, scene, settings, solve: Callable, paint: Callable = thermal_picture, further: Sequence[Callable] = ()
+    ):
+        """solve, paint: `render` and `thermal_picture`, or what takes the same arguments. further: see film_images."""
         super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
         self.scene, self.settings, self.film, self._solve, self._paint = scene, settings, None, solve, paint
+        self._further = further
         self.snapshot_seconds = 0.0
         self._cancel, self._request = threading.Event(), threading.Event()
         self._images = self._latest = self._error = self._noise = None
@@ -242,7 +248,7 @@ class RenderJob(threading.Thread):
         begin = time.monotonic()
         with film.lock:
             if self._latest is None or self._latest[0] != film.passes:  # only once for a pass
-                self._latest = film.passes, film_images(film, self._paint)
+                self._latest = film.passes, film_images(film, self._paint, self._further)
         passes, images = self._latest
         self._noise = float(np.percentile(images["Noise"], 95)) if passes > 1 else None
         self.snapshot_seconds = time.monotonic() - begin
@@ -331,8 +337,8 @@ def process_memory() -> float:
 # Files ----------------------------------------------------------------------------------------------------------------
 
 
-def exr_arguments(job: RenderJob, images: dict[str, np.ndarray]) -> dict:
-    """The arguments of write_band_exr, but for its path."""
+def layer_images(job: RenderJob, images: dict[str, np.ndarray], further: Sequence[RenderPass] = ()) -> dict:
+    """What `formats.write_file` takes: the images of a finished view layer, and those of its further passes."""
     film, response = job.film, job.scene.response
     return {
         "bands": [images[name] for name in film.band_names],
@@ -341,6 +347,7 @@ def exr_arguments(job: RenderJob, images: dict[str, np.ndarray]) -> dict:
         "temperature": images["Temperature"],
         "noise": images["Noise"],
         "metadata": {"sensor": response.name if response else "Ideal", **how_rendered(film, job.settings)},
+        "further": {each.name: FurtherImage(images[each.name], each.channels, each.unit) for each in further},
     }
 
 

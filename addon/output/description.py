@@ -7,6 +7,7 @@ Each writer stores the same facts in its own format's way, so what is added here
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,16 @@ from ..solver.spectrum import C1, C2
 from ..version import version
 
 BAND_UNIT = "W m-2 sr-1 um-1"
+
+
+class FurtherImage(NamedTuple):
+    """An image that only some renders have. image: (h, w) float32, or (h, w, n), row 0 at the bottom. channels: n
+    letters. unit: of its values, empty for none.
+    """
+
+    image: np.ndarray
+    channels: str = "V"
+    unit: str = ""
 
 
 def how_rendered(film, settings) -> dict[str, object]:

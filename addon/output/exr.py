@@ -24,16 +24,16 @@ import OpenEXR
 
 from ..solver.files import replacing
 from ..solver.spectrum import band_names
-from .description import BAND_UNIT, describe
+from .description import BAND_UNIT, FurtherImage, describe
 from .temperature_scale import TemperatureScale
 
 IMAGE_UNITS = "Radiance: W m-2 sr-1; Temperature: K; Noise: K"
 NM_PER_UM = np.float32(1000.0)
 
 
-def channel_name(pass_name: str) -> str:
-    """Channel of a pass in the file: '7.50-7.90um' is '7,50-7,90um.V'."""
-    return pass_name.replace(".", ",") + ".V"
+def channel_name(pass_name: str, channel: str = "V") -> str:
+    """A channel of a pass in the file: that of '7.50-7.90um' is '7,50-7,90um.V'."""
+    return f"{pass_name.replace('.', ',')}.{channel}"
 
 
 def write_band_exr(
@@ -44,19 +44,21 @@ def write_band_exr(
     temperature: np.ndarray,
     noise: np.ndarray,
     metadata: Mapping[str, object] | None = None,
+    further: Mapping[str, FurtherImage] | None = None,
 ) -> None:
     """Write every image of one frame to an EXR file; the values are kept to the last bit.
 
     bands: (h, w) float32 for each band, spectral radiance, W m-2 sr-1 um-1. band_edges: (b + 1,) um.
     radiance: (h, w) W m-2 sr-1. temperature, noise: (h, w) K. Row 0 is the bottom, as in Blender.
     metadata: more header attributes, written as text, see `description.how_rendered`.
+    further: more images, by the name of their pass.
 
     An existing file is replaced once the new one is complete. Raises OSError naming the path if it cannot be written,
     ValueError if the images differ in shape or are not one per band.
     """
     names = [channel_name(name) for name in band_names(band_edges)]
-    images = dict(zip(names, bands, strict=True)) | _other_images(radiance, temperature, noise)
-    _write(path, images, describe(f"bands: {BAND_UNIT}; {IMAGE_UNITS}", band_edges, metadata))
+    images = dict(zip(names, bands, strict=True)) | _other_images(radiance, temperature, noise, further)
+    _write(path, images, describe(f"bands: {BAND_UNIT}; {_units(further)}", band_edges, metadata))
 
 
 def write_spectral_exr(
@@ -67,18 +69,19 @@ def write_spectral_exr(
     temperature: np.ndarray,
     noise: np.ndarray,
     metadata: Mapping[str, object] | None = None,
+    further: Mapping[str, FurtherImage] | None = None,
 ) -> None:
     """Write one frame in the published Spectral OpenEXR layout; arguments and errors are those of `write_band_exr`.
 
-    The values of a band are those of its image divided by 1000, in float32. Radiance, Temperature and Noise go along
-    as in `write_band_exr`, and the layout's preview (R, G, B) shows Temperature in the default palette.
+    The values of a band are those of its image divided by 1000, in float32. The others go along as in `write_band_exr`,
+    and the layout's preview (R, G, B) shows Temperature in the default palette.
     """
     names = spectral_channel_names(band_edges)
     per_nm = (np.asarray(image, np.float32) / NM_PER_UM for image in bands)
-    images = dict(zip(names, per_nm, strict=True)) | _other_images(radiance, temperature, noise)
+    images = dict(zip(names, per_nm, strict=True)) | _other_images(radiance, temperature, noise, further)
     preview = TemperatureScale().colours(temperature)
     images |= {channel: preview[..., i] for i, channel in enumerate("RGB")}
-    facts = describe(f"S0: W m-2 sr-1 nm-1; {IMAGE_UNITS}", band_edges, metadata)
+    facts = describe(f"S0: W m-2 sr-1 nm-1; {_units(further)}", band_edges, metadata)
     layout = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1", "EV": 0.0}  # names and units are fixed
     edges = [np.format_float_positional(1000.0 * edge, precision=9, trim="-") for edge in band_edges]
     boxes = (f"{low}nm:1;{high}nm:1;" for low, high in zip(edges[:-1], edges[1:], strict=True))
@@ -99,9 +102,19 @@ def spectral_channel_names(band_edges: np.ndarray) -> list[str]:
     return [f"S0.{value}nm" for value in values]
 
 
-def _other_images(radiance, temperature, noise) -> dict[str, np.ndarray]:
+def _other_images(radiance, temperature, noise, further) -> dict[str, np.ndarray]:
     named = {"Radiance": radiance, "Temperature": temperature, "Noise": noise}
-    return {channel_name(name): image for name, image in named.items()}
+    images = {channel_name(name): image for name, image in named.items()}
+    for name, (image, letters, _unit) in (further or {}).items():
+        planes = np.moveaxis(np.reshape(image, (*np.shape(image)[:2], len(letters))), -1, 0)
+        images |= {channel_name(name, letter): plane for letter, plane in zip(letters, planes, strict=True)}
+    return images
+
+
+def _units(further) -> str:
+    """What the images beside the bands are in."""
+    units = {name: each.unit for name, each in (further or {}).items() if each.unit}
+    return "; ".join([IMAGE_UNITS, *(f"{name}: {unit}" for name, unit in units.items())])
 
 
 def _write(path: str | os.PathLike, images: Mapping[str, np.ndarray], attributes: Mapping[str, object]) -> None:

@@ -51,6 +51,7 @@ def without_extension(path: str) -> str:
 def write_file(file_format: str, path: Path, images: Mapping) -> None:
     """Write a frame. file_format: a key of FORMATS; images: the arguments of `exr.write_band_exr`, but for its path.
 
+    Only OpenEXR has a place for `further` images; the other formats leave them out.
     Raises OSError naming the path if it cannot be written.
     """
     described = {name: images[name] for name in ("band_edges", "metadata")}
