@@ -32,6 +32,16 @@ class Correction(NamedTuple):
     reflected_temperature: float = 293.15  # K
 
 
+def object_radiance(radiance: np.ndarray, edges: np.ndarray, weights: np.ndarray, correction: Correction) -> np.ndarray:
+    """What a blackbody at the corrected temperature would send, W m-2 sr-1; below 0 is possible.
+
+    radiance: of all bands through the sensor's response, any shape, W m-2 sr-1. edges: (b + 1,) um. weights: (b,).
+    """
+    emissivity, reflected = correction
+    reflection = (1.0 - emissivity) * sensor_radiance(edges, weights, reflected)
+    return (radiance - reflection) / emissivity
+
+
 class Film:
     """Mean over passes of the radiance of each pixel and band. Row 0 is the bottom row.
 
@@ -197,6 +207,10 @@ class Film:
         _split(self._excess(), self._reference, np.diff(self.band_edges), images)
         return images.reshape(self.band_count, self.height, self.width)
 
+    def layer_means(self) -> np.ndarray:
+        """(pixels, layers * b) float64 excess radiance of the layers as traced, W m-2 sr-1. Do not change it."""
+        return self._mean
+
     def radiance(self) -> np.ndarray:
         """(height, width) float32 radiance over all bands through the sensor's response, W m-2 sr-1."""
         return self._image(self._radiance())
@@ -229,10 +243,7 @@ class Film:
         return apparent_temperature(radiance, self.band_edges, self.weights)
 
     def _object_radiance(self) -> np.ndarray:
-        """What a blackbody at the corrected temperature would send, (pixels,) W m-2 sr-1; below 0 is possible."""
-        emissivity, reflected = self.correction
-        reflection = (1.0 - emissivity) * sensor_radiance(self.band_edges, self.weights, reflected)
-        return (self._radiance() - reflection) / emissivity
+        return object_radiance(self._radiance(), self.band_edges, self.weights, self.correction)
 
     def _radiance(self) -> np.ndarray:
         return _weighted(self._excess(), self._reference, self.weights)

@@ -134,9 +134,9 @@ def share(surfaces, finals, shrink2, rows, columns, closeness, image):
                         for b in range(mean.size):
                             mean[b] += scale * image[finals.row + other, b]
                     other = following[other]
-        for first in range(0, mean.size, finals.factor.shape[1]):  # of each layer
+        for start in range(0, mean.size, finals.factor.shape[1]):  # of each layer
             for b in range(finals.factor.shape[1]):
-                image[finals.pixel[n], first + b] += finals.factor[n, b] * mean[first + b] / np.float32(total)
+                image[finals.pixel[n], start + b] += finals.factor[n, b] * mean[start + b] / np.float32(total)
 
 
 @njit(inline="always")
