@@ -39,12 +39,17 @@ class LayeredImage:
         """The temperature (K) of each group in the scene that was rendered."""
         return group_temperatures(self.layers)
 
+    def factors(self, temperatures: Mapping[str, float] | None = None) -> np.ndarray:
+        """(layers, b) float64 by which layers count at other temperatures (K, by group); groups that are missing stay as
+        they were in the scene. Raises SceneError for a group or temperature that cannot be, see `layer_factors`."""
+        return layer_factors(self.layers, self.band_edges, self.reference_temperature, temperatures)
+
     def recombined(self, temperatures: Mapping[str, float] | None = None) -> np.ndarray:
         """(b, height, width) float32 spectral radiance averaged over each band, W m-2 sr-1 um-1, at other temperatures.
 
-        temperatures: K, by group; groups that are missing stay as they were in the scene. Errors: see layer_factors.
+        temperatures: as in `factors`.
         """
-        factors = layer_factors(self.layers, self.band_edges, self.reference_temperature, temperatures)
+        factors = self.factors(temperatures)
         base = reference_radiance(self.band_edges, self.reference_temperature) / np.diff(self.band_edges)
         count, bands, *shape = self.excess.shape
         images = np.empty((bands, *shape), np.float32)
@@ -91,16 +96,10 @@ def _combine(excess, factors, base, images):
             images[b, i] = total
 
 
-@dataclass(frozen=True)
-class Series:
-    """Temperatures of groups over time. frames: (n,) numbers of the images. temperatures: K, by group, for each."""
+def read_series(text: str, known: Sequence[str]) -> list[tuple[int, dict[str, float]]]:
+    """A table of temperatures over time: for each image the number of its frame and temperatures (K) by group.
 
-    frames: Sequence[int]
-    temperatures: Sequence[dict[str, float]]
-
-
-def read_series(text: str, known: Sequence[str]) -> Series:
-    """A table of temperatures over time: comma-separated, with a line of titles.
+    The text is comma-separated values, with a line of titles.
 
     A column 'frame' holds whole numbers; without one, rows count from 1. 'time' is for the reader alone. Every other
     column is a temperature group, in kelvin. known: names of the groups.
@@ -127,7 +126,7 @@ def read_series(text: str, known: Sequence[str]) -> Series:
         frames.append(_number(values["frame"], int, number, "frame") if "frame" in values else counted)
     if len(set(frames)) < len(frames):
         raise SceneError("The series has a frame twice")
-    return Series(frames, temperatures)
+    return list(zip(frames, temperatures, strict=True))
 
 
 def _number(text: str, kind: type, line: int, title: str):
