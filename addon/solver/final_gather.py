@@ -52,8 +52,8 @@ class Finals(NamedTuple):
     2 triangle + side, rays (n,) int32, their number, radius2 (n,) float64, m2, of the disk within which they share.
 
     row: the first of their n rows in the image. Each holds the mean radiance that the rays meet, times `carried` (n,)
-    float64, so that roulette on the way knows what matters. factor: (n, layers * b) float32, what the pixel gets of that
-    mean, the same for each layer.
+    float64, so that roulette on the way knows what matters. factor: (n, layers * b) float32, what the pixel gets of
+    that mean, the same for each layer.
     """
 
     pixel: np.ndarray

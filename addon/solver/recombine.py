@@ -40,8 +40,10 @@ class LayeredImage:
         return group_temperatures(self.layers)
 
     def factors(self, temperatures: Mapping[str, float] | None = None) -> np.ndarray:
-        """(layers, b) float64 by which layers count at other temperatures (K, by group); groups that are missing stay as
-        they were in the scene. Raises SceneError for a group or temperature that cannot be, see `layer_factors`."""
+        """(layers, b) float64 by which layers count at other temperatures (K, by group).
+
+        Groups that are missing stay as they were in the scene. Errors: see `layer_factors`.
+        """
         return layer_factors(self.layers, self.band_edges, self.reference_temperature, temperatures)
 
     def recombined(self, temperatures: Mapping[str, float] | None = None) -> np.ndarray:
