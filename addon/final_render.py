@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import sys
 import threading
 import time
@@ -20,13 +19,14 @@ from mathutils import Color
 
 from .heat_settings import read_scale
 from .output.description import FurtherImage, how_rendered
-from .output.formats import FORMATS, without_extension, write_file
+from .output.formats import FORMATS, numbered, without_extension, write_file
 from .output.temperature_scale import TemperatureScale
 from .render_passes import RenderPass, further_passes, render_passes
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings
 from .solver import render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from .solver.memory import check_memory, memory_beforehand
+from .solver.recombine import layered_image
 from .solver.surfaces import Geometry, build_geometry
 
 log = logging.getLogger(__name__)
@@ -56,6 +56,7 @@ REC709 = np.eye(3, dtype=np.float32)
 
 finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last finished render
 finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
+finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
 
 
 def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict[str, np.ndarray]:
@@ -114,6 +115,7 @@ def render_view_layer(engine, depsgraph) -> None:
     if layer in layers[:1] or layer not in layers:  # the first of this render, or a single one
         finished_layers.clear()
         finished_frames.clear()
+        finished_groups.clear()
     settings = read_settings(scene.infrared)
     edges = read_band_edges(scene.infrared)
     passes, further = (listed(scene, depsgraph.view_layer_eval) for listed in (render_passes, further_passes))
@@ -121,6 +123,8 @@ def render_view_layer(engine, depsgraph) -> None:
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override)
     if scene.render.use_multiview:
         warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
+    if scene.infrared.group_exr_path and not solver_scene.groups:
+        warnings.append("Nothing is in a temperature group: no file of them is written")
     for warning in warnings:
         _warn(engine, warning)
     solve = render
@@ -155,6 +159,9 @@ def render_view_layer(engine, depsgraph) -> None:
             for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
                 path = file_path(scene, layer if len(layers) > 1 else "", engine.is_animation, file_format)
                 write_layer(path, layer, file_format)
+        if len(job.film.layers) > 1:
+            path = group_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
+            write_groups(path, layer, job.film)
 
 
 def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass]) -> float:
@@ -360,10 +367,24 @@ def write_layer(path: Path, layer: str, file_format: str) -> None:
     log.info("%s: %s written to %s", layer, FORMATS[file_format].name, path)
 
 
+def write_groups(path: Path, layer: str, film) -> None:
+    """Write the temperature groups of a view layer's finished film. Raises OSError."""
+    from .output.group_exr import write_group_exr
+
+    write_group_exr(path, layered_image(film), finished_layers[layer]["metadata"])
+    finished_groups[layer] = path
+    log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)
+
+
 def file_path(scene, layer: str, animation: bool, file_format: str = "BAND_EXR") -> Path:
     """File of this frame in a format (a key of FORMATS); layer: as `_output_path` has it."""
     path = without_extension(scene.infrared.band_exr_path)
     return _output_path(scene, path, FORMATS[file_format].ending, layer, animation)
+
+
+def group_path(scene, layer: str, animation: bool) -> Path:
+    """File of this frame's temperature groups; layer: as `_output_path` has it."""
+    return _output_path(scene, scene.infrared.group_exr_path, ".exr", layer, animation)
 
 
 def checkpoint_path(scene, layer: str, animation: bool) -> Path:
@@ -373,10 +394,5 @@ def checkpoint_path(scene, layer: str, animation: bool) -> Path:
 
 def _output_path(scene, path: str, extension: str, layer: str, animation: bool) -> Path:
     """File of this frame: '//' and '####' resolved, the layer's name added if it is given, the extension at the end."""
-    text = bpy.path.abspath(path)
-    stem = text[: -len(extension)] if text.lower().endswith(extension) else text
-    if animation and "#" not in Path(stem).name:
-        stem += "####"
-    folder, name = Path(stem).parent, Path(stem).name
-    name = re.sub("#+", lambda digits: f"{scene.frame_current:0{len(digits[0])}d}", name)
-    return folder / (f"{name}_{bpy.path.clean_name(layer)}{extension}" if layer else f"{name}{extension}")
+    file = numbered(bpy.path.abspath(path), extension, scene.frame_current, animation)
+    return file.with_name(f"{file.stem}_{bpy.path.clean_name(layer)}{extension}") if layer else file

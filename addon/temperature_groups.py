@@ -32,11 +32,10 @@ SOURCES = (
 Moment = tuple[int, Mapping[str, float]]  # number of a frame, and temperatures (K) by group
 
 
-def last_group_file() -> Path | None:
-    """The file of the last render's groups; None without one in this session."""
+def last_group_files() -> dict[str, Path]:
+    """The files of the last render's groups, by view layer; none without a render in this session."""
     final_render = sys.modules.get(f"{__package__}.final_render")  # not loaded: nothing was rendered
-    files = list(final_render.finished_groups.values()) if final_render else []
-    return files[-1] if files else None
+    return final_render.finished_groups if final_render else {}
 
 
 def moments(context, source: str, series: str, known: Iterable[str]) -> Iterator[Moment]:
@@ -77,7 +76,7 @@ def recombine(context, groups: Path, target: str, source: str, series: str = "",
     from .final_render import thermal_picture, working_primaries
     from .heat_picture import write_picture
     from .heat_settings import read_scale, scene_unit
-    from .output.files import numbered
+    from .output.formats import numbered
     from .output.group_exr import read_group_exr, write_recombined
 
     image, facts = read_group_exr(groups)
@@ -132,12 +131,15 @@ class INFRARED_OT_recombine(Operator, ExportHelper):
     def execute(self, context):
         from .scene_reader import SceneError
 
-        groups = Path(bpy.path.abspath(self.groups)) if self.groups else last_group_file()
-        if groups is None:
+        files = {"": Path(bpy.path.abspath(self.groups))} if self.groups else last_group_files()
+        if not files:
             self.report({"ERROR"}, "There is no render with temperature groups yet: render one, or choose its file")
             return {"CANCELLED"}
+        stem, paths = self.filepath.removesuffix(self.filename_ext), []
         try:
-            paths = recombine(context, groups, self.filepath, self.source, self.series, self.pictures)
+            for layer, groups in files.items():
+                target = f"{stem}_{bpy.path.clean_name(layer)}" if len(files) > 1 else stem
+                paths += recombine(context, groups, target, self.source, self.series, self.pictures)
         except (SceneError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -9,6 +9,7 @@ the scene and while it was traced. The other facts are those of every file.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,10 +21,10 @@ from ..solver.files import replacing
 from ..solver.film import Correction
 from ..solver.layers import from_json, to_json
 from ..solver.recombine import LayeredImage
-from ..solver.scene import SceneError, check_band_edges
+from ..solver.scene import SceneError, check_band_edges, check_temperature
 from ..solver.spectrum import band_names
 from .description import BAND_UNIT, describe
-from .exr import channel_name
+from .exr import channel_name, write_band_exr
 
 WHAT = "the temperature groups"
 
@@ -62,7 +63,9 @@ def read_group_exr(path: str | os.PathLike) -> tuple[LayeredImage, dict[str, str
         check_band_edges(edges)
         layers = from_json(facts["layers"])
         names = [channel_name(name) for name in band_names(edges)]
-        channels = [[file.channels(number)[name].pixels[::-1] for name in names] for number in range(len(layers))]
+        if len(file.parts) != len(layers):
+            raise ValueError(f"{len(file.parts)} parts for {len(layers)} layers")
+        channels = [[part.channels[name].pixels[::-1] for name in names] for part in file.parts]
         image = LayeredImage(
             np.array(channels, np.float32),
             layers,
@@ -71,15 +74,39 @@ def read_group_exr(path: str | os.PathLike) -> tuple[LayeredImage, dict[str, str
             _numbers(facts["bandWeights"]),
             Correction(float(facts["assumedEmissivity"]), float(facts["reflectedTemperature"])),
         )
-        if len(image.weights) != len(names):
-            raise ValueError(f"{len(image.weights)} bandWeights for {len(names)} bands")
+        check_temperature(image.reference_temperature, "The reference")
+        check_temperature(image.correction.reflected_temperature, "What is reflected")
+        if not 0.0 < image.correction.emissivity <= 1.0:
+            raise ValueError(f"assumedEmissivity is {image.correction.emissivity:g}")
+        if len(image.weights) != len(names) or not np.all((image.weights >= 0.0) & (image.weights < np.inf)):
+            raise ValueError(f"{len(image.weights)} bandWeights for {len(names)} bands: {facts['bandWeights']}")
         if not np.isfinite(image.excess.sum()):
             raise ValueError("it holds values that are not finite")
     except OSError as error:
         raise OSError(f"Cannot read {WHAT} from '{path}': {error.strerror or error}") from error
     except Exception as error:  # whatever the readers of images and text meet in a damaged file
-        raise SceneError(f"'{path}' holds no temperature groups, or is damaged: {error!r}") from error
+        raise SceneError(f"'{path}' holds no temperature groups, or is damaged: {error}") from error
     return image, {name: value for name, value in facts.items() if name not in ("layers", "name", "units")}
+
+
+def write_recombined(
+    path: str | os.PathLike,
+    image: LayeredImage,
+    temperatures: Mapping[str, float],
+    metadata: Mapping[str, object] | None = None,
+) -> np.ndarray:
+    """Write the band images of a render for other temperatures, without compression, which would take most of the time.
+
+    temperatures: K, by group; the header tells them. metadata: the facts that came with the layers.
+    Returns the apparent temperature (h, w) float32, K. Errors: those of `LayeredImage.factors` and `write_band_exr`.
+    """
+    bands = image.recombined(temperatures)
+    radiance = image.radiance(bands)
+    temperature = image.temperature(radiance)
+    told = {"groupTemperatures": json.dumps(image.temperatures | dict(temperatures))}
+    facts = {**(metadata or {}), **told}
+    write_band_exr(path, bands, image.band_edges, radiance, temperature, None, facts, compressed=False)
+    return temperature
 
 
 def _numbers(text: str) -> np.ndarray:
