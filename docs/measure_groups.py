@@ -76,8 +76,8 @@ def compare(folder: Path) -> list[np.ndarray]:
     seconds, fresh = render()
     difference = series[KELVIN.index(FRESH)] - fresh
     print(
-        f"ring at {FRESH} K, rendered anew without groups in {seconds:.1f} s: mean difference {difference.mean():.4f} K, "
-        f"median of its size {np.median(np.abs(difference)):.3f} K"
+        f"ring at {FRESH} K, rendered anew without groups in {seconds:.1f} s: mean difference "
+        f"{difference.mean():.4f} K, median of its size {np.median(np.abs(difference)):.3f} K"
     )
     return series
 

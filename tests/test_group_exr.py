@@ -10,7 +10,7 @@ import pytest
 from addon.output.formats import numbered
 from addon.output.group_exr import read_group_exr, write_group_exr, write_recombined
 from addon.solver.film import Correction
-from addon.solver.layers import Layer
+from addon.solver.layers import Layer, to_json
 from addon.solver.recombine import LayeredImage
 from addon.solver.scene import SceneError
 from addon.solver.spectrum import apparent_temperature, band_radiance
@@ -102,7 +102,7 @@ def test_damaged_files_are_refused(path):
         ({"referenceTemperature": "nan"}, "reference"),
         ({"bandWeights": "1.0"}, "1 bandWeights for 2 bands"),
         ({"assumedEmissivity": "0"}, "assumedEmissivity"),
-        ({"layers": "[{}]"}, "3 parts for 1 layers"),
+        ({"layers": to_json(LAYERS[:1])}, "3 parts for 1 layers"),
     ],
 )
 def test_impossible_facts_are_refused(path, tmp_path, change, message):

@@ -44,7 +44,7 @@ def write_group_exr(path: str | os.PathLike, image: LayeredImage, metadata: Mapp
     parts = []
     for number, (layer, bands) in enumerate(zip(image.layers, image.excess, strict=True)):
         channels = {name: np.ascontiguousarray(band[::-1]) for name, band in zip(names, bands, strict=True)}
-        parts.append(OpenEXR.Part(header, channels, f"{number} {layer.name}"))
+        parts.append(OpenEXR.Part(dict(header), channels, f"{number} {layer.name}"))
     with replacing(path, WHAT) as unfinished:
         OpenEXR.File(parts).write(str(unfinished))
 
