@@ -30,7 +30,7 @@ from addon.solver.layers import Layer  # noqa: E402
 from addon.solver.recombine import LayeredImage  # noqa: E402
 
 KELVIN = (300, 340, 400, 480)  # of the ring; 340 is what the demo has
-PASSES, FRESH = 24, 480  # FRESH: K, the last of them, rendered anew for comparison
+PASSES, FRESH = 12, 480  # FRESH: K, the last of them, rendered anew for comparison
 REPEATS = 5
 
 

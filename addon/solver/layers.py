@@ -61,23 +61,27 @@ def scene_layers(scene: Scene) -> tuple[tuple[Layer, ...], np.ndarray | None]:
     """
     if not scene.groups:
         return SINGLE, None
-    spectrum = _spectra(scene)
-    found = np.unique(np.stack((scene.group, spectrum[scene.material]), axis=1)[scene.group >= 0], axis=0).tolist()
-    if scene.world_group >= 0 and [scene.world_group, -1] not in found:
-        found.append([scene.world_group, -1])
-    found.sort()
+    spectrum = _spectra(scene)[scene.material]
+    kinds = len(scene.materials) + 1
+    codes = np.where(scene.group >= 0, kinds * scene.group.astype(np.int64) + spectrum + 1, -1)
+    of_world = [kinds * scene.world_group] if scene.world_group >= 0 else []
+    found = np.unique(np.concatenate((codes, of_world)))
+    found = found[found >= 0].astype(np.int64)
     if len(found) >= MOST_LAYERS:
         raise SceneError(
             f"The {len(scene.groups)} temperature groups need {len(found) + 1} layers, one for each spectrum in a "
             f"group; at most {MOST_LAYERS} are possible"
         )
-    layers, layer = list(SINGLE), np.zeros(len(scene.group), np.uint8)
-    for number, (group, material) in enumerate(found, 1):
+    layers = list(SINGLE)
+    for code in found:
+        group, material = int(code) // kinds, int(code) % kinds - 1
         kelvin = scene.group_temperature(group)
-        spectral = (scene.materials[material].name, scene.materials[material].curve) if material >= 0 else Layer()[1:3]
+        spectral = Layer()[1:3]
+        if material >= 0:
+            spectral = scene.materials[material].name or "unnamed", scene.materials[material].curve
         layers.append(Layer(scene.groups[group], *spectral, kelvin, kelvin))
-        layer[(scene.group == group) & (spectrum[scene.material] == material)] = number
-    return tuple(layers), layer
+    layer = np.where(codes >= 0, np.searchsorted(found, codes) + 1, 0)
+    return tuple(layers), layer.astype(np.uint8)
 
 
 def _spectra(scene: Scene) -> np.ndarray:
@@ -121,8 +125,8 @@ def sky_layer(scene: Scene, layers: tuple[Layer, ...]) -> int:
     """The layer that the surroundings are in: they radiate like a blackbody."""
     if scene.world_group < 0:
         return 0
-    of_sky = scene.groups[scene.world_group], 1
-    return next(i for i, each in enumerate(layers) if (each.group, len(each.curve[0])) == of_sky)
+    of_sky = scene.groups[scene.world_group], ""
+    return next(i for i, each in enumerate(layers) if (each.group, each.material) == of_sky)
 
 
 def group_temperatures(layers: tuple[Layer, ...]) -> dict[str, float]:
