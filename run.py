@@ -58,8 +58,8 @@ def main() -> int:
     if options.command == "demo":
         return call(python, ROOT / "docs/demo/render.py", *rest)
     if options.command == "test":
-        # most tests render small scenes, which leave a second core idle: a process for each core, whichever is free next
-        return call(python, "-m", "pytest", "--numprocesses", "auto", "--dist", "worksteal", *rest)
+        # most tests render small scenes, which leave a second core idle; tests of a file share what it prepares
+        return call(python, "-m", "pytest", "--numprocesses", "auto", "--dist", "loadfile", *rest)
     if options.command == "check":
         return call(python, "-m", "ruff", "check") or call(python, "-m", "ruff", "format", "--check")
     package(python, options.python, options.platform, options.output)

@@ -70,6 +70,7 @@ def _modules():
         properties,
         sensor_image,
         sensor_panel,
+        temperature_groups,
         temperature_tools,
     )
 
@@ -84,6 +85,7 @@ def _modules():
         material_assets,
         panels,
         sensor_panel,
+        temperature_groups,
         curve_points,
         band_presets,
         checks,

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import sys
 import threading
 import time
@@ -21,13 +20,14 @@ from mathutils import Color
 from .camera_effects import CameraEffects, read_detector
 from .heat_settings import read_scale
 from .output.description import FurtherImage, how_rendered
-from .output.formats import FORMATS, without_extension, write_file
+from .output.formats import FORMATS, numbered, without_extension, write_file
 from .output.temperature_scale import TemperatureScale
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
-from .scene_reader import SceneError, SurfaceReader, Warnings, read_band_edges, read_scene, read_settings
+from .scene_reader import SceneError, read_band_edges, read_scene, read_settings, render_reader
 from .solver import first_hit_images, render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from .solver.memory import check_memory, memory_beforehand
+from .solver.recombine import layered_image
 from .solver.surfaces import Geometry, build_geometry
 
 log = logging.getLogger(__name__)
@@ -57,6 +57,7 @@ REC709 = np.eye(3, dtype=np.float32)
 
 finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last finished render
 finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
+finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
 
 
 def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict[str, np.ndarray]:
@@ -110,28 +111,33 @@ def render_view_layer(engine, depsgraph) -> None:
     ended are in the result by then.
     """
     engine.update_stats("", "Reading the scene")
-    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval.name
+    scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    layer = view_layer.name
     layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # the evaluated one puts its own first
     if layer in layers[:1] or layer not in layers:  # the first of this render, or a single one
         finished_layers.clear()
         finished_frames.clear()
-    settings = read_settings(scene.infrared)
-    edges = read_band_edges(scene.infrared)
-    passes, further = (listed(scene, depsgraph.view_layer_eval) for listed in (render_passes, further_passes))
+        finished_groups.clear()
+    settings, edges = read_settings(scene.infrared), read_band_edges(scene.infrared)
+    passes, further = render_passes(scene, view_layer), further_passes(scene, view_layer)
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
-    surfaces = SurfaceReader(depsgraph, Warnings())
+    surfaces = render_reader(depsgraph)
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
     detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
     effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
     if scene.render.use_multiview:
         warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
+    if scene.infrared.group_exr_path and not solver_scene.groups:
+        warnings.append("Nothing is in a temperature group: no file of them is written")
     for warning in warnings:
         _warn(engine, warning)
+    suffix = layer if len(layers) > 1 else ""  # of the names of its files
     solve = render
     if scene.infrared.checkpoint_path:
-        path = checkpoint_path(scene, layer if len(layers) > 1 else "", engine.is_animation)
+        path = checkpoint_path(scene, suffix, engine.is_animation)
         solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
-    data, fillers = data_passes(scene, depsgraph.view_layer_eval), [effects] if effects else []
+    fillers = [effects] if effects else []
+    data = data_passes(scene, view_layer)
     if data:
         data_images = {}
         fillers.append(lambda film, images: data_images)
@@ -147,7 +153,20 @@ def render_view_layer(engine, depsgraph) -> None:
     scale, slot = read_scale(scene.infrared), render_slot()
     paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
     job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, fillers)
-    x0, y0, x1, y1 = solver_scene.camera.pixels
+    images = _render(engine, job, layer)
+    log.info("%s: %s", layer, job.status())
+    if effects and effects.warning():
+        _warn(engine, f"{layer}: {effects.warning()}")
+    if images and not job.cancelled:
+        facts = effects.facts() if effects else {}
+        finished_layers[layer] = layer_images(job, images, further, facts)
+        finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
+        _write_files(scene, layer, suffix, engine.is_animation, job.film)
+
+
+def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
+    """Run a job and show its images in the render result, which end there; None if no pass was finished."""
+    x0, y0, x1, y1 = job.scene.camera.pixels
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
     try:
         job.start()
@@ -157,17 +176,16 @@ def render_view_layer(engine, depsgraph) -> None:
             write_images(result, images)
     finally:
         engine.end_result(result)
-    log.info("%s: %s", layer, job.status())
-    if effects and effects.warning():
-        _warn(engine, f"{layer}: {effects.warning()}")
-    if images and not job.cancelled:
-        finished_layers[layer] = layer_images(job, images, further)
-        finished_layers[layer]["metadata"] |= effects.facts() if effects else {}
-        finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
-        if scene.infrared.band_exr_path:
-            for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
-                path = file_path(scene, layer if len(layers) > 1 else "", engine.is_animation, file_format)
-                write_layer(path, layer, file_format)
+    return images
+
+
+def _write_files(scene, layer: str, suffix: str, animation: bool, film) -> None:
+    """Write the files that the scene wants of a finished view layer. suffix: as `_output_path` has its layer."""
+    if scene.infrared.band_exr_path:
+        for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
+            write_layer(file_path(scene, suffix, animation, file_format), layer, file_format)
+    if len(film.layers) > 1:
+        write_groups(group_path(scene, suffix, animation), layer, film)
 
 
 def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass]) -> float:
@@ -367,8 +385,13 @@ def process_memory() -> float:
 # Files ----------------------------------------------------------------------------------------------------------------
 
 
-def layer_images(job: RenderJob, images: dict[str, np.ndarray], further: Sequence[RenderPass] = ()) -> dict:
-    """What `formats.write_file` takes: the images of a finished view layer, and those of its further passes."""
+def layer_images(
+    job: RenderJob, images: dict[str, np.ndarray], further: Sequence[RenderPass], facts: dict[str, object]
+) -> dict:
+    """What `formats.write_file` takes: the images of a finished view layer, and those of its further passes.
+
+    facts: more of what made them, by the names that files give it.
+    """
     film, response = job.film, job.scene.response
     return {
         "bands": [images[name] for name in film.band_names],
@@ -376,7 +399,7 @@ def layer_images(job: RenderJob, images: dict[str, np.ndarray], further: Sequenc
         "radiance": images["Radiance"],
         "temperature": images["Temperature"],
         "noise": images["Noise"],
-        "metadata": {"sensor": response.name if response else "Ideal", **how_rendered(film, job.settings)},
+        "metadata": {"sensor": response.name if response else "Ideal", **how_rendered(film, job.settings), **facts},
         "further": {each.name: FurtherImage(images[each.name], each.channels, each.unit) for each in further},
     }
 
@@ -390,10 +413,24 @@ def write_layer(path: Path, layer: str, file_format: str) -> None:
     log.info("%s: %s written to %s", layer, FORMATS[file_format].name, path)
 
 
+def write_groups(path: Path, layer: str, film) -> None:
+    """Write the temperature groups of a view layer's finished film. Raises OSError."""
+    from .output.group_exr import write_group_exr
+
+    write_group_exr(path, layered_image(film), finished_layers[layer]["metadata"])
+    finished_groups[layer] = path
+    log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)
+
+
 def file_path(scene, layer: str, animation: bool, file_format: str = "BAND_EXR") -> Path:
     """File of this frame in a format (a key of FORMATS); layer: as `_output_path` has it."""
     path = without_extension(scene.infrared.band_exr_path)
     return _output_path(scene, path, FORMATS[file_format].ending, layer, animation)
+
+
+def group_path(scene, layer: str, animation: bool) -> Path:
+    """File of this frame's temperature groups; layer: as `_output_path` has it."""
+    return _output_path(scene, scene.infrared.group_exr_path, ".exr", layer, animation)
 
 
 def checkpoint_path(scene, layer: str, animation: bool) -> Path:
@@ -403,10 +440,5 @@ def checkpoint_path(scene, layer: str, animation: bool) -> Path:
 
 def _output_path(scene, path: str, extension: str, layer: str, animation: bool) -> Path:
     """File of this frame: '//' and '####' resolved, the layer's name added if it is given, the extension at the end."""
-    text = bpy.path.abspath(path)
-    stem = text[: -len(extension)] if text.lower().endswith(extension) else text
-    if animation and "#" not in Path(stem).name:
-        stem += "####"
-    folder, name = Path(stem).parent, Path(stem).name
-    name = re.sub("#+", lambda digits: f"{scene.frame_current:0{len(digits[0])}d}", name)
-    return folder / (f"{name}_{bpy.path.clean_name(layer)}{extension}" if layer else f"{name}{extension}")
+    file = numbered(bpy.path.abspath(path), extension, scene.frame_current, animation)
+    return file.with_name(f"{file.stem}_{bpy.path.clean_name(layer)}{extension}") if layer else file

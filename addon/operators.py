@@ -12,14 +12,14 @@ from bpy.types import Operator
 from bpy_extras.io_utils import ExportHelper
 
 from .output.formats import ENUM_ITEMS, FORMATS
-from .properties import CUSTOM_PROPERTIES, add_custom_property, initial_value
+from .properties import CUSTOM_PROPERTIES, add_custom_property, initial_value, property_label
 
 OWNERS = (
     ("OBJECT", "Object", "The active object", 0),
     ("MATERIAL", "Material", "The active material", 1),
     ("WORLD", "World", "The scene's world", 2),
 )
-KEYS = tuple((key, key.capitalize(), ui["description"], i) for i, (key, ui) in enumerate(CUSTOM_PROPERTIES.items()))
+KEYS = tuple((key, property_label(key), ui["description"], i) for i, (key, ui) in enumerate(CUSTOM_PROPERTIES.items()))
 
 
 def _owner(context, kind: str):

@@ -7,6 +7,7 @@ import bpy
 from bpy.types import Panel
 
 from . import heat_map
+from .properties import property_label
 from .surface_temperature import DOMAINS, SURFACE_TYPES, in_scene_unit, temperature_source, usable_attribute
 
 ENGINE = "INFRARED_PHOTONS"
@@ -184,6 +185,7 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         ambient = f"{in_scene_unit(scene.infrared.ambient_temperature, scene)} (ambient)"
         draw_custom_property(row, obj, "OBJECT", "temperature", ambient)
         row.menu("INFRARED_MT_object_temperatures", text="", icon="DOWNARROW_HLT")
+        draw_group(column, obj, "OBJECT", scene)
         if obj.type != "MESH":
             return
         self.draw_surface(column, obj, source)
@@ -253,7 +255,9 @@ class INFRARED_PT_world(InfraredPanel, Panel):
         return super().poll(context) and context.world is not None
 
     def draw(self, context):
-        draw_custom_property(self.column(), context.world, "WORLD", "temperature", "0 K (no radiation)")
+        column = self.column()
+        draw_custom_property(column, context.world, "WORLD", "temperature", "0 K (no radiation)")
+        draw_group(column, context.world, "WORLD", context.scene)
 
 
 class INFRARED_PT_light(InfraredPanel, Panel):
@@ -313,11 +317,17 @@ def draw_custom_property(column, id_block, owner: str, key: str, without: str) -
     row = column.row(align=True)
     present = key in id_block
     if present:
-        row.prop(id_block, f'["{key}"]', text=key.capitalize())
+        row.prop(id_block, f'["{key}"]', text=property_label(key))
         operator = row.operator("infrared.property_remove", text="", icon="X")
     else:
         operator = draw_text(row, key, without).operator("infrared.property_add", text="", icon="ADD")
     operator.owner, operator.key = owner, key
+
+
+def draw_group(column, id_block, owner: str, scene) -> None:
+    """The temperature group, where groups are used or one is set."""
+    if scene.infrared.group_exr_path or "temperature_group" in id_block:
+        draw_custom_property(column, id_block, owner, "temperature_group", "None")
 
 
 def draw_text(row, key: str, text: str):
@@ -325,7 +335,7 @@ def draw_text(row, key: str, text: str):
     split = row.split(factor=0.4)
     name = split.row()
     name.alignment = "RIGHT"
-    name.label(text=key.capitalize())
+    name.label(text=property_label(key))
     value = split.row(align=True)
     value.label(text=text)
     return value

@@ -56,11 +56,22 @@ CUSTOM_PROPERTIES = {
         "precision": 3,
         "description": "Roughness of the mirrored share: 0 is a perfect mirror, 1 the widest gloss",
     },
+    "temperature_group": {
+        "description": "Name of a group whose light a render keeps apart, so that it takes new temperatures "
+        "afterwards. All in a group have one temperature; empty is none",
+    },
 }
 
 
-def initial_value(id_block, key: str, scene) -> float:
+def property_label(key: str) -> str:
+    """A custom property's name as the interface shows it."""
+    return key.replace("_", " ").title()
+
+
+def initial_value(id_block, key: str, scene) -> float | str:
     """What a missing custom property counts as, so that adding it changes nothing until it is edited."""
+    if key == "temperature_group":
+        return ""
     if key == "emissivity":
         return scene.infrared.default_emissivity
     if key != "temperature":
@@ -74,10 +85,10 @@ def initial_value(id_block, key: str, scene) -> float:
     return scene.infrared.ambient_temperature
 
 
-def add_custom_property(id_block, key: str, value: float) -> None:
-    """Set the custom property `key` to a number, with its unit and tooltip."""
-    id_block[key] = float(value)
-    id_block.id_properties_ui(key).update(default=float(value), **CUSTOM_PROPERTIES[key])
+def add_custom_property(id_block, key: str, value: float | str) -> None:
+    """Set the custom property `key` to a number or a text, with its unit and tooltip."""
+    id_block[key] = value if isinstance(value, str) else float(value)
+    id_block.id_properties_ui(key).update(default=id_block[key], **CUSTOM_PROPERTIES[key])
     id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
@@ -379,6 +390,15 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         items=ENUM_ITEMS,
         options={"ENUM_FLAG"},
         default={"BAND_EXR"},
+    )
+    group_exr_path: StringProperty(
+        name="Path",
+        description="Write the light of each temperature group of a final render to a file of this name, from which it "
+        "is recombined for other temperatures. '//' starts at the blend file, '####' is the frame number; empty keeps "
+        "no groups apart",
+        default="",
+        subtype="FILE_PATH",
+        options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     checkpoint_path: StringProperty(
         name="Checkpoint",

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from .camera_reader import read_camera
+from .group_reader import GroupReader, read_group
 from .solver import library
 from .solver.band_partition import Partition, choose_bands
 from .solver.scene import (
@@ -72,10 +73,16 @@ def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) ->
     camera: evaluated camera object; None is the scene's camera. surfaces: a new reader, to ask it for more afterwards.
     Raises SceneError, naming the object and the value, if there is nothing to render or a value makes no sense.
     """
-    surfaces = surfaces or SurfaceReader(depsgraph, Warnings())
+    surfaces = surfaces or render_reader(depsgraph)
     contents = read_contents(depsgraph, surfaces)
     solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, surfaces.warnings)
     return Scene(**contents, camera=solver_camera), surfaces.warnings.messages()
+
+
+def render_reader(depsgraph) -> SurfaceReader:
+    """A new reader for a final render: it keeps temperature groups apart if the scene asks for their layers."""
+    groups = GroupReader() if depsgraph.scene_eval.infrared.group_exr_path else None
+    return SurfaceReader(depsgraph, Warnings(), groups=groups)
 
 
 def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
@@ -101,11 +108,13 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
             surfaces.add(obj, np.array(instance.matrix_world, dtype=np.float64))
         elif obj.type == "LIGHT":
             lights.extend(read_light(obj, np.array(instance.matrix_world, dtype=np.float64)))
+            if surfaces.groups is not None and read_group(obj, f"Light '{obj.name}'"):
+                warnings.add(obj.name, "temperature groups are for surfaces; the light stays as it is")
         elif obj.type in UNSUPPORTED:
             warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
     if not surfaces.triangles:
         raise SceneError(f"View layer '{layer.name}' has nothing to render: no visible object has faces")
-    return surfaces.arrays() | {
+    return surfaces.arrays(scene.world) | {
         "band_edges": read_band_edges(scene.infrared),
         "world_temperature": _world_temperature(scene.world),
         "lights": tuple(lights),
@@ -246,6 +255,22 @@ def _extremes(obj, ambient: float) -> list[float]:
     for value in extremes:
         check_temperature(value, f"Attribute 'temperature' of object '{obj.name}'")
     return extremes
+
+
+def read_group_temperatures(scene) -> dict[str, float]:
+    """The temperature (K) of each group that a scene's objects and world are in now, as the interface shows them.
+
+    Raises SceneError if a temperature makes no sense, or differs within a group.
+    """
+    groups = GroupReader()
+    for obj in sorted(_rendered_objects(scene), key=lambda obj: obj.name_full):
+        if obj.type in SURFACE_TYPES and read_group(obj, f"Object '{obj.name}'"):
+            kelvin = _extremes(obj, scene.infrared.ambient_temperature)
+            groups.number(obj, f"Object '{obj.name}'", np.float32(kelvin))
+    if scene.world is not None:
+        kelvin = _world_temperature(scene.world)
+        groups.number(scene.world, f"World '{scene.world.name}'", np.float32([kelvin]))
+    return groups.temperatures
 
 
 # Settings of other engines --------------------------------------------------------------------------------------------
@@ -428,8 +453,15 @@ def _read_temperature(mesh, corner_vertices, corners, faces, owner, warnings) ->
 class SurfaceReader:
     """Gathers the triangles of all objects and their instances in world space."""
 
-    def __init__(self, depsgraph, warnings: Warnings, kept: dict[tuple[str, int], MeshData] | None = None):
-        """kept: meshes that did not change since an earlier read, from its `kept`; None reads all."""
+    def __init__(
+        self,
+        depsgraph,
+        warnings: Warnings,
+        kept: dict[tuple[str, int], MeshData] | None = None,
+        groups: GroupReader | None = None,
+    ):
+        """kept: meshes that did not change since an earlier read, from its `kept`; None reads all. groups: None if
+        temperature groups do not matter."""
         infrared = depsgraph.scene_eval.infrared
         self.ambient_temperature = infrared.ambient_temperature
         self.default = Material(name="(scene default)", emissivity=infrared.default_emissivity)
@@ -440,6 +472,7 @@ class SurfaceReader:
         self.indices = {}  # Blender's material (None: no material) -> index into materials
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
+        self.groups, self.group_numbers = groups, []  # of each object
         self.vertex_count = 0
         self.pass_indices = {"object_index": [], "material_index": []}  # of the objects added, and of the materials
 
@@ -472,6 +505,9 @@ class SurfaceReader:
         self.slots.append(self._materials(obj, mesh.slot))
         self.temperatures.append(temperature)
         self.pass_indices["object_index"].append(obj.pass_index)
+        if self.groups is not None:
+            number = self.groups.number(obj, f"Object '{obj.name}'", temperature)
+            self.group_numbers.append(np.full(len(triangles), number, np.int16))
         self.vertex_count += len(vertices)
 
     def _read(self, obj) -> MeshData:
@@ -482,8 +518,8 @@ class SurfaceReader:
         finally:
             obj.to_mesh_clear()
 
-    def arrays(self) -> dict:
-        """The arguments of Scene that describe its surfaces."""
+    def arrays(self, world) -> dict:
+        """The arguments of Scene that describe its surfaces, and their and the world's temperature groups."""
         temperatures = self.temperatures
         if any(t.ndim == 2 for t in temperatures):
             temperatures = [np.broadcast_to(t if t.ndim == 2 else t[:, None], (len(t), 3)) for t in temperatures]
@@ -493,6 +529,7 @@ class SurfaceReader:
             "material": np.concatenate(self.slots),
             "temperature": np.concatenate(temperatures),
             "materials": tuple(self.materials),
+            **self._groups(world),
         }
 
     def labels(self, name: str) -> np.ndarray:
@@ -501,6 +538,17 @@ class SurfaceReader:
         if name == "object_index":
             return np.repeat(indices, [len(each) for each in self.triangles])
         return indices[np.concatenate(self.slots)]
+
+    def _groups(self, world) -> dict:
+        """The arguments of Scene that describe temperature groups, if there are any."""
+        if self.groups is None:
+            return {}
+        of_world = -1
+        if world is not None:
+            of_world = self.groups.number(world, f"World '{world.name}'", np.float32([_world_temperature(world)]))
+        if not self.groups.names:
+            return {}
+        return {"groups": self.groups.names, "group": np.concatenate(self.group_numbers), "world_group": of_world}
 
     def _temperature(self, obj, mesh: MeshData) -> np.ndarray:
         if mesh.temperature is not None:

@@ -13,7 +13,7 @@ from addon.solver import Material
 from addon.solver.photon_map import Photons, PhotonStore, _search, build_photon_map, gather, irradiance, neighbours_room
 from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces
 
-UNMARKED = np.empty((0, 3), np.float32), np.empty(0, bool)  # no directions, no caustics
+UNMARKED = np.empty((0, 3), np.float32), np.empty(0, bool), np.empty(0, np.uint8)  # no directions, caustics, layers
 UP = (0.0, 0.0, 1.0)
 
 
@@ -379,15 +379,16 @@ def test_result_depends_on_the_order_of_photons_alone():
 
 
 def test_photons_stay_together():
-    """Position, side, power, direction and mark of a photon move as one."""
+    """Position, side, power, direction, mark and layer of a photon move as one."""
     rng = np.random.default_rng(21)
     n = 1000
     points = (rng.uniform(-0.5, 0.5, (n, 3)) * (1, 1, 0)).astype(np.float32)
     codes = (2 * triangle_under(points, 1)).astype(np.int32)
-    store = PhotonStore(1, True, True)
+    store = PhotonStore(1, True, True, True)
     for part in np.array_split(np.arange(n), 9):
+        marks = part % 3 == 0, (part % 200).astype(np.uint8)
         number = part.astype(np.float32)[:, None]
-        store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy(), part % 3 == 0))
+        store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy(), *marks))
     surfaces = square()
     photons = build_photon_map(store.photons, surfaces).photons
     order = photons.power[:, 0].astype(int)
@@ -396,6 +397,7 @@ def test_photons_stay_together():
     assert np.array_equal(photons.surface, codes[order])
     assert np.array_equal(photons.incoming, points[order, ::-1])
     assert np.array_equal(photons.caustic, order % 3 == 0)
+    assert np.array_equal(photons.layer, order % 200)
     # a gather of caustics alone lists the marked ones of the same disk
     built = Map(build_photon_map(store.photons, surfaces), surfaces)
     place = (0.1, 0.05, 0.0)

@@ -42,23 +42,25 @@ def write_band_exr(
     band_edges: np.ndarray,
     radiance: np.ndarray,
     temperature: np.ndarray,
-    noise: np.ndarray,
+    noise: np.ndarray | None,
     metadata: Mapping[str, object] | None = None,
     further: Mapping[str, FurtherImage] | None = None,
+    compressed: bool = True,
 ) -> None:
     """Write every image of one frame to an EXR file; the values are kept to the last bit.
 
     bands: (h, w) float32 for each band, spectral radiance, W m-2 sr-1 um-1. band_edges: (b + 1,) um.
-    radiance: (h, w) W m-2 sr-1. temperature, noise: (h, w) K. Row 0 is the bottom, as in Blender.
+    radiance: (h, w) W m-2 sr-1. temperature, noise: (h, w) K; the noise may be unknown. Row 0 is the bottom, as in
+        Blender.
     metadata: more header attributes, written as text, see `description.how_rendered`.
-    further: more images, by the name of their pass.
+    further: more images, by the name of their pass. compressed: without loss; it takes most of the time.
 
     An existing file is replaced once the new one is complete. Raises OSError naming the path if it cannot be written,
     ValueError if the images differ in shape or are not one per band.
     """
     names = [channel_name(name) for name in band_names(band_edges)]
     images = dict(zip(names, bands, strict=True)) | _other_images(radiance, temperature, noise, further)
-    _write(path, images, describe(f"bands: {BAND_UNIT}; {_units(further)}", band_edges, metadata))
+    _write(path, images, describe(f"bands: {BAND_UNIT}; {_units(further)}", band_edges, metadata), compressed)
 
 
 def write_spectral_exr(
@@ -104,7 +106,7 @@ def spectral_channel_names(band_edges: np.ndarray) -> list[str]:
 
 def _other_images(radiance, temperature, noise, further) -> dict[str, np.ndarray]:
     named = {"Radiance": radiance, "Temperature": temperature, "Noise": noise}
-    images = {channel_name(name): image for name, image in named.items()}
+    images = {channel_name(name): image for name, image in named.items() if image is not None}
     for name, (image, letters, _unit) in (further or {}).items():
         planes = np.moveaxis(np.reshape(image, (*np.shape(image)[:2], len(letters))), -1, 0)
         images |= {channel_name(name, letter): plane for letter, plane in zip(letters, planes, strict=True)}
@@ -117,7 +119,12 @@ def _units(further) -> str:
     return "; ".join([IMAGE_UNITS, *(f"{name}: {unit}" for name, unit in units.items())])
 
 
-def _write(path: str | os.PathLike, images: Mapping[str, np.ndarray], attributes: Mapping[str, object]) -> None:
+def _write(
+    path: str | os.PathLike,
+    images: Mapping[str, np.ndarray],
+    attributes: Mapping[str, object],
+    compressed: bool = True,
+) -> None:
     """images: (h, w) by channel, row 0 at the bottom."""
     path = Path(path)
     shapes = {name: np.shape(image) for name, image in images.items()}
@@ -125,7 +132,8 @@ def _write(path: str | os.PathLike, images: Mapping[str, np.ndarray], attributes
         raise ValueError(f"The images for '{path}' need one shape (height, width), got {shapes}")
     # EXR stores the top row first.
     channels = {name: np.ascontiguousarray(image[::-1], np.float32) for name, image in images.items()}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
+    header = {"compression": compression, "type": OpenEXR.scanlineimage}
     file = OpenEXR.File(header | attributes, channels)
     with replacing(path, "the band images") as unfinished:
         file.write(str(unfinished))

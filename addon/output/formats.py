@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,15 @@ def without_extension(path: str) -> str:
     """A path without the extension, if it has that of any format."""
     stem, extension = os.path.splitext(path)
     return stem if extension.lower() in _EXTENSIONS else path
+
+
+def numbered(path: str, extension: str, frame: int, several: bool) -> Path:
+    """File of a frame: '####' becomes its number, which is added if there are several, and the extension at the end."""
+    stem = path[: -len(extension)] if path.lower().endswith(extension) else path
+    if several and "#" not in Path(stem).name:
+        stem += "####"
+    name = re.sub("#+", lambda digits: f"{frame:0{len(digits[0])}d}", Path(stem).name)
+    return Path(stem).parent / f"{name}{extension}"
 
 
 def write_file(file_format: str, path: Path, images: Mapping) -> None:

@@ -13,7 +13,7 @@ from .rng import path_key, uniform
 from .sampling import FAST, basis, cone_direction, cosine_direction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
-from .surfaces import Surfaces, areas, scene_radius, start_ray, temperature_at
+from .surfaces import Surfaces, areas, layer_of, scene_radius, start_ray, temperature_at
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 
@@ -33,7 +33,8 @@ class Emitters(NamedTuple):
     sky: (m,) int32 codes of entries n..n+m-1, on which photons from the surroundings arrive. open: (t, 2) bool, sides
         that look for the surroundings with rays of their own, so that those photons are not stored there.
     area: (t,) float64, of the triangles, m2.
-    surroundings: (b,) float64, excess radiance of the surroundings, W m-2 sr-1.
+    surroundings: (b,) float64, excess radiance of the surroundings, W m-2 sr-1. sky_layer: the layer of the image that
+        they add to (see layers); lights add to the first.
     light: (l, 16) float64 shapes (see _light_row), light_power: (l, b) float64 W (sun: W m-2), entries n+m...
     radius: of a sphere around the origin that holds the scene, m.
     power: total |excess| power of what photons can reach, W: what a photon's weight adds up to, over photons.
@@ -47,6 +48,7 @@ class Emitters(NamedTuple):
     open: np.ndarray
     area: np.ndarray
     surroundings: np.ndarray
+    sky_layer: int
     light: np.ndarray
     light_power: np.ndarray
     radius: float
@@ -114,6 +116,8 @@ def build_emitters(
     power: np.ndarray,
     lamp: np.ndarray,
     open_: np.ndarray,
+    world_temperature: float,
+    sky_layer: int,
 ) -> Emitters:
     """Distribution of the emitters.
 
@@ -122,11 +126,12 @@ def build_emitters(
     weight, arrival: (t, 2) float64, factors on the probability that a side emits, or that photons from the surroundings
         arrive there.
     openness: share of the directions from those sides that leave the scene, 0..1.
+    world_temperature: K, of the surroundings as they are traced. sky_layer: see Emitters.
     """
     area = areas(surfaces.corners)
     surface_power = (power[:, None] * weight).ravel()
     surface = np.flatnonzero(surface_power > 0).astype(np.int32)
-    surroundings = band_radiance(scene.band_edges, scene.world_temperature) - radiometry.reference
+    surroundings = band_radiance(scene.band_edges, world_temperature) - radiometry.reference
     sky_flux = math.pi * np.abs(surroundings).sum()
     sky_area = (area[:, None] * arrival).ravel()
     sky = np.flatnonzero(sky_area > 0).astype(np.int32) if sky_flux > 0 else np.empty(0, np.int32)
@@ -157,6 +162,7 @@ def build_emitters(
         open_,
         area,
         surroundings,
+        sky_layer,
         np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16),
         light_power,
         radius,
@@ -176,7 +182,7 @@ class Wave(NamedTuple):
     direct: (n,) bool, on the way from a lamp or light, whose direct light is not the photons' task. chain: (n,) int8,
     LIT_BY_LIGHT or LIT_BY_LAMP where only specular reflections (of lights: only mirrors) lie between, else 0.
     arrival: (n,) int32, code of the side that a photon from the surroundings arrives on if the way back to them (the
-    ray) is free; -1 for photons on their way. u, v: where on it.
+    ray) is free; -1 for photons on their way. u, v: where on it. layer: (n,) uint8 as in Photons.
     """
 
     origin: np.ndarray
@@ -188,10 +194,11 @@ class Wave(NamedTuple):
     arrival: np.ndarray
     u: np.ndarray
     v: np.ndarray
+    layer: np.ndarray
 
 
-def empty_wave(count: int, bands: int) -> Wave:
-    """Room for count rays."""
+def empty_wave(count: int, bands: int, layered: bool) -> Wave:
+    """Room for count rays. layered: see photon_arrays."""
     return Wave(
         np.empty((count, 3), np.float32),
         np.empty((count, 3), np.float32),
@@ -202,6 +209,7 @@ def empty_wave(count: int, bands: int) -> Wave:
         np.empty(count, np.int32),
         np.empty(count, np.float32),
         np.empty(count, np.float32),
+        np.empty(count if layered else 0, np.uint8),
     )
 
 
@@ -272,9 +280,11 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
         wave.chain[i] = LIT_BY_LIGHT if entry >= sky_end else LIT_BY_LAMP if lamp else 0
         wave.direct[i] = wave.chain[i] != 0
         wave.arrival[i] = -1
+        layer = 0
         if entry < sky_end:
             code = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]
             t = code >> 1
+            layer = layer_of(surfaces.layer, t) if entry < surface_end else emitters.sky_layer
             u, v = triangle_point(s0, s1)
             lx, ly, lz = cosine_direction(s2, s3)
             scale = math.pi * emitters.area[t] * share
@@ -299,6 +309,8 @@ def emit(emitters, surfaces, radiometry, key, first, total, wave):
             brightness = _leave_light(emitters, light, s0, s1, s2, s3, wave, i)
             for b in range(value.size):
                 wave.power[i, b] = emitters.light_power[light, b] * brightness * share
+        if wave.layer.size:
+            wave.layer[i] = layer
 
 
 @njit(inline="always")

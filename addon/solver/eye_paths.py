@@ -20,7 +20,7 @@ from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import FAST, FAST_INLINED, basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
 from .splitting import Splitting, recall_chance
-from .surfaces import PATCH_LIMIT, facing_side, point, put_ray, temperature_at, unit_normal
+from .surfaces import PATCH_LIMIT, facing_side, layer_of, point, put_ray, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
 
 _DIMENSIONS = 4  # random numbers of one bounce
@@ -36,7 +36,7 @@ class Estimate(NamedTuple):
 
     neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on r^2 in this pass.
     photons: whether the map holds any. straight: whether rough lobes need photons straight from lights.
-    splitting: what decides between photons and rays.
+    splitting: what decides between photons and rays. layers: of the image (see layers).
     """
 
     neighbours: int
@@ -45,6 +45,7 @@ class Estimate(NamedTuple):
     photons: bool
     straight: bool
     splitting: Splitting
+    layers: int = 1
 
 
 class Rays(NamedTuple):
@@ -95,9 +96,9 @@ def render_pixels(
     """Estimate the excess radiance of a tile of pixels in one pass.
 
     samples: (n,) uint8, rays of every pixel in a pass. keys: of the camera stream (of the seed, of this pass). index:
-    of the pass. pixels: (h, w) int64, numbers in the window. weights: (b,) float32, response of the sensor in each
-    band. Returns image (h w, b) float32, W m-2 sr-1 per band, and seen (h w,) float32: the part of the radiance over
-    all bands, through the response, that the surfaces send straight into the camera.
+    of the pass. pixels: (h, w) int64, numbers in the window. weights: (layers * b,) float32, by which each band of each
+    layer counts in the radiance over all. Returns image (h w, layers * b) float32, W m-2 sr-1, and seen (h w,) float32:
+    the part of the radiance over all bands that the surfaces send straight into the camera.
     """
     samples, bands = samples[pixels.ravel()], radiometry.reference.size
     count = int(samples.sum())
@@ -105,7 +106,7 @@ def render_pixels(
     reach = np.empty(count, np.float32)
     eye_rays(eye, keys[0], index, samples, pixels.ravel(), rays.origin, rays.direction, reach)
     start_paths(keys[1], samples, pixels.ravel(), rays)
-    image = np.zeros((pixels.size, bands), np.float32)  # and behind it, rows for what final gathers meet
+    image = np.zeros((pixels.size, weights.size), np.float32)  # and behind it, rows for what final gathers meet
     closeness = np.zeros(pixels.size)  # by row: sum of 1 / m to what their rays meet
     seen = np.zeros(pixels.size, np.float32)
     finals = []
@@ -129,7 +130,7 @@ def render_pixels(
                 reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, free2_lost, image)
         if split:
             finals.append(open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, len(image)))
-            image = np.concatenate((image, np.zeros((len(finals[-1].pixel), bands), np.float32)))
+            image = np.concatenate((image, np.zeros((len(finals[-1].pixel), weights.size), np.float32)))
             closeness = np.concatenate((closeness, np.zeros(len(finals[-1].pixel))))
         shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
         sent = send_shadows(surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, shadows)
@@ -238,8 +239,8 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
     """
     gathers = empty_gathers(triangle.size)
     shadowed = lamps.power > 0.0 or straight
-    surroundings = emitters.surroundings
-    bands = image.shape[1]
+    surroundings, sky = emitters.surroundings, emitters.sky_layer * emitters.surroundings.size
+    bands = radiometry.reference.size
     emitted = np.empty(bands)
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
     found = newest = 0
@@ -250,7 +251,7 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
         t = triangle[i]
         if t < 0:
             for b in range(bands):
-                image[pixel, b] += rays.throughput[i, b] * surroundings[b]
+                image[pixel, sky + b] += rays.throughput[i, b] * surroundings[b]
             continue
         if rays.gathered[i]:
             closeness[pixel] += _closeness(surfaces, t, u[i], v[i], rays.origin[i])
@@ -263,8 +264,9 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
                 cosine = _hit(surfaces, rays, i, t, u[i], v[i]).cosine if rough else 1.0
                 excess(radiometry, material, kelvin, cosine, emitted)
                 known, known_kelvin = -1 if rough else material, kelvin
+            first = bands * layer_of(surfaces.layer, t)
             for b in range(bands):
-                image[pixel, b] += rays.throughput[i, b] * emitted[b]
+                image[pixel, first + b] += rays.throughput[i, b] * emitted[b]
         if radiometry.specular[material] == 1.0 and not rough:
             continue
         if rays.gathered[i] and not (shadowed or emitters.open[t, side]):  # all that it reflects is recalled
@@ -371,8 +373,10 @@ def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, ra
         if is_diffuse:
             irradiance(photon_map, room, kept, area, value)
             diffuse = gathers.weight[g] * (1.0 - specular) / math.pi
-            for b in range(value.size):
-                out[b] += rays.throughput[i, b] * rho[b] * diffuse * value[b]
+            for layer in range(estimate.layers):
+                first = layer * rho.size
+                for b in range(rho.size):
+                    out[first + b] += rays.throughput[i, b] * rho[b] * diffuse * value[first + b]
         if rough:
             alpha, scale = float(radiometry.alpha[material]), gathers.weight[g] * specular / area
             _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
@@ -407,8 +411,10 @@ def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, 
         out = image[rays.pixel[i]]
         if known >= 0:
             scale = np.float32((1.0 - radiometry.specular[material]) / (math.pi * chance))
-            for b in range(rho.size):
-                out[b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, b])
+            for layer in range(estimate.layers):
+                first = layer * rho.size
+                for b in range(rho.size):
+                    out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
             continue
         chance = min(chance, carried / _LITTLE)
         if choice >= chance:
@@ -433,7 +439,7 @@ def send_shadows(
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
         if sky and emitters.open[hit.triangle, hit.side] and gathers.rays[g] == 0:
             send_sky(
-                surfaces, radiometry, emitters.surroundings, hit, rays.throughput[i], gathers.weight[g], rays.path[i],
+                surfaces, radiometry, emitters, hit, rays.throughput[i], gathers.weight[g], rays.path[i],
                 _LAMPS + 16 * bounce + 2, rays.pixel[i], shadows, sent,
             )  # fmt: skip
             sent += SKY_RAYS
@@ -542,5 +548,5 @@ def _add_straight(photon_map, room, count, scale, alpha, hit, throughput, rho, o
         if iz > 0.0:
             ix, iy = px * tx + py * ty + pz * tz, px * bx + py * by + pz * bz
             f = lobe_brdf(ix, iy, iz, ox, oy, oz, alpha) * scale
-            for b in range(out.size):
+            for b in range(rho.size):  # lights add to the first layer
                 out[b] += throughput[b] * rho[b] * f * photons.power[photon, b]

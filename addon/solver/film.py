@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .layers import SINGLE, Layer, from_json, layer_factors, to_json
 from .radiometry import reference_radiance
 from .scene import check_band_edges
 from .spectrum import apparent_temperature, band_names, sensor_radiance
@@ -47,6 +48,7 @@ class Film:
     width, height: pixels. band_edges: (b + 1,) um. reference_temperature: K, 0 without subtraction.
     weights: (b,) response of the sensor in each band (`sensors.band_weights`), by which the bands count in radiance();
     None counts all alike. correction: of temperature() and noise(); it may be changed at any time.
+    layers: the temperature groups that it keeps apart; its images show them at the temperatures of the scene.
     seed, first_pass: of the passes to be added. ranges: (seed, first pass, last pass + 1) of those that are finished.
     passes: finished. photons: emitted in them.
     lock: held while a pass is added; hold it to read several images of the same passes from another thread.
@@ -61,19 +63,22 @@ class Film:
         seed: int = 0,
         first_pass: int = 0,
         weights: np.ndarray | None = None,
+        layers: tuple[Layer, ...] = SINGLE,
     ):
         self.width, self.height = width, height
         self.band_edges = np.asarray(band_edges, dtype=np.float64)
         self.reference_temperature = reference_temperature
         self.weights = np.ones(self.band_count) if weights is None else np.asarray(weights, dtype=np.float64)
         self.correction = Correction()
+        self.layers = layers
+        self._factors = layer_factors(layers, self.band_edges, reference_temperature)
         self.ranges = [(seed, first_pass, first_pass)]
         self.passes = 0
         self.photons = 0
         self.lock = threading.RLock()
         self._reference = reference_radiance(self.band_edges, reference_temperature)
         # float64: a float32 mean stops moving after 2^24 passes and drifts long before
-        self._mean = np.zeros((height * width, len(self.band_edges) - 1))
+        self._mean = np.zeros((height * width, self._factors.size))
         # sums of squared deviations (Welford 1962) of what surfaces send straight into the camera, and of the rest,
         # both through the response
         self._seen, self._seen_squares = np.zeros(height * width), np.zeros(height * width)
@@ -88,19 +93,21 @@ class Film:
 
     def state(self) -> dict[str, np.ndarray]:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
-        return {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS)}
+        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS)}
+        return arrays | {"layers": np.asarray(to_json(self.layers))}
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
         """The film of a state. Raises ValueError if something is missing, misshapen or not finite."""
-        missing = {*_VALUES, "ranges", *_ARRAYS} - set(state)
+        missing = {*_VALUES, "ranges", "layers", *_ARRAYS} - set(state)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
         edges = np.asarray(state["band_edges"], np.float64)
         check_band_edges(edges)
+        layers = from_json(str(state["layers"]))
         for name in _ARRAYS:
-            shape = (height * width, len(edges) - 1) if name == "_mean" else (height * width,)
+            shape = (height * width, len(layers) * (len(edges) - 1)) if name == "_mean" else (height * width,)
             if state[name].shape != shape or state[name].dtype != np.float64:
                 raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
             if not np.isfinite(state[name]).all():
@@ -113,7 +120,7 @@ class Film:
         ranges = state["ranges"]
         if ranges.dtype != np.int64 or ranges.shape[1:] != (3,) or np.sum(ranges[:, 2] - ranges[:, 1]) != passes:
             raise ValueError(f"ranges {ranges.tolist()} are not those of {passes} passes")
-        film = cls(width, height, edges, float(state["reference_temperature"]), weights=weights)
+        film = cls(width, height, edges, float(state["reference_temperature"]), weights=weights, layers=layers)
         film.ranges = [tuple(row) for row in ranges.tolist()]
         film.passes, film.photons = passes, photons
         for name in _ARRAYS:
@@ -125,19 +132,24 @@ class Film:
         return len(self.band_edges) - 1
 
     @property
+    def layer_weights(self) -> np.ndarray:
+        """(layers, b) by which each band of each layer counts in radiance()."""
+        return self._factors * self.weights
+
+    @property
     def band_names(self) -> list[str]:
         """Names of the bands as in Blender's passes."""
         return band_names(self.band_edges)
 
     def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int) -> None:
-        """Add one finished pass: excess radiance (height * width, b) float32, W m-2 sr-1 per band, the part of its sum
-        over bands, through the response, that surfaces send straight into the camera (height * width,) float32, and
-        its photons.
+        """Add one finished pass: excess radiance (height * width, layers * b) float32, W m-2 sr-1 per band, the part
+        of its sum, by layer_weights, that surfaces send straight into the camera (height * width,) float32, and its
+        photons.
         """
         with self.lock:
             count = self.passes + 1
             means, squares = (self._mean, self._seen), (self._squares, self._seen_squares)
-            _accumulate(means, squares, excess, seen, self.weights, count)
+            _accumulate(means, squares, excess, seen, self.layer_weights.ravel(), count)
             seed, first, stop = self.ranges[-1]
             self.ranges[-1] = seed, first, stop + 1
             self.passes += 1
@@ -155,6 +167,8 @@ class Film:
             )
         if not np.array_equal(self.weights, other.weights):
             raise ValueError("Films of sensors with different responses cannot be merged")
+        if to_json(self.layers) != to_json(other.layers):
+            raise ValueError("Films with different temperature groups cannot be merged")
 
     def merge(self, other: Film) -> Film:
         """Film of the passes of both (Chan, Golub and LeVeque 1979).
@@ -163,7 +177,8 @@ class Film:
         would come out too small.
         """
         self.check_same_kind(other)
-        total = Film(self.width, self.height, self.band_edges, self.reference_temperature, weights=self.weights)
+        options = {"weights": self.weights, "layers": self.layers}
+        total = Film(self.width, self.height, self.band_edges, self.reference_temperature, **options)
         total.correction = self.correction
         total.ranges = _joined(self.ranges + other.ranges) or self.ranges[:]
         total.passes = self.passes + other.passes
@@ -175,20 +190,24 @@ class Film:
             seen = other._seen - self._seen
             total._seen = self._seen + share * seen
             total._seen_squares = self._seen_squares + other._seen_squares + seen**2 * self.passes * share
-            rest = _weighted(difference, np.zeros(self.band_count), self.weights) - seen
+            rest = _weighted(difference, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
             total._squares = self._squares + other._squares + rest**2 * self.passes * share
         return total
 
     def band_radiance(self, band: int) -> np.ndarray:
         """(height, width) float32 spectral radiance averaged over one band, W m-2 sr-1 um-1."""
         width = self.band_edges[band + 1] - self.band_edges[band]
-        return self._image((self._mean[:, band] + self._reference[band]) / width)
+        return self._image((self._excess()[:, band] + self._reference[band]) / width)
 
     def bands(self) -> np.ndarray:
         """(b, height, width) float32, band_radiance of every band, in one pass over the film."""
         images = np.empty((self.band_count, self.height * self.width), np.float32)
-        _split(self._mean, self._reference, np.diff(self.band_edges), images)
+        _split(self._excess(), self._reference, np.diff(self.band_edges), images)
         return images.reshape(self.band_count, self.height, self.width)
+
+    def layer_means(self) -> np.ndarray:
+        """(pixels, layers * b) float64 excess radiance of the layers as traced, W m-2 sr-1. Do not change it."""
+        return self._mean
 
     def radiance(self) -> np.ndarray:
         """(height, width) float32 radiance over all bands through the sensor's response, W m-2 sr-1."""
@@ -225,7 +244,11 @@ class Film:
         return self.correction.object_radiance(self._radiance(), self.band_edges, self.weights)
 
     def _radiance(self) -> np.ndarray:
-        return _weighted(self._mean, self._reference, self.weights)
+        return _weighted(self._excess(), self._reference, self.weights)
+
+    def _excess(self) -> np.ndarray:
+        """(pixels, b) float64 excess radiance of all layers at the temperatures of the scene, W m-2 sr-1."""
+        return self._mean if len(self.layers) == 1 else _combined(self._mean, self._factors)
 
     def _image(self, values: np.ndarray) -> np.ndarray:
         return values.astype(np.float32).reshape(self.height, self.width)
@@ -243,6 +266,18 @@ def _joined(ranges: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
         else:
             joined.append((seed, first, stop))
     return joined
+
+
+@njit(cache=True, nogil=True)
+def _combined(mean, factors):
+    """(pixels, b) float64 sum over layers of factor times mean (pixels, layers * b)."""
+    total = np.zeros((mean.shape[0], factors.shape[1]))
+    for i in range(mean.shape[0]):
+        for layer in range(factors.shape[0]):
+            first = layer * factors.shape[1]
+            for b in range(factors.shape[1]):
+                total[i, b] += factors[layer, b] * mean[i, first + b]
+    return total
 
 
 @njit(cache=True, nogil=True)

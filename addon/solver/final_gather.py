@@ -52,7 +52,8 @@ class Finals(NamedTuple):
     2 triangle + side, rays (n,) int32, their number, radius2 (n,) float64, m2, of the disk within which they share.
 
     row: the first of their n rows in the image. Each holds the mean radiance that the rays meet, times `carried` (n,)
-    float64, so that roulette on the way knows what matters. factor: (n, b) float32, what the pixel gets of that mean.
+    float64, so that roulette on the way knows what matters. factor: (n, layers * b) float32, what the pixel gets of
+    that mean, the same for each layer.
     """
 
     pixel: np.ndarray
@@ -72,7 +73,7 @@ def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free
     count, bands = chosen.size, radiometry.reference.size
     finals = Finals(
         np.empty(count, np.int32), place[chosen], code[chosen], gathers.rays[chosen], np.empty(count), row,
-        np.empty(count), np.empty((count, bands), np.float32),
+        np.empty(count), np.empty((count, estimate.layers * bands), np.float32),
     )  # fmt: skip
     for n in range(count):
         g = chosen[n]
@@ -86,6 +87,8 @@ def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free
         diffuse = gathers.weight[g] * (1.0 - radiometry.specular[material])
         for b in range(bands):
             finals.factor[n, b] = diffuse * rays.throughput[i, b] * radiometry.reflectance[material, b]
+        for b in range(bands, finals.factor.shape[1]):
+            finals.factor[n, b] = finals.factor[n, b - bands]
     return finals
 
 

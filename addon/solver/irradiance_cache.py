@@ -26,7 +26,7 @@ _CHUNK = 512  # points
 
 class IrradianceCache(NamedTuple):
     """Irradiance at n points: a tree whose leaves hold positions, normals and labels of sheets (see PhotonMap), and
-    value (n, b) float32, W m-2 per band."""
+    value (n, layers * b) float32, W m-2 per layer and band."""
 
     tree: PointTree
     value: np.ndarray
@@ -103,7 +103,7 @@ def build_irradiance_cache(
     order = np.argsort(morton_ranks(place), kind="stable")
     place, code = place[order], code[order]
     leaves = empty_leaves(len(code), 7)
-    value = np.empty((len(code), photon_map.photons.power.shape[1]), np.float32)
+    value = np.empty((len(code), estimate.layers * photon_map.photons.power.shape[1]), np.float32)
 
     def fill(first):
         if cancelled():

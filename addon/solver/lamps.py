@@ -26,7 +26,7 @@ from .point_tree import morton_ranks
 from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import basis, cone_direction, cosine_stratum, lobe_brdf, to_world, triangle_point
-from .surfaces import CLEAR, Surfaces, clear_of, normal, point, put_ray, temperature_at, unit_normal
+from .surfaces import CLEAR, Surfaces, clear_of, layer_of, normal, point, put_ray, temperature_at, unit_normal
 
 _MOST = 64  # surfaces that may become lamps: those of most power
 _RECEIVERS = 512  # points at which they are judged
@@ -211,7 +211,8 @@ def _received(lamps, points, i, hit):
 
 class Shadows(NamedTuple):
     """Shadow rays, n of them: origin, direction (n, 3), to the lamp where the ray's parameter is reach (n,); what
-    arrives in the pixel if nothing is between, radiance (n, b); all float32. pixel: (n,) int32.
+    arrives in the pixel if nothing is between, radiance (n, b); all float32. pixel: (n,) int32. layer: (n,) uint8, of
+    the image (see layers).
     """
 
     origin: np.ndarray
@@ -219,6 +220,7 @@ class Shadows(NamedTuple):
     reach: np.ndarray
     radiance: np.ndarray
     pixel: np.ndarray
+    layer: np.ndarray
 
 
 def empty_shadows(count: int, bands: int) -> Shadows:
@@ -229,6 +231,7 @@ def empty_shadows(count: int, bands: int) -> Shadows:
         np.empty(count, np.float32),
         np.empty((count, bands), np.float32),
         np.empty(count, np.int32),
+        np.empty(count, np.uint8),
     )
 
 
@@ -267,6 +270,7 @@ def send_shadow(
     diffuse = (1.0 - specular) / math.pi
     if chosen < lamps.code.size:
         t = lamps.code[chosen] >> 1
+        layer = layer_of(surfaces.layer, t)
         nx, ny, nz, double_area = normal(surfaces.corners, t)
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         excess(
@@ -279,7 +283,7 @@ def send_shadow(
         factor *= 0.5 * double_area * math.pi
         brdf = diffuse  # camera paths find the lamp in the specular lobe themselves
     else:
-        light = chosen - lamps.code.size
+        light, layer = chosen - lamps.code.size, 0
         for b in range(value.size):
             value[b] = lamps.light_power[light, b]
         if int(lamps.light[light, 0]) == SUN:
@@ -288,7 +292,7 @@ def send_shadow(
         brdf = diffuse
         if alpha > 0.0 and specular > 0.0:
             brdf += specular * _lobe(hit, dx, dy, dz, alpha)
-    _start(surfaces, hit, dx, dy, dz, reach, pixel, shadows, count)
+    _start(surfaces, hit, dx, dy, dz, reach, pixel, layer, shadows, count)
     rho = radiometry.reflectance[material]
     for b in range(value.size):
         shadows.radiance[count, b] = throughput[b] * rho[b] * (value[b] * brdf * factor)
@@ -296,7 +300,7 @@ def send_shadow(
 
 
 @njit(inline="always")
-def send_sky(surfaces, radiometry, surroundings, hit, throughput, share, path, dimension, pixel, shadows, count):
+def send_sky(surfaces, radiometry, emitters, hit, throughput, share, path, dimension, pixel, shadows, count):
     """Fill SKY_RAYS shadow rays from `count` on towards the surroundings, cosine-distributed and stratified."""
     material = surfaces.material[hit.triangle]
     rho = radiometry.reflectance[material]
@@ -305,19 +309,19 @@ def send_sky(surfaces, radiometry, surroundings, hit, throughput, share, path, d
         s, w = uniform(path, dimension + 2 * stratum), uniform(path, dimension + 2 * stratum + 1)
         lx, ly, lz = cosine_stratum(stratum, _SIDE, s, w)
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
-        _start(surfaces, hit, dx, dy, dz, 1e37, pixel, shadows, count + stratum)
+        _start(surfaces, hit, dx, dy, dz, 1e37, pixel, emitters.sky_layer, shadows, count + stratum)
         for b in range(rho.size):
-            shadows.radiance[count + stratum, b] = throughput[b] * rho[b] * (surroundings[b] * scale)
+            shadows.radiance[count + stratum, b] = throughput[b] * rho[b] * (emitters.surroundings[b] * scale)
 
 
 @njit(inline="always")
-def _start(surfaces, hit, dx, dy, dz, reach, pixel, shadows, count):
+def _start(surfaces, hit, dx, dy, dz, reach, pixel, layer, shadows, count):
     put_ray(
         surfaces, hit.triangle, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz, dx, dy, dz,
         shadows.origin, shadows.direction, count,
     )  # fmt: skip
     shadows.reach[count] = reach
-    shadows.pixel[count] = pixel
+    shadows.pixel[count], shadows.layer[count] = pixel, layer
 
 
 @njit(inline="always")
@@ -334,9 +338,10 @@ def _lobe(hit, dx, dy, dz, alpha):
 
 @njit(cache=True, nogil=True)
 def add_unshadowed(triangle, shadows, image):
-    """Add to the image (n, b) what shadow rays bring that met nothing (triangle < 0)."""
+    """Add to the image (n, layers * b) what shadow rays bring that met nothing (triangle < 0)."""
+    bands = shadows.radiance.shape[1]
     for i in range(triangle.size):
         if triangle[i] < 0:
-            row = image[shadows.pixel[i]]
-            for b in range(row.size):
-                row[b] += shadows.radiance[i, b]
+            row, first = image[shadows.pixel[i]], bands * shadows.layer[i]
+            for b in range(bands):
+                row[first + b] += shadows.radiance[i, b]

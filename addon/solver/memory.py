@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How much memory a render needs, told before its first pass, and how much there is.
 
-With P pixels, b bands, m triangles and h stored hits in a pass, in bytes:
+With P pixels, b bands, l layers, m triangles and h stored hits in a pass, in bytes:
 
-    film       P (12 b + 28)                  mean in float64, one pass in float32, five more values for the noise
+    film       P (12 l b + 28)                mean in float64, one pass in float32, five more values for the noise
+               P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
+               h (l - 1) b                    its further layers
     geometry   430 m                          corners, adjacency, trees of our own and Embree's, emitters
 
 How many hits a photon leaves, trial photons tell (see `render`): 1 / (1 - rho) in a closed room that reflects rho, and
@@ -17,13 +19,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .layers import scene_layers
 from .scene import Scene, SceneError
 from .settings import Settings
 
 _GIGABYTE = 1e9
 # What each part is called, and what makes it smaller.
 _PARTS = {
-    "film": ("the sums for every pixel and band", "the resolution or the number of bands"),
+    "film": ("the sums for every pixel and band", "the resolution or the number of bands or temperature groups"),
     "images": ("the images of every band", "the resolution, the number of bands or of view layers"),
     "photons": ("the photons of a pass", "the photons per pass or the number of bands"),
     "geometry": ("the triangles", "the subdivision of the meshes"),
@@ -40,14 +43,17 @@ def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
 
 def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_photon: float) -> dict[str, float]:
     """Bytes that the passes need once the geometry is there. hits_per_photon: that are stored, on average."""
-    hits = settings.photons_per_pass * hits_per_photon
-    return _images(scene, copies) | {"photons": 1.25 * hits * (2 * (4 * scene.band_count + 29) + 30)}
+    hits, bands = settings.photons_per_pass * hits_per_photon, scene.band_count
+    further = len(scene_layers(scene)[0]) - 1
+    return _images(scene, copies) | {"photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands)}
 
 
 def _images(scene: Scene, copies: int) -> dict[str, float]:
     x0, y0, x1, y1 = scene.camera.pixels
     pixels, bands = float(x1 - x0) * (y1 - y0), scene.band_count
-    return {"film": pixels * (12 * bands + 28), "images": pixels * (4 * copies * (bands + 7) + 64)}
+    layers = len(scene_layers(scene)[0])
+    film = 12 * layers * bands + 28 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
+    return {"film": pixels * film, "images": pixels * (4 * copies * (bands + 7) + 64)}
 
 
 def check_memory(required: dict[str, float]) -> None:

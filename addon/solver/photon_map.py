@@ -9,7 +9,17 @@ from numba import njit
 
 from .point_tree import FAR, STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
 from .sampling import FAST
-from .surfaces import SAME_SURFACE, Surfaces, in_slab, is_small, longest_edge, patch_in_ball, region_area, unit_normal
+from .surfaces import (
+    SAME_SURFACE,
+    Surfaces,
+    in_slab,
+    is_small,
+    layer_of,
+    longest_edge,
+    patch_in_ball,
+    region_area,
+    unit_normal,
+)
 
 MAX_PHOTONS = 2**31 - 1
 _GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
@@ -22,6 +32,7 @@ class Photons(NamedTuple):
     incoming: (n, 3) float32 unit vector back along the path for photons straight from a light (mirrors between count
         as straight), zeros for others; (0, 3) where the scene has no use for it.
     caustic: (n,) bool, whether it comes from a lamp or light by way of specular surfaces alone; (0,) without such.
+    layer: (n,) uint8, the layer of the image that it adds to (see layers); (0,) if there is but one.
     """
 
     position: np.ndarray
@@ -29,16 +40,17 @@ class Photons(NamedTuple):
     power: np.ndarray
     incoming: np.ndarray
     caustic: np.ndarray
+    layer: np.ndarray
 
 
 class PhotonStore:
     """Room for the photons of one pass that grows as needed and is used again by the next pass."""
 
-    def __init__(self, bands: int, directed: bool, caustic: bool):
-        """directed, caustic: see photon_arrays."""
+    def __init__(self, bands: int, directed: bool, caustic: bool, layered: bool = False):
+        """directed, caustic, layered: see photon_arrays."""
         self.count = 0
-        self._room = photon_arrays(0, bands, directed, caustic)
-        self._new = functools.partial(photon_arrays, bands=bands, directed=directed, caustic=caustic)
+        self._new = functools.partial(photon_arrays, bands=bands, directed=directed, caustic=caustic, layered=layered)
+        self._room = self._new(0)
 
     @property
     def photons(self) -> Photons:
@@ -64,14 +76,16 @@ class PhotonStore:
         self.count = 0
 
 
-def photon_arrays(count: int, bands: int, directed: bool, caustic: bool) -> Photons:
-    """Room for count photons. directed: whether they carry the direction they came from, caustic: whether that mark."""
+def photon_arrays(count: int, bands: int, directed: bool, caustic: bool, layered: bool) -> Photons:
+    """Room for count photons. directed: whether they carry the direction they came from, caustic: whether that mark,
+    layered: whether a layer."""
     return Photons(
         np.empty((count, 3), np.float32),
         np.empty(count, np.int32),
         np.empty((count, bands), np.float32),
         np.empty((count if directed else 0, 3), np.float32),
         np.empty(count if caustic else 0, np.bool_),
+        np.empty(count if layered else 0, np.uint8),
     )
 
 
@@ -146,7 +160,8 @@ def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap
     def sort(power: bool):  # two jobs of about equal length
         if not power:
             _fill_leaves(photons, surfaces.plane, surfaces.sheet, ranks, leaves)
-        others = (photons.position, photons.surface[:, None], photons.incoming, photons.caustic[:, None])
+        marks = photons.caustic[:, None], photons.layer[:, None]
+        others = (photons.position, photons.surface[:, None], photons.incoming, *marks)
         for rows in (photons.power,) if power else others:
             if len(rows):
                 _permute(rows, walk)
@@ -343,17 +358,18 @@ def _gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_cau
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def irradiance(photon_map, room, count, area, out):
-    """Fill out (b,) float64 with the irradiance of the gathered photons, W m-2 per band."""
-    power, index = photon_map.photons.power, room.index
+    """Fill out (layers * b,) float64 with the irradiance of the gathered photons, W m-2 per layer and band."""
+    power, layer, index = photon_map.photons.power, photon_map.photons.layer, room.index
+    bands = power.shape[1]
     out[:] = 0.0
-    whole = count - count % 4
+    whole = 0 if layer.size else count - count % 4
     for i in range(0, whole, 4):  # four rows at a time: the sum is read and written a quarter as often
         p, q, r, s = power[index[i]], power[index[i + 1]], power[index[i + 2]], power[index[i + 3]]
-        for b in range(out.size):
+        for b in range(bands):
             out[b] += (p[b] + q[b]) + (r[b] + s[b])
     for i in range(whole, count):
-        row = power[index[i]]
-        for b in range(out.size):
-            out[b] += row[b]
+        row, first = power[index[i]], bands * layer_of(layer, index[i])
+        for b in range(bands):
+            out[first + b] += row[b]
     for b in range(out.size):
         out[b] /= area

@@ -31,6 +31,7 @@ from .free_space import free_space
 from .guide import Gathers, add_scores, build_gathers, build_guide
 from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
 from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
+from .layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
 from .memory import check_memory, memory_beforehand, memory_of_passes
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
@@ -75,6 +76,8 @@ class Model:
     splitting: Splitting | None  # None without photons
     reference_temperature: float
     weights: np.ndarray  # (b,) response of the sensor in each band
+    layers: tuple[Layer, ...]  # temperature groups that the image keeps apart
+    layer_weights: np.ndarray  # (layers, b) by which their bands count in what the sensor sees
     photons_per_pass: int
     hits_per_photon: float  # that are stored, of trial photons
 
@@ -104,16 +107,17 @@ def render(
     check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon))
     x0, y0, x1, y1 = scene.camera.pixels
     numbers = settings.seed, settings.pass_offset
-    empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature, *numbers, model.weights)
+    looks = model.weights, model.layers
+    empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature, *numbers, *looks)
     if film is None:
         film = empty
     film.check_same_kind(empty)
     if len(film.ranges) > 1 or film.ranges[0][:2] != empty.ranges[0][:2]:
         raise ValueError("The film does not hold the first passes of this render")
     film.correction = settings.correction
-    image = np.empty(((x1 - x0) * (y1 - y0), scene.band_count), np.float32)
+    image = np.empty(((x1 - x0) * (y1 - y0), empty.layer_weights.size), np.float32)
     seen = np.empty(len(image), np.float32)
-    store = PhotonStore(scene.band_count, model.optics.keep_incoming, model.optics.keep_caustic)
+    store = photon_store(scene.band_count, model.optics)
     started = time.monotonic()
     with ThreadPoolExecutor(settings.workers) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
@@ -152,7 +156,8 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
 
     geometry: of an earlier scene, kept if its vertices and triangles are the same.
     """
-    surfaces, tracer, centre = build_surfaces(scene, geometry)
+    layers, layer = scene_layers(scene)
+    surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
     eye = build_eye(scene.camera, centre, scene_radius(surfaces))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     specular = np.array([material.specular for material in scene.materials])
@@ -165,6 +170,9 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     if not settings.reference_subtraction:
         reference = 0.0
     weighting = typical_source(sources, scene.band_edges, reference)
+    layers = trace_apart(layers, reference)
+    surfaces = surfaces._replace(temperature=traced_temperature(surfaces.temperature, surfaces.layer, layers))
+    sky = sky_layer(scene, layers)
     radiometry = build_radiometry(
         scene.materials, scene.band_edges, emission_range(surfaces.temperature), weighting, reference
     )
@@ -173,8 +181,9 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     lit = float(pilot.importance @ (power / np.maximum(area, 1e-300)))
     lamp = choose_lamps(surfaces, power, pilot.matters, pilot.place, pilot.facing, lit)
     emitters = build_emitters(
-        scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, power, lamp, pilot.open
-    )
+        scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, power, lamp, pilot.open,
+        layers[sky].traced if sky else scene.world_temperature, sky,
+    )  # fmt: skip
     lamps = build_lamps(emitters, surfaces, power, lamp)
     reach2 = gather_reach(area, pilot, max(1, settings.photons_per_pass), settings.neighbours)
     used = np.unique(surfaces.material)
@@ -185,7 +194,8 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     storing = bool(np.any((radiometry.reflectance[used] > 0).any(axis=1) & (diffuse | lobe)))
     photons = settings.photons_per_pass if emitters.power > 0 and storing else 0
     widths = np.diff(scene.band_edges)
-    optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight, caustic)
+    marks = straight, caustic, len(layers) > 1
+    optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", *marks)
     log.info(
         "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
         len(surfaces.corners),
@@ -214,6 +224,7 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), splitting, settings.workers
     )
     log.info("%.1f camera rays a pixel and pass", samples.mean())
+    weights = band_weights(scene.response, scene.band_edges)
     return Model(
         surfaces,
         tracer,
@@ -227,16 +238,23 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         Places(pilot.place, pilot.facing, pilot.code, np.cumsum(pilot.carried)),
         splitting,
         reference,
-        band_weights(scene.response, scene.band_edges),
+        weights,
+        layers,
+        layer_factors(layers, scene.band_edges, reference) * weights,
         photons,
         hits,
     )
 
 
+def photon_store(bands: int, optics: Optics) -> PhotonStore:
+    """Room for the photons of a pass."""
+    return PhotonStore(bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
+
+
 def trial_pass(tracer: Tracer, surfaces: Surfaces, radiometry: Radiometry, emitters: Emitters, optics: Optics) -> Trial:
     """What a pass of _PLAN_PHOTONS stores, to plan splitting by."""
     key = pass_key(0, len(_TRIAL_PHOTONS), TRIAL)
-    store = PhotonStore(radiometry.reference.size, optics.keep_incoming, optics.keep_caustic)
+    store = photon_store(radiometry.reference.size, optics)
     for batch in trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, _PLAN_PHOTONS, _PLAN_PHOTONS):
         store.append(batch)
     hits = store.photons
@@ -293,7 +311,8 @@ def render_pass(
     pool: ThreadPoolExecutor,
     cancelled: Callable[[], bool],
 ) -> bool:
-    """Render pass `index` into image (pixels, b) float32, with store as room; False if it was cancelled on the way."""
+    """Render pass `index` into image (pixels, layers * b) float32, with store as room; False if it was cancelled on the
+    way."""
     m = model
     total = m.photons_per_pass
     photon_key = pass_key(settings.seed, index, PHOTONS)
@@ -320,12 +339,13 @@ def render_pass(
         store.count > 0,
         m.optics.keep_incoming,
         m.splitting,
+        len(m.layers),
     )
     cache = None
     if estimate.photons:
         cache = cache_irradiance(m, photon_map, estimate, pass_key(settings.seed, index, CACHE), pool, cancelled)
     shining = lamp_points(m.lamps, m.surfaces, pass_key(settings.seed, index, LAMPS))
-    weights = m.weights.astype(np.float32)
+    weights = m.layer_weights.astype(np.float32).ravel()
     keys = (pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA))
 
     def gather(pixels: np.ndarray):

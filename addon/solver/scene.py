@@ -211,6 +211,8 @@ class Scene:
     world_temperature: K, what rays that leave the scene see.
     lights: seen only by what they light, never by the camera.
     response: of the sensor, through which all bands together are seen; None counts all wavelengths alike.
+    groups: names of temperature groups, whose light the film keeps apart (see layers); each has one temperature.
+    group: (m,) int16, the group of each triangle, -1 for none; needed if there are groups. world_group: of the world.
 
     Raises SceneError if a value cannot be rendered.
     """
@@ -225,6 +227,9 @@ class Scene:
     world_temperature: float = 0.0
     lights: tuple[Light, ...] = ()
     response: Response | None = None
+    groups: tuple[str, ...] = ()
+    group: np.ndarray | None = None
+    world_group: int = -1
 
     def __post_init__(self):
         check_band_edges(self.band_edges)
@@ -248,10 +253,37 @@ class Scene:
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
         for light in self.lights:
             _check_light(light)
+        if self.groups:
+            self._check_groups()
 
     @property
     def band_count(self) -> int:
         return len(self.band_edges) - 1
+
+    def group_temperature(self, group: int) -> float:
+        """The temperature (K) of a group. Raises SceneError if it has several, or nothing is in the group."""
+        of_surfaces = self.temperature[self.group == group]
+        of_world = [self.world_temperature] if self.world_group == group else []
+        kelvin = np.concatenate((of_surfaces.ravel(), of_world))
+        if kelvin.size == 0:
+            raise SceneError(f"Nothing is in the temperature group '{self.groups[group]}'")
+        if kelvin.min() < kelvin.max():
+            raise SceneError(
+                f"Temperature group '{self.groups[group]}' runs from {kelvin.min():g} to {kelvin.max():g} K; all in a "
+                "group have one temperature"
+            )
+        return float(kelvin[0])
+
+    def _check_groups(self) -> None:
+        if not all(self.groups) or len(set(self.groups)) < len(self.groups):
+            raise SceneError(f"Temperature groups need names that differ, got {', '.join(map(repr, self.groups))}")
+        count = len(self.groups)
+        if self.group is None or self.group.shape != (len(self.triangles),):
+            raise SceneError("With temperature groups every triangle needs the index of one, or -1")
+        if not -1 <= min(self.group.min(), self.world_group) <= max(self.group.max(), self.world_group) < count:
+            raise SceneError(f"A triangle or the world is in a temperature group that does not exist, of {count}")
+        for group in range(count):
+            self.group_temperature(group)
 
 
 def check_response(response: Response | None, edges: np.ndarray) -> None:

@@ -34,6 +34,7 @@ class Surfaces(NamedTuple):
         flip is 1 where the two triangles wind differently.
     sheet: (m, 2) int32, label of the connected surface without creases that each side belongs to.
     plane: (m, 4) float32, unit normal and clearance (m, see `offset`): what every hit asks for lies in one place.
+    layer: (m,) uint8, the layer of the image that it emits into (see layers); (0,) if there is but one.
     mesh: tree over the triangles; its leaves hold centroid, normal, area, the sheets of both sides and the length of
         the longest edge. leaf_triangle: (m,) int32, which triangle is in each place of the leaves.
     """
@@ -46,6 +47,7 @@ class Surfaces(NamedTuple):
     mesh: PointTree
     leaf_triangle: np.ndarray
     plane: np.ndarray
+    layer: np.ndarray
 
 
 class Tracer:
@@ -124,8 +126,13 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     )
 
 
-def build_surfaces(scene: Scene, geometry: Geometry | None = None) -> tuple[Surfaces, Tracer, np.ndarray]:
-    """Surfaces, Tracer and the centre (3,) float64 that was subtracted. geometry: of an earlier scene, see above."""
+def build_surfaces(
+    scene: Scene, geometry: Geometry | None = None, layer: np.ndarray | None = None
+) -> tuple[Surfaces, Tracer, np.ndarray]:
+    """Surfaces, Tracer and the centre (3,) float64 that was subtracted.
+
+    geometry: of an earlier scene, see above. layer: of each of the scene's triangles, None if there is but one.
+    """
     geometry = build_geometry(scene, geometry)
     kept = geometry.kept
     surfaces = Surfaces(
@@ -137,6 +144,7 @@ def build_surfaces(scene: Scene, geometry: Geometry | None = None) -> tuple[Surf
         mesh=geometry.mesh,
         leaf_triangle=geometry.leaf_triangle,
         plane=geometry.plane,
+        layer=np.empty(0, np.uint8) if layer is None else np.ascontiguousarray(layer[kept], np.uint8),
     )
     return surfaces, geometry.tracer, geometry.centre
 
@@ -219,6 +227,12 @@ def temperature_at(temperature, t, u, v):
     if temperature.shape[1] == 1:
         return float(temperature[t, 0])
     return (1.0 - u - v) * temperature[t, 0] + u * temperature[t, 1] + v * temperature[t, 2]
+
+
+@njit(**INLINED)
+def layer_of(layer, i):
+    """Entry i of an array of layers, which is empty if there is but one."""
+    return int(layer[i]) if layer.size else 0
 
 
 @njit(**INLINED)

@@ -22,13 +22,14 @@ class Optics(NamedTuple):
     """What the walk needs to know beside the tables. band_share: (b,) float32, of a band's width in the range.
 
     power_roulette: survival by power (else by the band average). keep_incoming: store directions of photons straight
-    from lights. keep_caustic: store which photons are part of a caustic.
+    from lights. keep_caustic: store which photons are part of a caustic. keep_layer: store their layers.
     """
 
     band_share: np.ndarray
     power_roulette: bool
     keep_incoming: bool
     keep_caustic: bool
+    keep_layer: bool
 
 
 def trace_photons(
@@ -48,7 +49,7 @@ def trace_photons(
 
     on_hits(triangle, u, v, wave) is called before every bounce with what the rays of the wave met.
     """
-    wave = empty_wave(count, radiometry.reference.size)
+    wave = empty_wave(count, radiometry.reference.size, optics.keep_layer)
     emit(emitters, surfaces, radiometry, key, first, total, wave)
     batches = []
     bounce = 0
@@ -56,7 +57,8 @@ def trace_photons(
         triangle, u, v = tracer.trace(wave.origin[:count], wave.direction[:count])
         if on_hits:
             on_hits(triangle, u, v, wave)
-        stored = photon_arrays(count, radiometry.reference.size, optics.keep_incoming, optics.keep_caustic)
+        marks = optics.keep_incoming, optics.keep_caustic, optics.keep_layer
+        stored = photon_arrays(count, radiometry.reference.size, *marks)
         kept, count = scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored)
         if kept:
             batches.append(Photons(*(array[:kept] for array in stored)))
@@ -118,6 +120,8 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
                 stored.incoming[kept, 2] = sign * dz
             if optics.keep_caustic:
                 stored.caustic[kept] = wave.chain[i] != 0
+            if optics.keep_layer:
+                stored.layer[kept] = wave.layer[i]
             kept += 1
         survival = min(MAX_SURVIVAL, reflected / arriving)
         path = path_key(key, wave.photon[i])
@@ -149,5 +153,7 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         wave.direct[alive] = False
         wave.chain[alive] = chain
         wave.arrival[alive] = -1
+        if optics.keep_layer:
+            wave.layer[alive] = wave.layer[i]
         alive += 1
     return kept, alive

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of temperature groups: they hold the layers to the last bit, and damaged ones are refused by name."""
+
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from addon.output.formats import numbered
+from addon.output.group_exr import read_group_exr, write_group_exr, write_recombined
+from addon.solver.film import Correction
+from addon.solver.layers import Layer, to_json
+from addon.solver.recombine import LayeredImage
+from addon.solver.scene import SceneError
+from addon.solver.spectrum import apparent_temperature, band_radiance
+
+EDGES = np.array([8.0, 9.5, 14.0])
+WEIGHTS = np.array([0.25, 1.0])
+CURVE = np.array([8.0, 12.0]), np.array([0.9, 0.1])
+LAYERS = Layer(), Layer("motor", temperature=300.0, traced=310.0), Layer("Gerät, ä", "Glass", CURVE, 400.0, 400.0)
+FACTS = {
+    "referenceTemperature": 300.0, "bandWeights": "0.25 1.0", "assumedEmissivity": 0.8, "reflectedTemperature": 280.0,
+    "passes": 7,
+}  # fmt: skip
+
+
+def layered(seed=0):
+    excess = np.random.default_rng(seed).normal(size=(3, 2, 5, 4)).astype(np.float32)
+    return LayeredImage(excess, LAYERS, EDGES, 300.0, WEIGHTS, Correction(0.8, 280.0))
+
+
+@pytest.fixture
+def path(tmp_path):
+    write_group_exr(tmp_path / "groups.exr", layered(), FACTS)
+    return tmp_path / "groups.exr"
+
+
+def test_what_is_read_is_what_was_written(path):
+    image, facts = read_group_exr(path)
+    assert np.array_equal(image.excess, layered().excess) and image.excess.dtype == np.float32
+    assert np.array_equal(image.band_edges, EDGES) and np.array_equal(image.weights, WEIGHTS)
+    assert (image.reference_temperature, image.correction) == (300.0, Correction(0.8, 280.0))
+    assert image.temperatures == {"motor": 300.0, "Gerät, ä": 400.0} and facts["passes"] == "7"
+    assert np.array_equal(image.layers[2].curve, CURVE)
+    temperatures = {"motor": 350.0}
+    assert np.array_equal(image.recombined(temperatures), layered().recombined(temperatures))
+
+
+def test_other_tools_find_a_part_for_each_layer(path):
+    parts = OpenEXR.File(str(path), separate_channels=True).parts
+    assert [part.name() for part in parts] == ["0 no group", "1 motor", "2 Gerät, ä, Glass"]
+    for part, bands in zip(parts, layered().excess, strict=True):
+        for name, band in zip(("8,00-9,50um.V", "9,50-14,00um.V"), bands, strict=True):
+            assert np.array_equal(part.channels[name].pixels[::-1], band)
+        assert [each["group"] for each in json.loads(part.header["layers"])] == ["", "motor", "Gerät, ä"]
+        assert part.header["bandEdges"] == "8.0 9.5 14.0"
+
+
+def test_recombined_images_follow_the_formula(path, tmp_path):
+    """L = B(T0) + sum X(T) / X(R) E, and the sensor's temperature of it."""
+    image, facts = read_group_exr(path)
+    temperature = write_recombined(tmp_path / "new.exr", image, {"motor": 350.0}, facts)
+    widths = np.diff(EDGES)
+    reference, traced, new = band_radiance(EDGES, np.array([300.0, 310.0, 350.0]))
+    factor = ((new - reference) / (traced - reference))[:, None, None]
+    expected = (reference / widths)[:, None, None] + image.excess[0] + factor * image.excess[1] + image.excess[2]
+    file = OpenEXR.File(str(tmp_path / "new.exr"), separate_channels=True)
+    header, channels = file.header(), file.channels()
+    found = np.array([channels[name].pixels[::-1] for name in ("8,00-9,50um.V", "9,50-14,00um.V")])
+    np.testing.assert_allclose(found, expected, rtol=2e-6)
+    assert json.loads(header["groupTemperatures"]) == {"motor": 350.0, "Gerät, ä": 400.0}
+    assert "Noise.V" not in channels and header["passes"] == "7"
+    radiance = np.tensordot(WEIGHTS * widths, expected, 1)
+    reflected = 0.2 * WEIGHTS @ band_radiance(EDGES, 280.0)
+    corrected = apparent_temperature((radiance - reflected) / 0.8, EDGES, WEIGHTS)
+    np.testing.assert_allclose(channels["Radiance.V"].pixels[::-1], radiance, rtol=2e-6)
+    np.testing.assert_allclose(channels["Temperature.V"].pixels[::-1], corrected, rtol=2e-6)
+    assert np.array_equal(channels["Temperature.V"].pixels[::-1], temperature)
+
+
+def test_damaged_files_are_refused(path):
+    """Whatever byte of the header is wrong, and wherever the file ends: never anything but a message with its name."""
+    whole, refused = path.read_bytes(), 0
+    for at in (*range(0, 400, 7), *range(400, len(whole), 501)):
+        for damaged in (whole[:at], whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :]):
+            path.write_bytes(damaged)
+            try:
+                image, _ = read_group_exr(path)
+            except SceneError as error:
+                assert str(path) in str(error)
+                refused += 1
+            else:  # what no checksum guards: a pixel, or a fact for the reader alone
+                assert np.isfinite(image.excess).all() and image.excess.shape == (3, 2, 5, 4)
+    assert refused > 40
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"referenceTemperature": "warm"}, "warm"),
+        ({"referenceTemperature": "nan"}, "reference"),
+        ({"bandWeights": "1.0"}, "1 bandWeights for 2 bands"),
+        ({"assumedEmissivity": "0"}, "assumedEmissivity"),
+        ({"layers": to_json(LAYERS[:1])}, "3 parts for 1 layers"),
+    ],
+)
+def test_impossible_facts_are_refused(path, tmp_path, change, message):
+    file = OpenEXR.File(str(path), separate_channels=True)
+    parts = [OpenEXR.Part({**part.header, **change}, dict(part.channels), part.name()) for part in file.parts]
+    OpenEXR.File(parts).write(str(tmp_path / "changed.exr"))
+    with pytest.raises(SceneError, match=message) as caught:
+        read_group_exr(tmp_path / "changed.exr")
+    assert "changed.exr" in str(caught.value)
+
+
+def test_missing_and_unwritable_files_are_named(tmp_path):
+    with pytest.raises(OSError, match="Cannot read the temperature groups from .*nowhere.exr"):
+        read_group_exr(tmp_path / "nowhere.exr")
+    (tmp_path / "text.exr").write_text("no image")
+    with pytest.raises(SceneError, match="text.exr' holds no temperature groups, or is damaged"):
+        read_group_exr(tmp_path / "text.exr")
+    with pytest.raises(OSError, match="no such folder"):
+        write_group_exr(tmp_path / "none" / "groups.exr", layered(), FACTS)
+
+
+def test_files_are_numbered():
+    assert numbered("/a/out_##.exr", ".exr", 7, False).as_posix() == "/a/out_07.exr"
+    assert numbered("/a/out.exr", ".exr", 7, True).as_posix() == "/a/out0007.exr"
+    assert numbered("/a.b/out", ".exr", 7, False).as_posix() == "/a.b/out.exr"
