@@ -22,6 +22,11 @@ IMAGES = ROOT / "docs" / "images"
 OURS = "INFRARED_PT_"
 ORDER = {f"INFRARED_PT_{name}": place for place, name in enumerate(("photons", "spectrum", "defaults", "checks"))}
 KEPT = {"DATA_PT_lens"}  # one of ours is inside
+# Too long for one picture with the others: in pictures of their own, with those that they are inside of.
+APART = {
+    "heat-display": ("INFRARED_PT_heat_display",),
+    "detector": ("INFRARED_PT_spectrum", "INFRARED_PT_detector"),
+}
 MARGIN, EDGE = 6, 4  # pixels: around the panels in a picture; of an editor's own frame
 
 
@@ -90,8 +95,8 @@ def work():
     ours = leave_only_our_panels()
     ring, heater, camera = (bpy.data.objects[name] for name in ("Ring", "Heater", "Camera"))
     camera.data.type = "PANO"
-    heat_display = [cls for cls in ours if cls.__name__ == "INFRARED_PT_heat_display"]
-    hide(heat_display)  # too long for one picture with the others
+    apart = [cls for cls in ours if cls.__name__ in [names[-1] for names in APART.values()]]
+    hide(apart)
     for name, tab, shown in (
         ("render", "RENDER", ring),
         ("output", "OUTPUT", ring),
@@ -105,11 +110,15 @@ def work():
         yield 0.5
         properties.spaces.active.context = tab
         yield from shoot(name, properties)
-    others = [cls for cls in ours if getattr(cls, "bl_context", "") == "render" and cls not in heat_display]
+    others = [cls for cls in ours if getattr(cls, "bl_context", "") == "render" and cls not in apart]
     hide(others)
-    show_open(heat_display)
+    scene.infrared.use_detector = True
     properties.spaces.active.context = "RENDER"
-    yield from shoot("heat-display", properties)
+    for name, panels in APART.items():
+        shown = [cls for cls in ours if cls.__name__ in panels]
+        show_open(shown)
+        yield from shoot(name, properties)
+        hide(shown)
     for position in ((0.5, 0.5), (0.3, 0.6)):
         scene.infrared.spots.add().position = position
     viewport.type = "IMAGE_EDITOR"
@@ -117,7 +126,7 @@ def work():
     editor.image, editor.show_region_ui = bpy.data.images["Render Result"], True
     yield 1.0
     yield from shoot("sidebar", viewport, "UI")
-    show_open(others)  # the add-on looks for them when Blender quits
+    show_open(others + apart)  # the add-on looks for them when Blender quits
 
 
 bpy.context.preferences.view.show_splash = False
