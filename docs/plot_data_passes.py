@@ -80,7 +80,7 @@ def main() -> None:
     whole = Image.new("RGB", (COLUMNS * width - GAP, -(-len(pictures) // COLUMNS) * height - GAP), "white")
     for i, picture in enumerate(pictures):
         whole.paste(picture, (i % COLUMNS * width, i // COLUMNS * height))
-    whole.quantize(128).save(FOLDER / "images" / "data-passes.png", optimize=True)
+    whole.save(FOLDER / "images" / "data-passes.png", optimize=True)
 
 
 if __name__ == "__main__":
