@@ -91,7 +91,7 @@ def perspective(eye):
 def border(eye):
     perspective(eye)
     render = bpy.context.scene.render
-    render.use_border, render.border_min_x, render.border_max_y = True, 0.3, 0.8
+    render.use_border, render.border_min_x, render.border_max_y = True, 0.1, 0.8
 
 
 def out_of_focus(eye):
@@ -104,7 +104,7 @@ def orthographic(eye):
 
 def panorama(eye):
     eye.type, eye.panorama_type = "PANO", "EQUIRECTANGULAR"
-    eye.longitude_min, eye.longitude_max, eye.latitude_min, eye.latitude_max = -0.6, 0.8, -0.7, 0.4
+    eye.longitude_min, eye.longitude_max, eye.latitude_min, eye.latitude_max = -0.8, 0.5, -0.6, 0.2
 
 
 @pytest.mark.parametrize("kind", [perspective, border, out_of_focus, orthographic, panorama])
@@ -117,11 +117,11 @@ def test_passes_equal_those_of_cycles(tmp_path, kind):
     surface = np.concatenate((indices, ours["normal"]), axis=-1)
     inside = (neighbours(surface) == surface).all(axis=(0, -1))  # away from edges
     seen = inside & (ours["depth"] < FAR)
-    assert {0.0, 4.0, 7.0, 8.0, 9.0} >= set(np.unique(ours["object_index"][seen])) >= {4.0, 7.0, 8.0, 9.0}
+    assert set(np.unique(ours["object_index"][seen])) == {4.0, 7.0, 8.0, 9.0}
     for quantity in ("object_index", "material_index"):
         np.testing.assert_array_equal(ours[quantity][inside], cycles[quantity][inside])
     np.testing.assert_allclose(ours["normal"][inside], cycles["normal"][inside], atol=1e-6)  # some roundings of float32
-    assert (cycles["depth"][inside & ~seen] == FAR).all()
+    np.testing.assert_array_equal(cycles["depth"][~seen & inside], ours["depth"][~seen & inside])
     for quantity in ("depth", "position"):
         change = np.abs(neighbours(ours[quantity]) - ours[quantity]).max(axis=0)
         error = np.abs(ours[quantity] - cycles[quantity])
@@ -153,7 +153,7 @@ def test_without_a_switch_there_is_nothing_more(tmp_path, monkeypatch):
     assert final_render.finished_layers["ViewLayer"]["further"] == {}
 
 
-@pytest.mark.parametrize("quantity", SWITCHES)
+@pytest.mark.parametrize("quantity", list(SWITCHES))
 def test_each_switch_brings_its_pass_to_sockets_and_renders(tmp_path, quantity):
     usual = registered()
     ask_for(quantity)
