@@ -21,7 +21,10 @@ import pytest
 from scipy.constants import c, h, k
 
 import run
+from addon.output.group_exr import write_group_exr
 from addon.solver import library
+from addon.solver.layers import Layer
+from addon.solver.recombine import LayeredImage
 
 ROOT = run.ROOT
 LAUNCHER = Path(os.environ.get("REAL_BLENDER", ROOT.parent / "shared" / "blender" / "real-blender"))
@@ -170,6 +173,24 @@ def test_temperature_is_that_of_a_blackbody_of_the_same_radiance(passes, scene):
         spectral = 2 * h * c**2 / wavelength**5 / np.expm1(h * c / (wavelength * k * temperature[pixel]))
         # A temperature rounded to float32 moves the radiance by d ln L / d ln T, at most 30 here, times 6e-8.
         assert np.sum(spectral) * step * 1e-6 == pytest.approx(radiance[pixel], rel=1e-5)
+
+
+def test_a_command_recombines_temperature_groups(installed):
+    """Two layers of known radiance, from Blender's command line without a file."""
+    layers = Layer(), Layer("motor", temperature=300.0, traced=310.0)
+    edges, excess = np.array([8.0, 10.0, 14.0]), np.random.default_rng(0).random((2, 2, 6, 8), np.float32)
+    image = LayeredImage(excess, layers, edges, 295.0, np.ones(2))
+    facts = {"referenceTemperature": 295.0, "bandWeights": "1.0 1.0", "assumedEmissivity": 1.0}
+    write_group_exr(WORK / "groups.exr", image, facts | {"reflectedTemperature": 293.0})
+    (WORK / "series.csv").write_text("frame,motor\n3,320\n4,350\n")
+    command = ("--command", "infrared_recombine", WORK / "groups.exr", WORK / "series_##")
+    text = blender(*command, "--series", WORK / "series.csv", "--pictures", check_scripts=False)
+    assert "2 images written" in text
+    for frame, kelvin in ((3, 320.0), (4, 350.0)):
+        channels = OpenEXR.File(str(WORK / f"series_{frame:02d}.exr"), separate_channels=True).channels()
+        shown = [channels[f"{name}um.V"].pixels[::-1] for name in ("8,00-10,00", "10,00-14,00")]
+        np.testing.assert_allclose(shown, image.recombined({"motor": kelvin}), rtol=1e-6)
+        assert (WORK / f"series_{frame:02d}.png").stat().st_size > 100
 
 
 def test_rendering_again_gives_the_same_bits_without_compiling(first, capsys):
