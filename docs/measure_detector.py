@@ -38,7 +38,7 @@ BITS = (8, 14)
 SIZES = ((640, 480), (1920, 1080))
 SHOWN = (  # of the picture: title and camera
     ("As rendered", Detector()),
-    ("f/2, pixels of 12 µm", Detector(f_number=2.0)),
+    ("f/2, pixels of 12 um", Detector(f_number=2.0)),
     ("f/2, NETD 0.5 K, offsets 0.5 K", Detector(f_number=2.0, netd=0.5, offset_spread=0.5)),
     ("the same, 5 bits", Detector(f_number=2.0, netd=0.5, offset_spread=0.5, bits=5, range=(283.15, 353.15))),
 )

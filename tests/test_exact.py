@@ -40,6 +40,8 @@ from scenes import pass_means, quad
 
 from addon.solver import Settings, render
 
+pytestmark = pytest.mark.statistics
+
 PASSES = 100  # where a small bright thing lights a surface, fewer tell their own spread badly
 CHANCE = 4.0  # of some 60 means, one strays further than 3 standard errors in every sixth suite, than 4 in every 260th
 SHORT = [

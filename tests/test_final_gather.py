@@ -19,6 +19,8 @@ from addon.solver.splitting import _mean_of, plan_splitting, ray_variance
 from addon.solver.surfaces import build_surfaces
 
 eye_paths, render_module = (importlib.import_module(f"addon.solver.{name}") for name in ("eye_paths", "render"))
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([8.0, 10.0, 12.0])
 GREY, BLACK = Material("grey", 0.5), Material("black", 1.0)
 MIRROR = Material("mirror", 0.1, specular=1.0)

@@ -21,6 +21,8 @@ from addon.solver.spectrum import band_radiance
 prepare = importlib.import_module("addon.solver.render").prepare  # `addon.solver.render` is the function
 lamps = importlib.import_module("addon.solver.lamps")
 
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([8.0, 10.0, 12.0])
 GREY, BLACK = Material("grey", 0.5), Material("black", 1.0)
 MIRROR = Material("mirror", 0.2, specular=1.0)

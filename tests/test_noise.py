@@ -11,6 +11,8 @@ from scenes import box, join, look, make_scene, sphere
 
 from addon.solver import Material, PointLight, Settings, render
 
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([8.0, 10.0, 12.0])
 RENDERS = 40
 CALIBRATED = 0.10
