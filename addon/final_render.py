@@ -24,10 +24,9 @@ from .output.formats import FORMATS, numbered, without_extension, write_file
 from .output.temperature_scale import TemperatureScale
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
 from .scene_reader import SceneError, read_band_edges, read_scene, read_settings, render_reader
-from .solver import first_hit_images, render
+from .solver import first_hit_images, layered_image, render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from .solver.memory import check_memory, memory_beforehand
-from .solver.recombine import layered_image
 from .solver.surfaces import Geometry, build_geometry
 
 log = logging.getLogger(__name__)

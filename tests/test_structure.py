@@ -61,6 +61,15 @@ def test_solver_works_without_blender():
     assert done.returncode == 0, done.stderr
 
 
+def test_importing_the_solver_loads_all_kernels():
+    """Kernels are kept where `kernel_cache` says only if they are defined while the solver is imported."""
+    kernels = {path.stem for path in (ADDON / "solver").glob("*.py") if "@njit" in path.read_text(encoding="utf-8")}
+    code = "import sys, addon.solver; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert len(kernels) > 10
+    assert {f"addon.solver.{name}" for name in kernels} <= set(loaded.split())
+
+
 @pytest.mark.parametrize("path", MODULES, ids=name)
 def test_addon_imports_itself_relatively(path):
     """Installed, the package is called bl_ext.<repository>.infrared_photons."""

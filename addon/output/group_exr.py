@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+from ..solver import LayeredImage
 from ..solver.files import replacing
 from ..solver.film import Correction
 from ..solver.layers import from_json, to_json
-from ..solver.recombine import LayeredImage
 from ..solver.scene import SceneError, check_band_edges, check_temperature
 from ..solver.spectrum import band_names
 from .description import BAND_UNIT, describe

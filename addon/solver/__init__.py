@@ -6,6 +6,7 @@ from .kernel_cache import kept_kernels
 with kept_kernels():
     from .film import Correction, Film
     from .first_hits import first_hit_images
+    from .recombine import LayeredImage, layered_image
     from .render import render
     from .scene import (
         AreaLight,
@@ -26,6 +27,7 @@ __all__ = [
     "Camera",
     "Correction",
     "Film",
+    "LayeredImage",
     "Light",
     "Material",
     "PointLight",
@@ -36,5 +38,6 @@ __all__ = [
     "SpotLight",
     "SunLight",
     "first_hit_images",
+    "layered_image",
     "render",
 ]

@@ -34,7 +34,13 @@ def traces() -> dict[str, list[str]]:
         "operators": [f"{group}.{name}" for group in dir(bpy.ops) for name in dir(getattr(bpy.ops, group))],
         "properties": [f"{cls.__name__}.{each.identifier}" for cls in structs for each in cls.bl_rna.properties],
         "panels of the engine": [cls.__name__ for cls in types if ENGINE in getattr(cls, "COMPAT_ENGINES", ())],
-        "draw functions": [f"{cls.__name__} {f.__module__}" for cls in layouts for f in cls.draw._draw_funcs],
+        # a menu's own is kept beside the first that an add-on appends, and stays there: it was drawn before, too
+        "draw functions": [
+            f"{cls.__name__} {f.__module__}"
+            for cls in layouts
+            for f in cls.draw._draw_funcs
+            if f.__module__ != cls.__module__
+        ],
         "handlers": [f"{name} {f}" for name, found in handlers.items() if isinstance(found, list) for f in found],
         "keys": [f"{keymap.name} {item.idname}" for keymap in keymaps for item in keymap.keymap_items],
         "threads": [thread.name for thread in threading.enumerate()],
