@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make the pictures of docs/panels.md. Needs Linux, ImageMagick and a Blender with a window and the extension:
+"""Make the pictures of docs/panels.md, and README's of some of them. Needs Linux, ImageMagick and a Blender with a
+window and the extension:
 
     blender docs/demo/demo.blend --python docs/shoot_panels.py
 
@@ -22,11 +23,12 @@ IMAGES = ROOT / "docs" / "images"
 OURS = "INFRARED_PT_"
 ORDER = {f"INFRARED_PT_{name}": place for place, name in enumerate(("photons", "spectrum", "defaults", "checks"))}
 KEPT = {"DATA_PT_lens"}  # one of ours is inside
-# Too long for one picture with the others: in pictures of their own, with those that they are inside of.
+# Too long for one picture with the others: in pictures of their own, with what they are inside of.
 APART = {
     "heat-display": ("INFRARED_PT_heat_display",),
-    "detector": ("INFRARED_PT_spectrum", "INFRARED_PT_detector"),
+    "detector": ("INFRARED_PT_sensor", "INFRARED_PT_detector"),
 }
+TOGETHER = (("render",), ("object", "world", "light"), ("material", "output"))  # columns of README's picture
 MARGIN, EDGE = 6, 4  # pixels: around the panels in a picture; of an editor's own frame
 
 
@@ -82,6 +84,13 @@ def shoot(name, area, kind="WINDOW"):
     )
 
 
+def put_together():
+    """Make README's picture of those that were made."""
+    files = [[IMAGES / f"panel-{name}.png" for name in column] for column in TOGETHER]
+    columns = [part for column in files for part in ("(", *column, "-append", ")")]
+    subprocess.run(["convert", "-background", "#303030", *columns, "+append", IMAGES / "panels.png"], check=True)
+
+
 def work():
     """A generator that yields how many seconds to wait."""
     scene = bpy.context.scene
@@ -95,7 +104,7 @@ def work():
     ours = leave_only_our_panels()
     ring, heater, camera = (bpy.data.objects[name] for name in ("Ring", "Heater", "Camera"))
     camera.data.type = "PANO"
-    apart = [cls for cls in ours if cls.__name__ in [names[-1] for names in APART.values()]]
+    apart = [cls for cls in ours if any(cls.__name__ in names for names in APART.values())]
     hide(apart)
     for name, tab, shown in (
         ("render", "RENDER", ring),
@@ -115,7 +124,8 @@ def work():
     scene.infrared.use_detector = True
     properties.spaces.active.context = "RENDER"
     for name, panels in APART.items():
-        shown = [cls for cls in ours if cls.__name__ in panels]
+        parents = {getattr(cls, "bl_parent_id", "") for cls in ours if cls.__name__ in panels}
+        shown = [cls for cls in ours if cls.__name__ in parents.union(panels)]
         show_open(shown)
         yield from shoot(name, properties)
         hide(shown)
@@ -126,6 +136,7 @@ def work():
     editor.image, editor.show_region_ui = bpy.data.images["Render Result"], True
     yield 1.0
     yield from shoot("sidebar", viewport, "UI")
+    put_together()
     show_open(others + apart)  # the add-on looks for them when Blender quits
 
 
