@@ -90,8 +90,8 @@ def installed():
     (WORK / "home").mkdir(parents=True)
     # Wheels for another Python go along, to see that Blender takes the fitting ones.
     pythons = dict.fromkeys([run.supported_pythons()[-1], report("--factory-startup")["python"]])
-    command = [sys.executable, ROOT / "run.py", "package", "--platform", "linux-x64", "--output", WORK / "dist"]
-    subprocess.run([*command, "--python", *pythons], cwd=ROOT, check=True, stdin=subprocess.DEVNULL)
+    run.package(Path(sys.executable), pythons, ["linux-x64"], WORK / "dist")  # by this Python: it has all that it takes
+    run.package_template(WORK / "dist")
     (archive,) = (WORK / "dist").glob("infrared_photons-*.zip")
     text = blender(
         "--command", "extension", "install-file", "-r", "user_default", "--enable", archive, check_scripts=False

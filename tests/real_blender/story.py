@@ -2,6 +2,7 @@
 """Run inside Blender with a window: go on with a story, which says when it wants to be called again, and quit."""
 
 import sys
+import time
 from collections.abc import Iterator
 
 import bpy
@@ -21,3 +22,12 @@ def tell(story: Iterator[float]) -> None:
             bpy.ops.wm.quit_blender()
 
     bpy.app.timers.register(go_on, first_interval=2.0, persistent=True)
+    if bpy.app.use_event_simulate:
+        bpy.app.timers.register(rest, persistent=True)
+
+
+def rest() -> float:
+    """Sleep as Blender's main loop does when it has nothing to do, but not when events are simulated: then it spins,
+    and takes processor and interpreter away from what renders. Returns when it wants to be called again: at once."""
+    time.sleep(0.005)
+    return 0.0
