@@ -128,8 +128,8 @@ class INFRARED_OT_export_bands(Operator, ExportHelper):
 
     @classmethod
     def poll(cls, _context):
-        final_render = sys.modules.get(f"{__package__}.final_render")  # not loaded: nothing was rendered
-        return final_render is not None and bool(final_render.finished_layers)
+        final_render = sys.modules.get(f"{__package__}.final_render")  # not, or not wholly, loaded: nothing was rendered
+        return bool(getattr(final_render, "finished_layers", {}))
 
     def execute(self, _context):
         from . import final_render

@@ -22,8 +22,9 @@ REACH = 8  # pixels: a click so near to a spot means that spot
 
 def finished():
     """(finished_layers, finished_frames) of final_render; both are empty if nothing was rendered yet."""
-    final_render = sys.modules.get(f"{__package__}.final_render")  # loading it would load the solver
-    return (final_render.finished_layers, final_render.finished_frames) if final_render else ({}, {})
+    # loading it would load the solver, which the thread of a first render may be doing just now
+    final_render = sys.modules.get(f"{__package__}.final_render")
+    return getattr(final_render, "finished_layers", {}), getattr(final_render, "finished_frames", {})
 
 
 def shown_layer(space, scene) -> tuple[str, bool] | None:

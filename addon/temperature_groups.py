@@ -34,8 +34,8 @@ Moment = tuple[int, Mapping[str, float]]  # number of a frame, and temperatures 
 
 def last_group_files() -> dict[str, Path]:
     """The files of the last render's groups, by view layer; none without a render in this session."""
-    final_render = sys.modules.get(f"{__package__}.final_render")  # not loaded: nothing was rendered
-    return final_render.finished_groups if final_render else {}
+    final_render = sys.modules.get(f"{__package__}.final_render")  # not, or not wholly, loaded: nothing was rendered
+    return getattr(final_render, "finished_groups", {})
 
 
 def moments(context, source: str, series: str, known: Iterable[str]) -> Iterator[Moment]:

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import OpenEXR
@@ -19,7 +20,7 @@ bpy = pytest.importorskip("bpy")
 
 from blender_helpers import camera, cube_mesh, link, material, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
 
-from addon import final_render  # noqa: E402
+from addon import final_render, spot_meter, temperature_groups  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
 from addon.solver.spectrum import band_names, band_radiance  # noqa: E402
 
@@ -446,6 +447,13 @@ def test_registering_is_light_and_the_interpreter_exits():
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert "registered" in done.stdout and done.returncode == 0, done.stderr
+
+
+def test_windows_are_drawn_while_the_solver_is_loaded(monkeypatch):
+    """By the thread of a first render: its module is there already, and has nothing in it yet."""
+    monkeypatch.setitem(sys.modules, "addon.final_render", ModuleType("addon.final_render"))
+    assert spot_meter.finished() == ({}, {}) and temperature_groups.last_group_files() == {}
+    assert not bpy.ops.infrared.export_bands.poll()
 
 
 def test_kernels_are_kept_in_the_extensions_folder(monkeypatch, tmp_path):
