@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from story import tell  # noqa: E402
 
 BLEND = bpy.data.filepath
-ROUNDS = 3
-LONGEST = 4.0  # s from the start of a render to the disturbance: before, in and after its first pass
+ROUNDS = 2
+LONGEST = 2.0  # s from the start of a render to the disturbance: before, in and after its first pass
 PATIENCE = 60.0  # s for a render to end
 
 
@@ -60,7 +60,7 @@ def start_endless_render():
     scene = bpy.context.scene
     scene.render.engine = "INFRARED_PHOTONS"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
-    scene.infrared.passes, scene.infrared.photons_per_pass = 1_000_000, 20_000
+    scene.infrared.passes, scene.infrared.photons_per_pass = 1_000_000, 10_000
     scene.camera.location.x += 0.01
     bpy.ops.ed.undo_push(message="Move")  # something to undo
     return bpy.ops.render.render("INVOKE_DEFAULT")

@@ -67,9 +67,9 @@ def make_scene():
 
 
 def shown(region, name):
-    """(h, w, 3) int of a region on the screen, row 0 at the bottom."""
+    """(h, w, 3) int of a region of the window, which is in the screen's upper left corner; row 0 at the bottom."""
     window = bpy.context.window
-    command = ["import", "-window", "root", "-depth", "8"]
+    command = ["import", "-window", "root", "-crop", f"{window.width}x{window.height}+0+0", "-depth", "8"]
     if SCREENSHOTS:
         subprocess.run([*command, f"{SCREENSHOTS}/{name}.png"], check=True)
     raw = subprocess.run([*command, "rgb:-"], check=True, capture_output=True).stdout

@@ -21,6 +21,7 @@ def tell(story: Iterator[float]) -> None:
             sys.excepthook(*sys.exc_info())
             bpy.ops.wm.quit_blender()
 
+    bpy.context.preferences.system.viewport_aa = "OFF"  # it draws everything eight times, on a software GPU
     bpy.app.timers.register(go_on, first_interval=2.0, persistent=True)
     if bpy.app.use_event_simulate:
         bpy.app.timers.register(rest, persistent=True)

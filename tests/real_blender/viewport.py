@@ -26,6 +26,7 @@ PATIENCE = 300.0  # s for a picture: the first waits for kernels to be compiled
 TICK = 0.005  # s between two looks
 
 pictures = []  # the moments at which a first, coarse picture was drawn
+finer = []  # and any other
 calls = [0.0]  # s that calls of the engine took
 
 
@@ -35,8 +36,7 @@ def watch():
     from bl_ext.user_default.infrared_photons.engine import InfraredPhotonsEngine as Engine
 
     def texture_of(pixels, original=viewport._texture_of):
-        if pixels.size <= 4 * viewport.FIRST_PIXELS:
-            pictures.append(time.monotonic())
+        (pictures if pixels.size <= 4 * viewport.FIRST_PIXELS else finer).append(time.monotonic())
         return original(pixels)
 
     viewport._texture_of = texture_of
@@ -163,8 +163,7 @@ def mismatch():
 
 
 def screenshot(name):
-    if SCREENSHOTS:
-        subprocess.run(["import", "-window", "root", f"{SCREENSHOTS}/{name}.png"], check=True)
+    subprocess.run(["import", "-window", "root", f"{SCREENSHOTS}/{name}.png"], check=True)
 
 
 def wait_for_picture(name, begin, count=1):
@@ -176,6 +175,14 @@ def wait_for_picture(name, begin, count=1):
     first = next(moment for moment in pictures if moment > begin)
     print(f"PICTURE {name} {first - begin:.3f} {max(calls):.3f}", flush=True)
     calls[:] = [0.0]
+
+
+def wait_for_finer(begin):
+    """Yield until a finer picture has come."""
+    while not finer or finer[-1] < begin:
+        if time.monotonic() > begin + PATIENCE:
+            raise TimeoutError("finer pictures")
+        yield TICK
 
 
 def wait_for_end():
@@ -200,14 +207,15 @@ def work():
     for step in (perspective, turn, orthographic, through_camera, zoom_in_camera_view, panorama, perspective_camera,
                  heat, move_object, undo, lower_emissivity, second_viewport, another_engine_and_back,
                  solid_and_back):  # fmt: skip
-        yield 1.5  # into the finer pictures, which must then give way
+        yield from wait_for_finer(begin)  # into the finer pictures, the next of which must then give way
         begin = time.monotonic()
         step()
         yield from wait_for_picture(step.__name__, begin, len(viewports()))
         if step is not panorama:  # Blender's overlays know none
             print(f"VIEW {step.__name__} {mismatch():.4f}", flush=True)
-        yield 1.5
-        screenshot(step.__name__)
+        if SCREENSHOTS:
+            yield 1.5
+            screenshot(step.__name__)
     load_file()
     yield 0.5  # the new file's window is that of the next step
     begin = time.monotonic()
