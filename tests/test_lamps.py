@@ -334,14 +334,14 @@ def room_with_stove(**options):
 def test_lamps_do_not_change_the_mean(lights, monkeypatch):
     """The image's mean with the stove as a lamp and with all its light by photons, within 4 standard errors."""
     scene = room_with_stove(lights=lights)
-    settings = Settings(passes=48, photons_per_pass=30_000)
+    settings = Settings(passes=16, photons_per_pass=30_000)
     assert lamp_triangles(scene, None).size == 1280
     mean, error = mean_and_error(scene, settings)
     monkeypatch.setattr(lamps, "_TOGETHER", 1e9)
     assert lamp_triangles(scene, None).size == 0
     other, other_error = mean_and_error(scene, settings)
     print(f"{mean / other - 1:+.3%} +- {np.hypot(error, other_error) / mean:.3%}")
-    assert np.hypot(error, other_error) < 0.005 * mean
+    assert np.hypot(error, other_error) < 0.002 * mean
     assert abs(mean - other) < 4 * np.hypot(error, other_error)
 
 

@@ -2,7 +2,7 @@
 """The noise that a film states is the error that it has: over independent renders, and against a converged one.
 
 Renders with different seeds share nothing. Over n renders a pixel's spread is known to 1 / sqrt(2 (n - 1)), 11 % at
-n = 40; pixels of one render share photons, so the mean over the image is known to about 1.8 %.
+n = 40, 16 % at n = 20; pixels of one render share photons, so the mean over the image is known to about 1.8 % or 2.6 %.
 """
 
 import numpy as np
@@ -14,9 +14,9 @@ from addon.solver import Material, PointLight, Settings, render
 pytestmark = pytest.mark.statistics
 
 EDGES = np.array([8.0, 10.0, 12.0])
-RENDERS = 40
+RENDERS = 20
 CALIBRATED = 0.10
-STATISTICAL = 3 * 0.018
+STATISTICAL = 3 * 0.026
 
 
 def placed(mesh, at, turn=0.0, tilt=0.0):
@@ -117,19 +117,19 @@ def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
 
 
 @pytest.mark.parametrize(
-    "scene, target",
+    "scene, target, passes",
     [
-        (room, 0.1),
-        pytest.param(silhouettes, 1.5, marks=pytest.mark.long),
+        (room, 0.1, 64),
+        pytest.param(silhouettes, 1.5, 256, marks=pytest.mark.long),
     ],
 )
-def test_target_noise_is_reached(scene, target):
-    """Renders that stop at a target err by no more against a converged one.
+def test_target_noise_is_reached(scene, target, passes):
+    """Renders that stop at a target err by no more against a converged one, of so many passes.
 
     At least 95 % of the pixels have a standard error below the target, and 95 % of those err by less than 1.96 of it:
     in all at least 90 %. 3 % of allowance: eight renders whose pixels err together.
     """
-    converged = render(scene(), Settings(passes=256, photons_per_pass=50_000, seed=1000))
+    converged = render(scene(), Settings(passes=passes, photons_per_pass=25_000, seed=1000))
     truth = converged.temperature()
     assert np.percentile(converged.noise(), 95) < 0.6 * target
     errors, noises = [], []
