@@ -128,7 +128,7 @@ class INFRARED_OT_export_bands(Operator, ExportHelper):
 
     @classmethod
     def poll(cls, _context):
-        final_render = sys.modules.get(f"{__package__}.final_render")  # not, or not wholly, loaded: nothing was rendered
+        final_render = sys.modules.get(f"{__package__}.final_render")  # not (wholly) loaded: nothing was rendered
         return bool(getattr(final_render, "finished_layers", {}))
 
     def execute(self, _context):

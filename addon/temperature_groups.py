@@ -34,7 +34,7 @@ Moment = tuple[int, Mapping[str, float]]  # number of a frame, and temperatures 
 
 def last_group_files() -> dict[str, Path]:
     """The files of the last render's groups, by view layer; none without a render in this session."""
-    final_render = sys.modules.get(f"{__package__}.final_render")  # not, or not wholly, loaded: nothing was rendered
+    final_render = sys.modules.get(f"{__package__}.final_render")  # not (wholly) loaded: nothing was rendered
     return getattr(final_render, "finished_groups", {})
 
 

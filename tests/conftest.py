@@ -16,7 +16,13 @@ def pytest_addoption(parser):
     parser.addoption("--long", action="store_true", help="run the long tests, too (some ten minutes more)")
 
 
+def pytest_configure(config):
+    config.option.loadscopereorder = False  # files that share processes start in the order set below
+
+
 def pytest_collection_modifyitems(config, items):
+    # first what takes longest in one process, and compiles kernels of its own: other files run, and compile, beside it
+    items.sort(key=lambda item: item.path.name != "test_real_blender.py")
     if not config.getoption("--long"):
         long = [item for item in items if item.get_closest_marker("long")]
         config.hook.pytest_deselected(items=long)

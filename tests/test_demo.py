@@ -23,7 +23,7 @@ from addon.output.temperature_scale import KELVIN, TemperatureScale  # noqa: E40
 from addon.solver.spectrum import apparent_temperature, band_names  # noqa: E402
 
 DEMO = Path(__file__).resolve().parents[1] / "docs" / "demo"
-WIDTH, HEIGHT, PASSES, PHOTONS = 160, 120, 48, 100_000
+WIDTH, HEIGHT, PASSES, PHOTONS = 160, 120, 12, 100_000
 EDGES = np.linspace(7.5, 13.5, 16)  # um, of the demo's bands
 
 
