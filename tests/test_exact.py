@@ -105,7 +105,6 @@ def test_pixels_converge():
     assert mean < -1 / 3 + 3 * standard
 
 
-@pytest.mark.xfail(strict=True, reason="on a rim, photons are gathered from one side only, where the light differs")
 def test_pixels_on_an_edge():
     """Pixels that hold less than a third of a disk's rim show its light like all others: 3 standard errors."""
     scene, truth, cover = disks_image(0.25)

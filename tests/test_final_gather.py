@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from numba import njit
 from scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 from scipy.stats import t as student
 
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
-from addon.solver.final_gather import _WINDOW, Finals, share
+from addon.solver.final_gather import _WINDOW, Finals, choose_splits, share
 from addon.solver.free_space import LEAST_FREE
 from addon.solver.spectrum import band_radiance
 from addon.solver.splitting import _mean_of, plan_splitting, ray_variance
@@ -66,15 +65,11 @@ def test_floor_beside_a_hot_wall_is_exact():
     assert np.all(np.abs(value - truth) < student.ppf(1 - 5e-4 / 32, 15) * error)
 
 
-@njit
-def split_all(surfaces, radiometry, estimate, code, rays, gathers, free2):
+def split_all(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
     """Every gather sends rays."""
-    sent = 0
-    for g in range(gathers.ray.size):
-        if not rays.gathered[gathers.ray[g]]:
-            gathers.rays[g] = 32
-            sent += 32
-    return sent
+    choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
+    gathers.rays[:] = np.where(rays.gathered[gathers.ray], 0, 32)
+    return int(gathers.rays.sum())
 
 
 def split_none(*_):
@@ -161,8 +156,8 @@ def test_rays_with_other_colours_keep_theirs(second, expected, monkeypatch):
     scene = make_scene(*parts, (GREY, *mirrors), camera, EDGES, material, world_temperature=250.0)
     choose, groups = eye_paths.choose_splits, []
 
-    def watch(surfaces, radiometry, estimate, code, rays, gathers, free2):
-        sent = choose(surfaces, radiometry, estimate, code, rays, gathers, free2)
+    def watch(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
+        sent = choose(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
         groups.extend(gathers.of[gathers.of >= 0])
         return sent
 
@@ -176,8 +171,8 @@ def test_rays_go_out_where_walls_leave_no_room_for_photons(monkeypatch):
     """There a disk of photons that is not too small to hold any would reach behind the wall."""
     beside, choose = [], eye_paths.choose_splits
 
-    def watch(surfaces, radiometry, estimate, code, rays, gathers, free2):
-        sent = choose(surfaces, radiometry, estimate, code, rays, gathers, free2)
+    def watch(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
+        sent = choose(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
         for g, ray in enumerate(gathers.ray):
             if not rays.gathered[ray] and free2[g] < np.float32(LEAST_FREE * estimate.reach2):
                 beside.append(gathers.rays[g])

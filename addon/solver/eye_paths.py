@@ -122,14 +122,14 @@ def render_pixels(
             place, code, turns = np.empty((found, 3)), np.empty(found, np.int32), np.empty(found)
             locate(surfaces, bounce, *hits, rays, gathers, place, code, turns)
             free2 = free_space(tracer, surfaces, estimate.reach2, place, code, turns)
-            split = choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2)
+            split = choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
             reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, free2, image)
             if bounce > 0:
                 lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, image)
                 free2_lost = np.full(len(lost.ray), estimate.reach2, np.float32)
                 reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, free2_lost, image)
         if split:
-            finals.append(open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, len(image)))
+            finals.append(open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, len(image)))
             image = np.concatenate((image, np.zeros((len(finals[-1].pixel), weights.size), np.float32)))
             closeness = np.concatenate((closeness, np.zeros(len(finals[-1].pixel))))
         shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
@@ -164,14 +164,17 @@ class Gathers(NamedTuple):
     and a factor on its throughput, (n,) float32.
 
     carried: (n,) float64, what all rays of the group carry together. rays: (n,) int32, a power of two, how many a final
-    gather sends, from the ends of all rays of the group; 0 where it asks photons. row: (n,) int32, the row of the image
-    that these add to. of: (camera rays,) int32, the gather of a ray, or -1.
+    gather sends, from the ends of all rays of the group; 0 where it asks photons. radius2: (n,) float64, m2, of the
+    disk within which final gathers share rays. is_cut: (n,) bool, whether a rim cuts it. row: (n,) int32, the row of
+    the image that these add to. of: (camera rays,) int32, the gather of a ray, or -1.
     """
 
     ray: np.ndarray
     weight: np.ndarray
     carried: np.ndarray
     rays: np.ndarray
+    radius2: np.ndarray
+    is_cut: np.ndarray
     row: np.ndarray
     of: np.ndarray
 
@@ -184,6 +187,8 @@ def empty_gathers(count):
         np.empty(count, np.float32),
         np.empty(count),
         np.zeros(count, np.int32),
+        np.zeros(count),
+        np.zeros(count, np.bool_),
         np.empty(count, np.int32),
         np.full(count, -1, np.int32),
     )
@@ -194,7 +199,7 @@ def first_gathers(gathers, count):
     """The first so many gathers."""
     return Gathers(
         gathers.ray[:count], gathers.weight[:count], gathers.carried[:count], gathers.rays[:count],
-        gathers.row[:count], gathers.of,
+        gathers.radius2[:count], gathers.is_cut[:count], gathers.row[:count], gathers.of,
     )  # fmt: skip
 
 

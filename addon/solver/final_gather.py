@@ -15,41 +15,64 @@ from numba import njit
 
 from .free_space import LEAST_FREE
 from .sampling import FAST, FAST_INLINED
-from .splitting import rays_beside, shared_area
-from .surfaces import unit_normal
+from .splitting import disk_area, rays_beside, shared_area
+from .surfaces import PATCH_LIMIT, patch_in_ball, unit_normal
 
 _BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
+_WHOLE = 0.95  # share of a disk below which it is cut by a rim: one side alone would say what the light around is like
 _NEAR = 0.05  # radius of the disk, over the harmonic mean distance of what the rays meet: 5 % of change, about
 _BENT = 0.1  # squared difference of the unit normals at which no rays are shared
 _WINDOW = 3  # pixels around, in which final gathers share rays
 
 
 @njit(cache=True, nogil=True)
-def choose_splits(surfaces, radiometry, estimate, code, rays, gathers, free2):
-    """Choose the gathers that send rays, and how many. Returns the number of rays.
+def choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
+    """Choose the gathers that send rays, how many, and in which disk neighbours share them. Returns the number of rays.
 
     The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone.
     """
-    rays_sent = 0
+    rays_sent, splitting, k, shrink2 = 0, estimate.splitting, estimate.neighbours, estimate.shrink2
+    patch = np.empty(PATCH_LIMIT, np.int32)
     for g in range(gathers.ray.size):
-        i = gathers.ray[g]
-        if rays.gathered[i] or radiometry.specular[surfaces.material[code[g] >> 1]] == 1.0:
+        i, t, side = gathers.ray[g], code[g] >> 1, code[g] & 1
+        if rays.gathered[i] or radiometry.specular[surfaces.material[t]] == 1.0:
             continue
-        carried = carried_by(radiometry, surfaces.material[code[g] >> 1], rays, i, gathers.weight[g])
-        sheet = surfaces.sheet[code[g] >> 1, code[g] & 1]
-        count, _ = rays_beside(
-            estimate.splitting, sheet, carried, float(free2[g]), estimate.neighbours, estimate.shrink2
+        carried, sheet = (
+            carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g]),
+            surfaces.sheet[t, side],
         )
+        count, _ = rays_beside(splitting, sheet, carried, float(free2[g]), k, shrink2, True)
+        if count == 0:
+            disk = disk_area(splitting, sheet, float(free2[g]), k, shrink2)
+            if _is_cut(surfaces, code[g], place[g], disk, patch):
+                count, _ = rays_beside(splitting, sheet, carried, float(free2[g]), k, shrink2, False)
         if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
             count = max(count, _BESIDE_WALLS)
+        if count > 0:
+            shared = shared_area(splitting, sheet, float(free2[g]), k, shrink2)
+            gathers.radius2[g], gathers.is_cut[g] = (
+                shared / math.pi,
+                _is_cut(surfaces, code[g], place[g], shared, patch),
+            )
         gathers.rays[g] = count
         rays_sent += count
     return rays_sent
 
 
+@njit(inline="always")
+def _is_cut(surfaces, code, place, area, patch):
+    """Whether the rim of a sheet cuts a disk of this area (m2) around a place on it. A mesh that is finer than what
+    patch can hold counts as whole."""
+    x, y, z = place
+    r2 = area / math.pi
+    members, inside = patch_in_ball(surfaces.corners, surfaces.neighbours, code >> 1, code & 1, x, y, z, r2, patch)
+    return members > 0 and inside < _WHOLE * area
+
+
 class Finals(NamedTuple):
     """Final gathers of one bounce, n of them: pixel (n,) int32 in the tile, place (n, 3) float64, m, code (n,) int32,
-    2 triangle + side, rays (n,) int32, their number, radius2 (n,) float64, m2, of the disk within which they share.
+    2 triangle + side, rays (n,) int32, their number, radius2 (n,) float64, m2, of the disk within which they share,
+    is_cut (n,) bool, whether a rim cuts it.
 
     row: the first of their n rows in the image. Each holds the mean radiance that the rays meet, times `carried` (n,)
     float64, so that roulette on the way knows what matters. factor: (n, layers * b) float32, what the pixel gets of
@@ -61,28 +84,27 @@ class Finals(NamedTuple):
     code: np.ndarray
     rays: np.ndarray
     radius2: np.ndarray
+    is_cut: np.ndarray
     row: int
     carried: np.ndarray
     factor: np.ndarray
 
 
 @njit(cache=True, nogil=True)
-def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, free2, row):
+def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, row):
     """The final gathers among the gathers, which get rows from `row` on."""
     chosen = np.flatnonzero(gathers.rays)
     count, bands = chosen.size, radiometry.reference.size
     finals = Finals(
-        np.empty(count, np.int32), place[chosen], code[chosen], gathers.rays[chosen], np.empty(count), row,
+        np.empty(count, np.int32), place[chosen], code[chosen], gathers.rays[chosen], gathers.radius2[chosen],
+        gathers.is_cut[chosen], row,
         np.empty(count), np.empty((count, estimate.layers * bands), np.float32),
     )  # fmt: skip
     for n in range(count):
         g = chosen[n]
         gathers.row[g] = row + n
         i, material = gathers.ray[g], surfaces.material[code[g] >> 1]
-        sheet = surfaces.sheet[code[g] >> 1, code[g] & 1]
         finals.pixel[n] = rays.pixel[i]
-        area = shared_area(estimate.splitting, sheet, float(free2[g]), estimate.neighbours, estimate.shrink2)
-        finals.radius2[n] = area / math.pi
         finals.carried[n] = carried_by(radiometry, material, rays, i, gathers.weight[g])
         diffuse = gathers.weight[g] * (1.0 - radiometry.specular[material])
         for b in range(bands):
@@ -112,8 +134,9 @@ def largest_throughput(throughput, rho):
 def share(surfaces, finals, shrink2, rows, columns, closeness, image):
     """Add to the pixels of a tile of rows by columns what their final gathers and those around reflect.
 
-    The mean of those on one sheet within the disk, which shrinks to none but their own. closeness: by row of the image,
-    sum over a gather's rays of 1 / m to what they met.
+    The mean of those on one sheet within the disk, which shrinks to none but their own. Where a rim cuts the disk, only
+    those count that have another on the opposite side: from one side alone comes other light. closeness: by row of the
+    image, sum over a gather's rays of 1 / m to what they met.
     """
     first, following = np.full(rows * columns, -1, np.int32), np.empty(finals.pixel.size, np.int32)
     for n in range(finals.pixel.size - 1, -1, -1):
@@ -122,15 +145,21 @@ def share(surfaces, finals, shrink2, rows, columns, closeness, image):
     for n in range(finals.pixel.size):
         x, y = finals.pixel[n] % columns, finals.pixel[n] // columns
         t, side = finals.code[n] >> 1, finals.code[n] & 1
-        sheet, (nx, ny, nz) = surfaces.sheet[t, side], unit_normal(surfaces, t, side)
+        sheet, normal = surfaces.sheet[t, side], unit_normal(surfaces, t, side)
         near = _NEAR * finals.rays[n] / max(closeness[finals.row + n], 1e-30)
-        radius2 = min(finals.radius2[n], near * near * shrink2)
+        limits = max(min(finals.radius2[n], near * near * shrink2), 1e-30), _BENT * shrink2
         mean[:], total = 0.0, 0.0
         for row in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
             for column in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
                 other = first[row * columns + column]
+                if other >= 0 and finals.is_cut[n]:
+                    i, j = 2 * y - row, 2 * x - column
+                    opposite = first[i * columns + j] if 0 <= i < rows and 0 <= j < columns else -1
+                    while opposite >= 0 and _weight(surfaces, finals, n, opposite, sheet, normal, limits) == 0.0:
+                        opposite = following[opposite]
+                    other = other if opposite >= 0 else -1
                 while other >= 0:
-                    weight = _weight(surfaces, finals, n, other, sheet, nx, ny, nz, radius2, _BENT * shrink2)
+                    weight = _weight(surfaces, finals, n, other, sheet, normal, limits)
                     if weight > 0.0:
                         total += weight
                         scale = np.float32(weight / finals.carried[other])
@@ -142,9 +171,10 @@ def share(surfaces, finals, shrink2, rows, columns, closeness, image):
 
 
 @njit(inline="always")
-def _weight(surfaces, finals, n, other, sheet, nx, ny, nz, radius2, bent2):
+def _weight(surfaces, finals, n, other, sheet, normal, limits):
     """Weight of another final gather for gather n, in the centre of its disk: what is left of 1 of it after the
-    squares of distance over radius and of the normals' difference over its limit.
+    squares of distance over radius and of the normals' difference over its limit. sheet, normal: of gather n. limits:
+    the squared radius (m2) and the squared limit.
     """
     if n == other:
         return float(finals.rays[n])
@@ -154,5 +184,5 @@ def _weight(surfaces, finals, n, other, sheet, nx, ny, nz, radius2, bent2):
     p, q = finals.place[n], finals.place[other]
     distance2 = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
     ox, oy, oz = unit_normal(surfaces, t, side)
-    bend2 = 2.0 - 2.0 * (nx * ox + ny * oy + nz * oz)
-    return finals.rays[other] * max(0.0, 1.0 - distance2 / max(radius2, 1e-30) - bend2 / bent2)
+    bend2 = 2.0 - 2.0 * (normal[0] * ox + normal[1] * oy + normal[2] * oz)
+    return finals.rays[other] * max(0.0, 1.0 - distance2 / limits[0] - bend2 / limits[1])

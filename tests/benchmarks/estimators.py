@@ -27,7 +27,6 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
@@ -35,20 +34,17 @@ from speed_scenes import SCENES  # noqa: E402
 from speed_vs_error import load_reference, user_cache  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
+from addon.solver.final_gather import choose_splits  # noqa: E402
 from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
 
 WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
 
 
-@njit(nogil=True)
-def split_all(surfaces, radiometry, estimate, code, rays, gathers, free2):
+def split_all(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
     """Every gather sends rays."""
-    sent = 0
-    for g in range(gathers.ray.size):
-        if not rays.gathered[gathers.ray[g]]:
-            gathers.rays[g] = 32
-            sent += 32
-    return sent
+    choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
+    gathers.rays[:] = np.where(rays.gathered[gathers.ray], 0, 32)
+    return int(gathers.rays.sum())
 
 
 def split_none(*_):
