@@ -186,7 +186,8 @@ def test_rays_go_out_where_walls_leave_no_room_for_photons(monkeypatch):
 
 def test_neighbours_share_their_rays():
     """The weighted mean over final gathers on the same side of the same sheet, within the disk and the window; less
-    where it bends, and within 5 % of the mean distance to what is around.
+    where it bends, and within 5 % of the mean distance to what is around. Where a rim cuts the disk they count in
+    pairs, in pixels on opposite sides.
 
     Against a plain sum over all pairs; 1e-5: sums of some ten float32.
     """
@@ -206,18 +207,26 @@ def test_neighbours_share_their_rays():
     pixel = random.integers(0, rows * columns, count).astype(np.int32)
     rays = random.choice([16, 32, 128], count).astype(np.int32)
     carried, factor = random.uniform(0.01, 1, count), random.uniform(0, 1, (count, bands)).astype(np.float32)
-    finals = Finals(pixel, place, code, rays, random.uniform(0, 4, count), rows * columns, carried, factor)
+    radius2, is_cut = random.uniform(0, 4, count), random.random(count) < 0.5
+    finals = Finals(pixel, place, code, rays, radius2, is_cut, rows * columns, carried, factor)
     image = random.normal(size=(rows * columns + count, bands)).astype(np.float32)
     sheet = surfaces.sheet[code >> 1, code & 1]
     d2 = np.sum((place[:, None] - place) ** 2, axis=-1)
     x, y = pixel % columns, pixel // columns
     near = (np.abs(x[:, None] - x) <= _WINDOW) & (np.abs(y[:, None] - y) <= _WINDOW) & (sheet[:, None] == sheet)
     closeness = rays / random.uniform(1, 50, count)
-    radius2 = np.minimum(finals.radius2, shrink2 * (0.05 * rays / closeness) ** 2)
+    radius2 = np.minimum(radius2, shrink2 * (0.05 * rays / closeness) ** 2)
     bend2 = np.sum((normal[:, None] - normal) ** 2, axis=-1)
     left = np.maximum(1 - d2 / radius2[:, None] - bend2 / (0.1 * shrink2), 0.0)
     np.fill_diagonal(left, 1.0)
     weight = np.where(near, left, 0.0) * rays
+    met = np.zeros((count, 3 * rows, 3 * columns), np.bool_)  # pixels that hold others, with a margin on each side
+    ours, others = np.nonzero(weight)
+    met[ours, rows + y[others], columns + x[others]] = True
+    has_opposite = met[np.arange(count)[:, None], rows + 2 * y[:, None] - y, columns + 2 * x[:, None] - x]
+    alone = is_cut[:, None] & ~has_opposite & (weight > 0)
+    assert alone.any() and np.any(np.count_nonzero(weight * ~alone, axis=1)[is_cut] > 1)
+    weight = np.where(alone, 0.0, weight)
     mean = weight @ (image[rows * columns :] / carried[:, None]) / weight.sum(axis=1, keepdims=True)
     expected = image[: rows * columns].astype(float)
     np.add.at(expected, pixel, factor * mean)

@@ -12,7 +12,7 @@ from scenes import box, look, make_scene, mean_and_error
 from addon.solver import Material, Settings, SunLight, eye_paths, render
 from addon.solver.emission import chosen_numbers
 from addon.solver.guide import CELLS, DIMENSIONS, _count, build_gathers, build_guide, even_guide
-from addon.solver.point_tree import STACK, WIDTH
+from addon.solver.point_tree import empty_walk
 from addon.solver.rng import PHOTONS, pass_key
 
 solver = importlib.import_module("addon.solver.render")  # `addon.solver.render` is the function
@@ -144,9 +144,7 @@ def test_gathers_are_those_within_reach_that_face_the_same_way():
 
     @njit
     def count(gathers, x, n):
-        return _count(
-            gathers, x[0], x[1], x[2], n[0], n[1], n[2], np.empty(STACK, np.int64), np.empty(WIDTH, np.float32)
-        )
+        return _count(gathers, x[0], x[1], x[2], n[0], n[1], n[2], empty_walk())
 
     for _ in range(50):
         point, normal = rng.random(3), rng.normal(size=3)

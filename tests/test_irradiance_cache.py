@@ -12,7 +12,7 @@ from test_photon_map import photon_map, square, triangle_under
 from addon.solver import Material
 from addon.solver.eye_paths import Estimate
 from addon.solver.irradiance_cache import Places, build_irradiance_cache, cache_points, ray_ends, recalled
-from addon.solver.photon_map import neighbours_room
+from addon.solver.point_tree import empty_walk
 from addon.solver.splitting import Splitting
 from addon.solver.surfaces import build_surfaces, unit_normal
 
@@ -28,10 +28,10 @@ def choices(neighbours, reach2, shrink2):
 
 @njit
 def recall_all(cache, sheet, points, reach2):
-    room = neighbours_room(20)
+    walk = empty_walk()
     index = np.empty(len(points), np.int64)
     for i in range(len(points)):
-        index[i] = recalled(cache, sheet, points[i, 0], points[i, 1], points[i, 2], 0.0, 0.0, 1.0, reach2, room)
+        index[i] = recalled(cache, sheet, points[i, 0], points[i, 1], points[i, 2], 0.0, 0.0, 1.0, reach2, walk)
     return index
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from .camera import Eye, empty_eye_rays, eye_rays
+from .kernels import KERNEL
 from .radiometry import Radiometry, excess
 from .splitting import Splitting
 from .surfaces import Surfaces, Tracer, facing_side, temperature_at
@@ -49,8 +50,9 @@ def choose_samples(
         pixels = np.arange(first, min(first + _TOGETHER, len(variance)))
         rays = empty_eye_rays(_LOOKS * len(pixels))
         eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint8), pixels, *rays)
+        hits, emitted = tracer.trace(*rays), np.empty(len(surroundings))
         seen, specular = np.empty(len(rays[0])), np.zeros(len(rays[0]), np.bool_)
-        _see(surfaces, radiometry, surroundings.sum(), reflected, *tracer.trace(*rays), rays[1], seen, specular)
+        _see(surfaces, radiometry, surroundings.sum(), reflected, *hits, rays[1], seen, specular, emitted)
         mirrors[pixels] = specular.reshape(-1, _LOOKS).any(axis=1)
         variance[pixels] = seen.reshape(-1, _LOOKS).var(axis=1, ddof=1)
 
@@ -71,13 +73,12 @@ def _samples(variance: np.ndarray, price: float) -> np.ndarray:
     return (2 ** np.rint(np.log2(np.clip(best, FEWEST, MOST)))).astype(np.uint8)
 
 
-@njit(cache=True, nogil=True)
-def _see(surfaces, radiometry, surroundings, reflected, triangle, u, v, direction, seen, specular):
+@njit(**KERNEL)
+def _see(surfaces, radiometry, surroundings, reflected, triangle, u, v, direction, seen, specular, emitted):
     """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see, its reflected part as the sheet's mean.
 
-    What mirrors show is not looked at; specular (n,) bool tells where there are some.
+    What mirrors show is not looked at; specular (n,) bool tells where there are some. emitted: (b,) room.
     """
-    emitted = np.empty(radiometry.reference.size)
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
     for i in range(triangle.size):
         t = triangle[i]

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .kernels import KERNEL
 from .low_discrepancy import scrambled
 from .rng import path_key
 from .sampling import triangle_point, turn
@@ -114,7 +115,7 @@ def empty_eye_rays(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.empty((count, 3), np.float32), np.empty((count, 3), np.float32), np.empty(count, np.float32)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
     """Fill the rays of pass `index`: samples (n,) of each of n pixels, those of a pixel one behind the other.
 
@@ -138,7 +139,7 @@ def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
             row += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def middle_rays(eye, pixels, origin, direction, reach):
     """Fill one ray for each of n pixels, through its middle; the eye is a pinhole. Arguments as in eye_rays."""
     columns = eye.window[2] - eye.window[0]

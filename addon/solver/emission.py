@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 
 from .guide import DIMENSIONS, Guide, even_guide
+from .kernels import FAST_KERNEL
 from .radiometry import Radiometry, excess
 from .rng import path_key, uniform
-from .sampling import FAST, basis, cone_direction, cosine_direction, to_world, triangle_point, turn
+from .sampling import basis, cone_direction, cosine_direction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
 from .surfaces import Surfaces, areas, layer_of, scene_radius, start_ray, temperature_at
@@ -248,15 +249,18 @@ def chosen_numbers(guide, key, total):
     return numbers, density
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def emit(emitters, surfaces, radiometry, key, first, total, wave):
     """Fill the wave with photons first, first + 1, ... of the `total` of a pass. key: of the pass's photons."""
+    _emit(emitters, surfaces, radiometry, key, first, total, wave, np.empty(radiometry.reference.size))
+
+
+@njit(**FAST_KERNEL)
+def _emit(emitters, surfaces, radiometry, key, first, total, wave, value):
     # One random shift places all photons evenly over the guide's cells and the emitters within (systematic sampling).
     # Positions and directions are independent: the k-nearest estimate rests on photons that lie at random, and is off
     # by -1/2 in k where a sequence of low discrepancy lays them out evenly (measured under a point light).
     guide = emitters.guide
     shift = uniform(key, 0)
-    value = np.empty(radiometry.reference.size)
     surface_end = emitters.surface.size
     sky_end = surface_end + emitters.sky.size
     last = emitters.cumulative.size - 2

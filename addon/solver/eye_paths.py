@@ -13,12 +13,14 @@ from .camera import eye_rays
 from .final_gather import carried_by, choose_splits, largest_throughput, open_finals, share
 from .free_space import free_space, largest_disk
 from .irradiance_cache import recalled
+from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
 from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
 from .low_discrepancy import scrambled, shuffled
 from .photon_map import gather, irradiance, neighbours_room
+from .point_tree import empty_walk
 from .radiometry import excess
 from .rng import path_key, uniform
-from .sampling import FAST, FAST_INLINED, basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
+from .sampling import basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
 from .splitting import Splitting, recall_chance
 from .surfaces import PATCH_LIMIT, facing_side, layer_of, point, put_ray, temperature_at, unit_normal
 from .transport import MAX_SURVIVAL
@@ -147,7 +149,7 @@ def render_pixels(
     return image[: pixels.size], seen
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def start_paths(key, samples, pixels, rays):
     """Camera rays carry an even share of their pixel."""
     row = 0
@@ -179,7 +181,6 @@ class Gathers(NamedTuple):
     of: np.ndarray
 
 
-@njit(cache=True, nogil=True)
 def empty_gathers(count):
     """Room for the gathers of count rays."""
     return Gathers(
@@ -194,13 +195,9 @@ def empty_gathers(count):
     )
 
 
-@njit(inline="always")
 def first_gathers(gathers, count):
     """The first so many gathers."""
-    return Gathers(
-        gathers.ray[:count], gathers.weight[:count], gathers.carried[:count], gathers.rays[:count],
-        gathers.radius2[:count], gathers.is_cut[:count], gathers.row[:count], gathers.of,
-    )  # fmt: skip
+    return Gathers(*(column[:count] for column in gathers[:-1]), gathers.of)
 
 
 class Hit(NamedTuple):
@@ -234,7 +231,6 @@ def _hit(surfaces, rays, i, t, u, v):
     return Hit(t, side, x, y, z, nx, ny, nz, dx, dy, dz, max(1e-6, cosine))
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image):
     """Add to the image what the surfaces that the rays meet emit; return the rays that gather what they reflect.
 
@@ -242,11 +238,22 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
     decides on those that would carry little. Rays of final gathers leave lamps to shadow rays. straight: see Estimate.
     closeness: see share.
     """
-    gathers = empty_gathers(triangle.size)
+    gathers = empty_gathers(len(triangle))
+    kept = _meet(
+        surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image, gathers,
+        np.empty(radiometry.reference.size), np.empty(len(triangle), np.int32),
+    )  # fmt: skip
+    return first_gathers(gathers, kept)
+
+
+@njit(**FAST_KERNEL)
+def _meet(
+    surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image, gathers, emitted,
+    place,
+):  # fmt: skip
     shadowed = lamps.power > 0.0 or straight
     surroundings, sky = emitters.surroundings, emitters.sky_layer * emitters.surroundings.size
     bands = radiometry.reference.size
-    emitted = np.empty(bands)
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
     found = newest = 0
     pixel = -1
@@ -300,9 +307,9 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
         gathers.carried[g] += carried
         if uniform(rays.path[i], _DIMENSIONS * bounce + 3) * gathers.carried[g] < carried:
             gathers.ray[g] = i
-    kept, place = 0, np.full(found, -1, np.int32)
+    kept = 0
     for g in range(found):
-        i = gathers.ray[g]
+        i, place[g] = gathers.ray[g], -1
         chance = min(1.0, gathers.carried[g] / _LITTLE)
         if uniform(rays.path[i], _GATHERING + bounce) < chance:
             carried = largest_throughput(rays.throughput[i], radiometry.reflectance[surfaces.material[triangle[i]]])
@@ -312,7 +319,7 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
     for i in range(triangle.size):
         if gathers.of[i] >= 0:
             gathers.of[i] = place[gathers.of[i]]
-    return first_gathers(gathers, kept)
+    return kept
 
 
 @njit(inline="always")
@@ -334,7 +341,7 @@ def _in_proportion(a, b):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def locate(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
     """Where gathers are, place (n, 3) and code (n,), and where their feelers start, turns (n,): see free_space."""
     for g in range(gathers.ray.size):
@@ -344,16 +351,22 @@ def locate(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
         turns[g] = uniform(rays.path[i], _FEELING + bounce)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, free2, image):
     """Add to the image what the photons around the gathers reflect.
 
     ends: whether those count that are ends of final gathers, which recall their irradiance if they can, or the others.
     free2: (n,) m2, free space around.
     """
-    room = neighbours_room(estimate.neighbours)
-    patch = np.empty(PATCH_LIMIT, np.int32)
-    value = np.empty(image.shape[1])
+    _reflect(
+        surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, free2, image,
+        neighbours_room(estimate.neighbours), np.empty(PATCH_LIMIT, np.int32), np.empty(image.shape[1]),
+    )  # fmt: skip
+
+
+@njit(**FAST_KERNEL)
+def _reflect(
+    surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, free2, image, room, patch, value
+):  # fmt: skip
     guess = estimate.reach2
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
@@ -387,14 +400,21 @@ def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, ra
             _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, image):
     """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
 
     Returns those far from its points as gathers: there are few photons to count around them.
     """
-    room = neighbours_room(estimate.neighbours)
-    lost, found = empty_gathers(triangle.size), 0
+    lost = empty_gathers(len(triangle))
+    found = _recall(
+        surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, image, lost.ray, lost.weight, empty_walk()
+    )
+    return first_gathers(lost, found)
+
+
+@njit(**FAST_KERNEL)
+def _recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, image, lost, weight, walk):
+    found = 0
     for i in range(triangle.size):
         t = triangle[i]
         if t < 0 or not rays.gathered[i]:
@@ -411,7 +431,7 @@ def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, 
         hit = _hit(surfaces, rays, i, t, u[i], v[i])
         known = recalled(
             cache, sheet, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz,
-            _FAR * estimate.shrink2 * estimate.reach2, room,
+            _FAR * estimate.shrink2 * estimate.reach2, walk,
         )  # fmt: skip
         out = image[rays.pixel[i]]
         if known >= 0:
@@ -424,17 +444,25 @@ def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, 
         chance = min(chance, carried / _LITTLE)
         if choice >= chance:
             continue
-        lost.ray[found], lost.weight[found] = i, 1.0 / chance
+        lost[found], weight[found] = i, 1.0 / chance
         found += 1
-    return first_gathers(lost, found)
+    return found
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def send_shadows(
     surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, shadows
 ):  # fmt: skip
     """Shadow rays of the gathers, to lamps and, from open sides, to the surroundings; returns their number."""
-    value, weight = np.empty(radiometry.reference.size), np.empty(CANDIDATES)
+    return _send_shadows(
+        surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, shadows,
+        np.empty(CANDIDATES), np.empty(radiometry.reference.size),
+    )  # fmt: skip
+
+
+@njit(**FAST_KERNEL)
+def _send_shadows(
+    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, shadows, weight, value
+):  # fmt: skip
     sky = False
     for b in range(value.size):
         sky |= emitters.surroundings[b] != 0.0
@@ -456,11 +484,15 @@ def send_shadows(
     return sent
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward):
     """Send on the rays that meet a specular surface, and those of final gathers; returns their number."""
+    shares = np.zeros(len(gathers.ray))  # of the rays of a final gather that those before had, of all groups
+    return _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares)
+
+
+@njit(**FAST_KERNEL)
+def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares):
     sent = 0
-    shares = np.zeros(gathers.ray.size)  # of the rays of a final gather that those before had, of all groups
     for i in range(triangle.size):
         if triangle[i] < 0:
             continue
@@ -469,7 +501,7 @@ def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward):
         if is_specular or is_split:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
             if is_specular:
-                sent += _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
+                sent += _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
             if is_split:
                 before = shares[g]
                 shares[g] += largest_throughput(rays.throughput[i], radiometry.reflectance[material])
@@ -513,7 +545,7 @@ def _leave(surfaces, hit, dx, dy, dz, pixel, path, row, onward):
 
 
 @njit(inline="always")
-def _follow(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
+def _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
     """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live."""
     path = rays.path[i]
     material = surfaces.material[hit.triangle]

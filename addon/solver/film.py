@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .kernels import KERNEL
 from .layers import SINGLE, Layer, from_json, layer_factors, to_json
 from .radiometry import reference_radiance
 from .scene import check_band_edges
@@ -280,7 +281,7 @@ def _combined(mean, factors):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _split(mean, reference, width, images):
     for i in range(mean.shape[0]):
         for b in range(mean.shape[1]):
@@ -297,7 +298,7 @@ def _weighted(mean, reference, weights):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _accumulate(means, squares, excess, seen, weights, count):
     """Welford's step for the bands, what is seen and the rest."""
     (mean, seen_mean), (rest_squares, seen_squares) = means, squares

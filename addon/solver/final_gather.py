@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from .free_space import LEAST_FREE
-from .sampling import FAST, FAST_INLINED
+from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
 from .splitting import disk_area, rays_beside, shared_area
 from .surfaces import PATCH_LIMIT, patch_in_ball, unit_normal
 
@@ -25,14 +25,18 @@ _BENT = 0.1  # squared difference of the unit normals at which no rays are share
 _WINDOW = 3  # pixels around, in which final gathers share rays
 
 
-@njit(cache=True, nogil=True)
 def choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
     """Choose the gathers that send rays, how many, and in which disk neighbours share them. Returns the number of rays.
 
     The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone.
     """
-    rays_sent, splitting, k, shrink2 = 0, estimate.splitting, estimate.neighbours, estimate.shrink2
     patch = np.empty(PATCH_LIMIT, np.int32)
+    return _choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2, patch)
+
+
+@njit(**KERNEL)
+def _choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2, patch):
+    rays_sent, splitting, k, shrink2 = 0, estimate.splitting, estimate.neighbours, estimate.shrink2
     for g in range(gathers.ray.size):
         i, t, side = gathers.ray[g], code[g] >> 1, code[g] & 1
         if rays.gathered[i] or radiometry.specular[surfaces.material[t]] == 1.0:
@@ -130,7 +134,6 @@ def largest_throughput(throughput, rho):
     return float(largest)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def share(surfaces, finals, shrink2, rows, columns, closeness, image):
     """Add to the pixels of a tile of rows by columns what their final gathers and those around reflect.
 
@@ -138,10 +141,15 @@ def share(surfaces, finals, shrink2, rows, columns, closeness, image):
     those count that have another on the opposite side: from one side alone comes other light. closeness: by row of the
     image, sum over a gather's rays of 1 / m to what they met.
     """
-    first, following = np.full(rows * columns, -1, np.int32), np.empty(finals.pixel.size, np.int32)
+    first, following = np.full(rows * columns, -1, np.int32), np.empty(len(finals.pixel), np.int32)
+    mean = np.empty(image.shape[1], np.float32)
+    _share(surfaces, finals, shrink2, rows, columns, closeness, image, first, following, mean)
+
+
+@njit(**FAST_KERNEL)
+def _share(surfaces, finals, shrink2, rows, columns, closeness, image, first, following, mean):
     for n in range(finals.pixel.size - 1, -1, -1):
         following[n], first[finals.pixel[n]] = first[finals.pixel[n]], n
-    mean = np.empty(image.shape[1], np.float32)
     for n in range(finals.pixel.size):
         x, y = finals.pixel[n] % columns, finals.pixel[n] // columns
         t, side = finals.code[n] >> 1, finals.code[n] & 1

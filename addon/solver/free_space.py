@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
+from .kernels import KERNEL
 from .sampling import to_world, turn
 from .surfaces import Surfaces, Tracer, facing_side, point, put_ray, unit_normal
 
@@ -30,10 +31,12 @@ def free_space(
     origin, direction = np.empty((2, _FEELERS * len(place), 3), np.float32)
     start_feelers(surfaces, place, code, turns, origin, direction)
     reach = np.full(len(origin), math.sqrt(reach2) / _COSINE, np.float32)
-    return shortest_feelers(surfaces, code, *tracer.trace(origin, direction, reach), origin, direction, reach2)
+    free2 = np.empty(len(place), np.float32)
+    shortest_feelers(surfaces, code, *tracer.trace(origin, direction, reach), origin, direction, reach2, free2)
+    return free2
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def start_feelers(surfaces, place, code, turns, origin, direction):
     """Fill _FEELERS rays for each point."""
     for i in range(code.size):
@@ -47,10 +50,9 @@ def start_feelers(surfaces, place, code, turns, origin, direction):
             put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, origin, direction, row)
 
 
-@njit(cache=True, nogil=True)
-def shortest_feelers(surfaces, code, blocker, u, v, origin, direction, reach2):
-    """Of a hollow surface feelers meet itself: that is no wall."""
-    free2 = np.empty(code.size, np.float32)
+@njit(**KERNEL)
+def shortest_feelers(surfaces, code, blocker, u, v, origin, direction, reach2, free2):
+    """Fill free2 (n,). Of a hollow surface feelers meet itself: that is no wall."""
     for i in range(code.size):
         nearest2 = reach2
         own = surfaces.sheet[code[i] >> 1, code[i] & 1]
@@ -62,7 +64,6 @@ def shortest_feelers(surfaces, code, blocker, u, v, origin, direction, reach2):
                 # a wall may stand 45 degrees away from the nearest feeler
                 nearest2 = min(nearest2, 0.5 * _COSINE * _COSINE * (dx * dx + dy * dy + dz * dz))
         free2[i] = nearest2
-    return free2
 
 
 @njit(inline="always")

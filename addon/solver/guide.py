@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .point_tree import STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
+from .kernels import KERNEL
+from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, empty_walk, morton_ranks, open_node, start_walk
 from .surfaces import SAME_SURFACE, point, unit_normal
 
 DIMENSIONS = 5
@@ -140,13 +141,16 @@ def build_gathers(place: np.ndarray, facing: np.ndarray, radius2: float) -> Gath
     return Gathers(build_tree(leaves), radius2)
 
 
-@njit(cache=True, nogil=True)
 def add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score):
     """Add to score (n,) what the photons of a wave leave where the image gathers, in proportion to its noise.
 
     That is the power they would reflect times the root of the number of gathers around: each adds to the variance.
     """
-    stack, near = np.empty(STACK, np.int64), np.empty(WIDTH, np.float32)
+    _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score, empty_walk())
+
+
+@njit(**KERNEL)
+def _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score, walk):
     for i in range(triangle.size):
         t, pu, pv = triangle[i], u[i], v[i]
         dx, dy, dz = float(wave.direction[i, 0]), float(wave.direction[i, 1]), float(wave.direction[i, 2])
@@ -167,23 +171,22 @@ def add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score
         if dx * nx + dy * ny + dz * nz > 0.0:
             nx, ny, nz = -nx, -ny, -nz
         x, y, z = point(surfaces.corners, t, pu, pv)
-        around = _count(gathers, x, y, z, nx, ny, nz, stack, near)
+        around = _count(gathers, x, y, z, nx, ny, nz, walk)
         score[wave.photon[i] - first] += power * math.sqrt(around)
 
 
 @njit(inline="always")
-def _count(gathers, x, y, z, nx, ny, nz, stack, near):
+def _count(gathers, x, y, z, nx, ny, nz, walk):
     """Number of gathers around a point that face the same way."""
     tree, bound = gathers.tree, np.float32(gathers.radius2)
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
     nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
     count = 0
-    stack[0] = tree.starts[tree.starts.size - 2]
-    depth = 1
+    depth = start_walk(tree, walk)
     while depth > 0:
-        depth, children = open_node(tree, stack, depth, x, y, z, bound, near)
+        depth, children = open_node(tree, walk, depth, x, y, z, bound)
         for c in range(children):
-            p = tree.leaves[stack[depth + c]]
+            p = tree.leaves[walk.stack[depth + c]]
             for j in range(WIDTH):
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
                 cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz

@@ -14,10 +14,11 @@ import numpy as np
 from numba import njit
 
 from .free_space import largest_disk
+from .kernels import FAST_KERNEL, KERNEL
 from .photon_map import PhotonMap, gather, irradiance, neighbours_room
-from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
+from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node, start_walk
 from .rng import path_key, uniform
-from .sampling import FAST, cosine_direction, to_world
+from .sampling import cosine_direction, to_world
 from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, Tracer, facing_side, point, put_ray, unit_normal
 
 _SHARE = 1.0 / 16.0  # rays that find points, over photons, in the first pass
@@ -60,7 +61,7 @@ def ray_ends(
     return _ends(surfaces, *tracer.trace(origin, direction), direction)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _start_rays(surfaces, places, key, origin, direction):
     for i in range(len(origin)):
         path = path_key(key, i)
@@ -116,12 +117,15 @@ def build_irradiance_cache(
     return IrradianceCache(build_tree(leaves), value)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
 def fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leaves, value):
     """Fill points first, first + 1, ... with what is at place (n, 3) on code (n,). free2: (n,) m2."""
-    room = neighbours_room(estimate.neighbours)
-    patch = np.empty(PATCH_LIMIT, np.int32)
+    room, patch = neighbours_room(estimate.neighbours), np.empty(PATCH_LIMIT, np.int32)
     out = np.empty(value.shape[1])
+    _fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leaves, value, room, patch, out)
+
+
+@njit(**FAST_KERNEL)
+def _fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leaves, value, room, patch, out):
     guess = estimate.reach2
     for i in range(code.size):
         t, side = code[i] >> 1, code[i] & 1
@@ -141,29 +145,34 @@ def fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leaves
 
 
 @njit(inline="always")
-def recalled(cache, sheet, x, y, z, nx, ny, nz, reach2, room):
+def recalled(cache, sheet, x, y, z, nx, ny, nz, reach2, walk):
     """Index of the nearest point on a sheet that faces the same way, nearer than sqrt(reach2) m, or -1.
 
-    room: of a search, see neighbours_room.
+    walk: room.
     """
     tree, bound = cache.tree, np.float32(reach2)
-    stack, near = room.stack, room.near
+    near, bits = walk.near, walk.near.view(np.int32)
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
     nx, ny, nz, sheet = np.float32(nx), np.float32(ny), np.float32(nz), np.float32(sheet)
     best = -1
-    stack[0] = tree.starts[tree.starts.size - 2]
-    depth = 1
+    depth = start_walk(tree, walk)
     while depth > 0:
-        depth, children = open_node(tree, stack, depth, x, y, z, bound, near)
+        depth, children = open_node(tree, walk, depth, x, y, z, bound)
         for c in range(children - 1, -1, -1):
-            leaf = stack[depth + c]
+            if walk.apart[depth + c] >= bound:
+                continue
+            leaf = walk.stack[depth + c]
             p = tree.leaves[leaf]
             for j in range(WIDTH):
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
                 cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
                 d2 = dx * dx + dy * dy + dz * dz
                 near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (p[6, j] == sheet) else bound
+            least, slot = np.int32(0x7FFFFFFF), np.int32(0)
+            for j in range(WIDTH):  # no branch: bits are in the order of the squared distances
+                least = min(least, bits[j])
             for j in range(WIDTH):
-                if near[j] < bound:
-                    best, bound = leaf * WIDTH + j, near[j]
+                slot = max(slot, np.int32(j) if bits[j] == least else np.int32(0))
+            if near[slot] < bound:
+                best, bound = leaf * WIDTH + slot, near[slot]
     return best

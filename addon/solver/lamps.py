@@ -22,6 +22,7 @@ from .emission import (
     area_light_point,
     spot_brightness,
 )
+from .kernels import KERNEL
 from .point_tree import morton_ranks
 from .radiometry import excess
 from .rng import path_key, uniform
@@ -336,7 +337,7 @@ def _lobe(hit, dx, dy, dz, alpha):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def add_unshadowed(triangle, shadows, image):
     """Add to the image (n, layers * b) what shadow rays bring that met nothing (triangle < 0)."""
     bands = shadows.radiance.shape[1]

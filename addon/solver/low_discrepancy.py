@@ -4,8 +4,8 @@
 import numpy as np
 from numba import njit
 
+from .kernels import INLINED, KERNEL
 from .rng import uniform
-from .sampling import INLINED
 
 # Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).
 _SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
@@ -28,7 +28,7 @@ def _direction_numbers() -> np.ndarray:
 _DIRECTIONS = np.array([[int(f"{number:032b}"[::-1], 2) for number in row] for row in _direction_numbers()], np.uint32)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def reversed_sobol(index, dimension):
     """Coordinate of point `index` of the Sobol' sequence (uint32, modulo its 2^32 points) as a fraction of 2^32 with
     its bits from last to first. dimension: 0 to 3.

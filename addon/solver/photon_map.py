@@ -7,8 +7,19 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .point_tree import FAR, STACK, WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .sampling import FAST
+from .kernels import FAST_KERNEL, KERNEL
+from .point_tree import (
+    FAR,
+    WIDTH,
+    PointTree,
+    Walk,
+    build_tree,
+    empty_leaves,
+    empty_walk,
+    morton_ranks,
+    open_node,
+    start_walk,
+)
 from .surfaces import (
     SAME_SURFACE,
     Surfaces,
@@ -99,7 +110,7 @@ class PhotonMap(NamedTuple):
     photons: Photons
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _fill_leaves(photons, plane, sheet, ranks, leaves):
     """Put positions, normals and sheets to their places in the leaves."""
     for i in range(ranks.size):
@@ -171,13 +182,11 @@ def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap
 
 
 class Neighbours(NamedTuple):
-    """Room for one search: numbers and squared distances of candidates, the stack of nodes still to visit, squared
-    distances of a node's children or a leaf's photons, and one value."""
+    """Room for one search: numbers and squared distances of candidates, room for a walk, and one value."""
 
     index: np.ndarray
     distance2: np.ndarray
-    stack: np.ndarray
-    near: np.ndarray
+    walk: Walk
     edge: np.ndarray
 
 
@@ -187,13 +196,12 @@ def neighbours_room(k):
     return Neighbours(
         np.empty(4 * k + 65 + WIDTH, np.int32),
         np.empty(4 * k + 65 + WIDTH, np.float32),
-        np.empty(STACK, np.int64),
-        np.empty(WIDTH, np.float32),
+        empty_walk(),
         np.empty(1, np.float32),
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _kth_smallest(values, count, k, top, edge):
     """The k-th smallest (from 1) of the first count values >= 0, of which at least k are not above top.
 
@@ -251,17 +259,18 @@ def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
     Returns how many, and the squared distance within which all are known: that of the k-th, or bound if fewer.
     """
     tree = photon_map.tree
-    index, distance2, stack, near = room.index, room.distance2, room.stack, room.near
+    index, distance2, walk, near = room.index, room.distance2, room.walk, room.walk.near
     limit = 4 * k + 64
     count = np.int64(0)  # a literal would be a type of its own
-    stack[0] = tree.starts[tree.starts.size - 2]
-    depth = 1
+    depth = start_walk(tree, walk)
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
     nx, ny, nz, sheet = np.float32(nx), np.float32(ny), np.float32(nz), np.float32(sheet)
     while depth > 0:
-        depth, children = open_node(tree, stack, depth, x, y, z, bound, near)
+        depth, children = open_node(tree, walk, depth, x, y, z, bound)
         for c in range(children - 1, -1, -1):
-            leaf = stack[depth + c]
+            if walk.apart[depth + c] >= bound:
+                continue
+            leaf = walk.stack[depth + c]
             p = tree.leaves[leaf]
             for j in range(WIDTH):
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
@@ -304,7 +313,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caus
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(**FAST_KERNEL)
 def _gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caustic, guess, room, patch):
     """gather, with one type of each argument, whoever calls: so it is compiled once."""
     corners = surfaces.corners
@@ -322,7 +331,7 @@ def _gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_cau
     disk2 = max(np.float32(shrink2 * r2), smallest)
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), patch)
     if members == 0:  # a mesh much finer than the disk
-        area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, np.float64(disk2), room.stack, room.near)
+        area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, np.float64(disk2), room.walk)
     index, codes = room.index, photon_map.photons.surface
     near = 0
     for i in range(count):  # no branch here and below: the order is as good as random
@@ -356,7 +365,7 @@ def _gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_cau
     return kept, area, next_guess
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(**FAST_KERNEL)
 def irradiance(photon_map, room, count, area, out):
     """Fill out (layers * b,) float64 with the irradiance of the gathered photons, W m-2 per layer and band."""
     power, layer, index = photon_map.photons.power, photon_map.photons.layer, room.index

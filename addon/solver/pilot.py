@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from .camera import Eye, empty_eye_rays, eye_rays
+from .kernels import KERNEL
 from .lamps import SKY_RAYS
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, mirror, triangle_point
@@ -209,7 +210,7 @@ def _probe(surfaces: Surfaces, tracer: Tracer, key: int, codes: np.ndarray) -> t
     return tracer.trace(origin, direction)[0], direction
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _start_probes(surfaces, key, codes, origin, direction):
     for i in range(codes.size):
         path = path_key(key, i)
@@ -218,7 +219,7 @@ def _start_probes(surfaces, key, codes, origin, direction):
         start_ray(surfaces, codes[i], u, v, x, y, z, origin, direction, i)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, importance, sources, escapes, left, escaped):
     """Mark the sheets that rays meet, add up what they would carry to the image, and send them on.
 
@@ -263,7 +264,7 @@ def _bounce(surfaces, looks, key, bounce, triangle, u, v, paths, reached, import
         start_ray(surfaces, 2 * t + side, u[i], v[i], x, y, z, paths.origin, paths.direction, i)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _reach_back(surfaces, sheet, codes, triangle, direction, reached):
     """A sheet from which a reached sheet is seen can send it photons, so it is reached too."""
     for i in range(codes.size):

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .sampling import FAST_INLINED
+from .kernels import FAST_INLINED, KERNEL
 
 WIDTH = 16  # points in a leaf, children of a node: one vector register of float32
 FAR = np.float32(1e30)  # coordinate of the padding in the last leaf
-STACK = 10 * WIDTH  # room for the nodes that wait while one is open, at 16^8 points
+_STACK = 10 * WIDTH  # room for the nodes that wait while one is open, at 16^8 points
 _DIGIT = 11  # bits that one round of the radix sort looks at
 _MORTON_BITS = 21  # per axis
 
@@ -29,6 +29,21 @@ class PointTree(NamedTuple):
     leaves: np.ndarray
     nodes: np.ndarray
     starts: np.ndarray
+
+
+class Walk(NamedTuple):
+    """Room for a walk through a tree: nodes that wait to be opened, stack (n,) int64, the last first; their squared
+    distances, apart (n,) float32; near (w,) float32, one value for each child of a node or point of a leaf."""
+
+    stack: np.ndarray
+    apart: np.ndarray
+    near: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def empty_walk():
+    """Room for a walk."""
+    return Walk(np.empty(_STACK, np.int64), np.empty(_STACK, np.float32), np.empty(WIDTH, np.float32))
 
 
 def morton_ranks(position: np.ndarray) -> np.ndarray:
@@ -69,7 +84,7 @@ def _spread(v):
     return (v | (v << np.uint64(2))) & np.uint64(0x1249249249249249)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _morton_keys(position, keys):
     """Morton code of every point in the cube that holds them all."""
     lx, ly, lz, hx, hy, hz = FAR, FAR, FAR, -FAR, -FAR, -FAR
@@ -124,7 +139,7 @@ def _radix_ranks(keys):
     return other
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _build_nodes(leaves, nodes, starts, extent):
     """Boxes of every level from the level below."""
     for level in range(starts.size - 1):
@@ -148,16 +163,25 @@ def _build_nodes(leaves, nodes, starts, extent):
                     nodes[node, 3 + axis, c] = high if low < FAR else low
 
 
+@njit(inline="always")
+def start_walk(tree, walk):
+    """Put the root on the stack; returns its depth."""
+    walk.stack[0], walk.apart[0] = tree.starts[tree.starts.size - 2], np.float32(0.0)
+    return 1
+
+
 @njit(**FAST_INLINED)
-def open_node(tree, stack, depth, x, y, z, bound, near):
-    """Take the last node off the stack.
+def open_node(tree, walk, depth, x, y, z, bound):
+    """Take the last node off the stack; nothing else if it is no nearer than sqrt(bound), which may have fallen since.
 
     Children nearer than sqrt(bound) go on the stack, the nearest last, so that it is opened first and a search can soon
-    lower its bound. near: room for (WIDTH,) float32. Returns the new depth and how many leaves lie on the stack above
-    it, nearest last too.
+    lower its bound. Returns the new depth and how many leaves lie on the stack above it, nearest last too.
     """
-    node = stack[depth - 1]
+    stack, apart, near = walk.stack, walk.apart, walk.near
     depth -= 1
+    if apart[depth] >= bound:
+        return depth, 0
+    node = stack[depth]
     level = 0
     while node >= tree.starts[level + 1]:
         level += 1
@@ -171,14 +195,15 @@ def open_node(tree, stack, depth, x, y, z, bound, near):
     if level > 0:
         base += tree.starts[level - 1]
     children, best, nearest = 0, 0, bound
-    for c in range(WIDTH):
-        if near[c] < bound:
-            stack[depth + children] = base + c
-            if near[c] < nearest:
-                best, nearest = children, near[c]
-            children += 1
+    for c in range(WIDTH):  # no branch: which children are near is as good as random
+        stack[depth + children], apart[depth + children] = base + c, near[c]
+        best = children if near[c] < nearest else best
+        nearest = near[c] if near[c] < nearest else nearest
+        children += 1 if near[c] < bound else 0
     if children > 1:
-        stack[depth + best], stack[depth + children - 1] = stack[depth + children - 1], stack[depth + best]
+        best, last = depth + best, depth + children - 1
+        stack[best], stack[last] = stack[last], stack[best]
+        apart[best], apart[last] = apart[last], apart[best]
     if level > 0:
         return depth + children, 0
     return depth, children

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .sampling import FAST_INLINED, interpolate_albedo, lobe_albedo
+from .kernels import FAST_INLINED
+from .sampling import interpolate_albedo, lobe_albedo
 from .scene import Material
 from .spectrum import band_radiance, faintest
 

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from .film import Correction, Film
+from .kernels import KERNEL
 from .layers import Layer, group_temperatures, layer_factors
 from .radiometry import reference_radiance
 from .scene import SceneError
@@ -76,7 +77,7 @@ def layered_image(film: Film) -> LayeredImage:
     return LayeredImage(excess, film.layers, film.band_edges, film.reference_temperature, film.weights, film.correction)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _per_wavelength(mean, width, excess):
     """Fill excess (layers, b, pixels) with mean (pixels, layers * b) over the bands' width (um)."""
     layers, bands, pixels = excess.shape
@@ -86,7 +87,7 @@ def _per_wavelength(mean, width, excess):
                 excess[layer, b, i] = mean[i, layer * bands + b] / width[b]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _combine(excess, factors, base, images):
     """Fill images (b, pixels) with base (b,) and the sum over layers of factors (layers, b) times excess."""
     layers, bands, pixels = excess.shape

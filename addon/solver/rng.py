@@ -4,6 +4,8 @@
 import numpy as np
 from numba import njit
 
+from .kernels import KERNEL
+
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _TO_UNIT = 2.0**-53
 
@@ -11,7 +13,7 @@ _TO_UNIT = 2.0**-53
 PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE = range(6)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _mix(z):
     """Finaliser of SplitMix64 (Steele, Lea and Flood 2014), a bijection of 64-bit integers."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -19,7 +21,7 @@ def _mix(z):
     return z ^ (z >> np.uint64(31))
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def _pass_key(seed, index, stream):
     z = _mix(seed + _GOLDEN)
     z = _mix(z ^ index)
@@ -31,13 +33,13 @@ def pass_key(seed: int, index: int, stream: int) -> np.uint64:
     return np.uint64(_pass_key(np.uint64(seed), np.uint64(index), np.uint64(stream)))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def path_key(key, path):
     """Key of one path (photon or camera ray) of a stream."""
     return _mix(key + _GOLDEN * np.uint64(path + 1))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def uniform(key, dimension):
     """Number in [0, 1) for one dimension of a path, float64."""
     return float(_mix(key + _GOLDEN * np.uint64(dimension + 1)) >> np.uint64(11)) * _TO_UNIT

@@ -6,15 +6,7 @@ import math
 import numpy as np
 from numba import njit
 
-# Lets LLVM vectorise sums over bands. Unlike full fast-math it keeps NaN and infinity, and the compiled code, so the
-# order of every sum, is the same in every thread.
-FAST = {"reassoc", "contract", "arcp", "nsz"}
-
-# Of small functions that many kernels call: LLVM puts them into each. Numba's own inlining would infer their types anew
-# at every call, which made up a quarter of the time that the first render compiles. Without a word on fastmath they
-# would inherit that of whichever kernel happens to be compiled first.
-INLINED = {"forceinline": True, "fastmath": False, "no_cfunc_wrapper": True}
-FAST_INLINED = INLINED | {"fastmath": FAST}
+from .kernels import INLINED
 
 _HALF_SQRT2 = 0.7071067811865476
 

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
+from .kernels import KERNEL
 from .scene import SceneError, check_band_edges
 
 # CODATA 2018: h and c and k are exact, so these are rounded only by float64.
@@ -41,7 +42,7 @@ def faintest(wavelength: float) -> float:
     return C2 / (300.0 * wavelength)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _add_segment(low, high, at_low, at_high, temperature, derivative, result):
     """Add to result (n,) the integral over low..high um of eps(lambda) B(lambda, T), eps linear between its ends.
 
@@ -67,7 +68,7 @@ def _add_segment(low, high, at_low, at_high, temperature, derivative, result):
             result[i] += math.exp(math.log(integral) - start)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _integrate(points, emissivity, band, temperature, derivative, result):
     """Add to result (b, n) the integrals of eps(lambda) B(lambda, T) between neighbouring points (um), for each T.
 
@@ -146,7 +147,7 @@ def apparent_temperature(radiance: np.ndarray, edges: np.ndarray, weights: np.nd
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _invert(radiance, log_l, log_t, slope, temperature):
     """Fill temperature (n,) by cubic Hermite interpolation of ln T over ln L, clamped to the table at its upper end."""
     i = 0

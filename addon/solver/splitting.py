@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .kernels import KERNEL
 from .pilot import Pilot
-from .point_tree import STACK, WIDTH
+from .point_tree import empty_walk
 from .radiometry import Radiometry, excess
 from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, patch_in_ball, region_area, temperature_at, unit_normal
 
@@ -175,37 +176,52 @@ def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, wort
     return (np.bincount(label, value, labels) + worth * prior) / (np.bincount(label, minlength=labels) + worth)
 
 
-@njit(cache=True, nogil=True)
 def _radiance(surfaces, radiometry):
     """(t,) float64 excess radiance of all bands, W m-2 sr-1, that triangles emit at their centroids."""
-    radiance, value = np.empty(surfaces.material.size), np.empty(radiometry.reference.size)
-    for t in range(radiance.size):
-        kelvin = temperature_at(surfaces.temperature, t, 1.0 / 3.0, 1.0 / 3.0)
-        excess(radiometry, surfaces.material[t], kelvin, 2.0 / 3.0, value)
-        radiance[t] = value.sum()
+    radiance = np.empty(surfaces.material.size)
+    _fill_radiance(surfaces, radiometry, radiance, np.empty(radiometry.reference.size))
     return radiance
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
+def _fill_radiance(surfaces, radiometry, radiance, value):
+    for t in range(radiance.size):
+        kelvin = temperature_at(surfaces.temperature, t, 1.0 / 3.0, 1.0 / 3.0)
+        excess(radiometry, surfaces.material[t], kelvin, 2.0 / 3.0, value)
+        total = 0.0
+        for b in range(value.size):
+            total += value[b]
+        radiance[t] = total
+
+
 def _spans(surfaces, code, place, reach2):
     """(n,) float64 areas, m2, of the sheets around places (n, 3) within the largest disk."""
-    spans, patch = np.empty(code.size), np.empty(PATCH_LIMIT, np.int32)
-    stack, near = np.empty(STACK, np.int64), np.empty(WIDTH, np.float32)
+    spans = np.empty(code.size)
+    _fill_spans(surfaces, code, place, reach2, spans, np.empty(PATCH_LIMIT, np.int32), empty_walk())
+    return spans
+
+
+@njit(**KERNEL)
+def _fill_spans(surfaces, code, place, reach2, spans, patch, walk):
     for i in range(code.size):
         t, side = code[i] >> 1, code[i] & 1
         x, y, z = place[i]
         members, area = patch_in_ball(surfaces.corners, surfaces.neighbours, t, side, x, y, z, reach2, patch)
         if members == 0:
             nx, ny, nz = unit_normal(surfaces, t, side)
-            area = region_area(surfaces, surfaces.sheet[t, side], x, y, z, nx, ny, nz, reach2, stack, near)
+            area = region_area(surfaces, surfaces.sheet[t, side], x, y, z, nx, ny, nz, reach2, walk)
         spans[i] = area
-    return spans
 
 
-@njit(cache=True, nogil=True)
 def _crowds(label, place, facing, step, reach2):
     """How many places (n, 3) lie in the largest disk around every step-th of them, on its sheet and facing its way."""
-    crowds = np.zeros((label.size + step - 1) // step)
+    crowds = np.zeros(len(label[::step]))
+    _fill_crowds(label, place, facing, step, reach2, crowds)
+    return crowds
+
+
+@njit(**KERNEL)
+def _fill_crowds(label, place, facing, step, reach2, crowds):
     for i in range(crowds.size):
         j = i * step
         for other in range(label.size):
@@ -215,10 +231,9 @@ def _crowds(label, place, facing, step, reach2):
                     distance2 += (place[other, axis] - place[j, axis]) ** 2
                     cosine += facing[other, axis] * facing[j, axis]
                 crowds[i] += 1.0 if distance2 < reach2 and cosine > SAME_SURFACE else 0.0
-    return crowds
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _mean_of(splitting, sheets, carried, reach2, k):
     """Mean variance and time of gathers on sheets that carry so much of a pixel, (n,) each, in free space."""
     noise = time = 0.0

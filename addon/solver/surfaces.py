@@ -10,8 +10,9 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 
-from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node
-from .sampling import FAST, INLINED, to_world
+from .kernels import FAST_KERNEL, INLINED, KERNEL
+from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node, start_walk
+from .sampling import to_world
 from .scene import Scene
 
 log = logging.getLogger(__name__)
@@ -149,7 +150,7 @@ def build_surfaces(
     return surfaces, geometry.tracer, geometry.centre
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _fill_leaves(corners, sheet, ranks, leaves):
     """Put the triangles into the leaves of their tree."""
     for t in range(ranks.size):
@@ -401,7 +402,7 @@ def _sheets(corners, neighbours):
     return parent.reshape((neighbours.shape[0], 2))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _wedge(ax, ay, bx, by, r2):
     """Signed area of the disk around the origin inside the triangle (origin, a, b)."""
     cross = ax * by - ay * bx
@@ -426,7 +427,7 @@ def _wedge(ax, ay, bx, by, r2):
     return area
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def area_in_ball(corners, t, x, y, z, r2):
     """Area of triangle t inside the ball of squared radius r2 around (x, y, z), m2; exact."""
     nx, ny, nz, double_area = normal(corners, t)
@@ -463,7 +464,7 @@ def _edge_distance2(corners, t, i, x, y, z):
     return px * px + py * py + pz * pz
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
     """The sheet of surface around a point of triangle t that a gather in the ball may count.
 
@@ -528,25 +529,24 @@ def in_slab(height, disk2):
     return np.float32(16.0) * height * height < disk2
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, stack, near):
+@njit(**FAST_KERNEL)
+def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, walk):
     """Area (m2) inside the ball of the triangles of one sheet that face the normal's way.
 
     Most are small here and count as a whole if their centroid is inside: that errs by a few percent at random, not in
-    the mean. Of larger ones the part inside is exact. stack, near: room, as for `open_node`.
+    the mean. Of larger ones the part inside is exact. walk: room.
     """
-    tree = surfaces.mesh
+    tree, near = surfaces.mesh, walk.near
     place = (x, y, z, r2)
     x, y, z, r2 = np.float32(x), np.float32(y), np.float32(z), np.float32(r2)
     nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
     sheet, facing = np.float32(sheet), np.float32(SAME_SURFACE)
     total = 0.0
-    stack[0] = tree.starts[tree.starts.size - 2]
-    depth = 1
+    depth = start_walk(tree, walk)
     while depth > 0:
-        depth, children = open_node(tree, stack, depth, x, y, z, r2, near)
+        depth, children = open_node(tree, walk, depth, x, y, z, r2)
         for c in range(children):
-            leaf = stack[depth + c]
+            leaf = walk.stack[depth + c]
             p = tree.leaves[leaf]
             part, large = np.float32(0.0), np.int32(0)
             for j in range(WIDTH):  # no branch, so that a register holds the leaf

@@ -7,10 +7,11 @@ import numpy as np
 from numba import njit
 
 from .emission import LIT_BY_LAMP, LIT_BY_LIGHT, Emitters, emit, empty_wave
+from .kernels import FAST_KERNEL
 from .photon_map import Photons, photon_arrays
 from .radiometry import Radiometry
 from .rng import path_key, uniform
-from .sampling import FAST, cosine_direction, mirror, reflect_in_lobe, to_world
+from .sampling import cosine_direction, mirror, reflect_in_lobe, to_world
 from .surfaces import Surfaces, Tracer, point, put_ray, unit_normal
 
 # No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
@@ -66,7 +67,7 @@ def trace_photons(
     return batches
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(**FAST_KERNEL)
 def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored):
     """Store the photons that hit, play roulette with them and send the survivors on, moved to the front of the wave.
 

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How Numba compiles the kernels.
+
+Kernels and what is inlined into them allocate nothing: who calls them brings the room. So they need not count
+references to arrays, which Numba would do with locked instructions at every use of an array out of a tuple and at every
+row of one: without, a search in a tree takes a third of the time. `_nrt` stands for Numba's runtime, which counts them;
+it refuses to compile what allocates after all.
+"""
+
+# Lets LLVM vectorise sums over bands. Unlike full fast-math it keeps NaN and infinity, and the compiled code, so the
+# order of every sum, is the same in every thread.
+FAST = {"reassoc", "contract", "arcp", "nsz"}
+
+KERNEL = {"cache": True, "nogil": True, "_nrt": False}
+FAST_KERNEL = KERNEL | {"fastmath": FAST}
+
+# Of small functions that many kernels call: LLVM puts them into each. Numba's own inlining would infer their types anew
+# at every call, which made up a quarter of the time that the first render compiles. Without a word on fastmath they
+# would inherit that of whichever kernel happens to be compiled first.
+INLINED = {"forceinline": True, "fastmath": False, "no_cfunc_wrapper": True, "_nrt": False}
+FAST_INLINED = INLINED | {"fastmath": FAST}
