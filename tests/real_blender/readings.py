@@ -23,6 +23,7 @@ COLUMNS, ROWS = 59, 45
 LOW, HIGH = 280.0, 340.0  # K
 PATIENCE = 300.0  # s: kernels may have to be compiled
 PLACES = 3000  # pixels of the screen that are looked at for each zoom
+BORDER = 10  # pixels of the screen at an editor's frame, where tabs open its hidden toolbar and sidebar
 SHADES = 2  # of 255: rounding on the way to the screen
 
 kelvin = np.random.default_rng(7).uniform(LOW, HIGH, (ROWS, COLUMNS))  # of the tiles, row 0 at the bottom
@@ -121,7 +122,7 @@ def in_image_editor():
     area = hands.area_of("VIEW_3D")
     area.type = "IMAGE_EDITOR"
     space, region = area.spaces.active, hands.region_of(area)
-    space.image, space.show_region_ui = bpy.data.images["Render Result"], False
+    space.image, space.show_region_ui, space.show_gizmo = bpy.data.images["Render Result"], False, False
     bpy.context.scene.infrared.show_colour_bar = False
     frame = spot_meter.finished()[1]["ViewLayer"]
     colours = palette.display(frame.scale.colours(spot_meter.finished()[0]["ViewLayer"]["temperature"])).astype(int)
@@ -139,10 +140,11 @@ def in_image_editor():
             yield 0.5
             screen, read, other = shown(region, f"zoom {zoom} {pan[0]}"), 0, 0
             corners = np.array([region.view2d.view_to_region(share, share, clip=False) for share in (0.0, 1.0)])
-            low, high = np.clip(corners, 0, (region.width - 1, region.height - 1))
+            low, high = np.clip(corners, BORDER, (region.width - BORDER - 1, region.height - BORDER - 1))
             for x, y in np.random.default_rng(3).integers(low, high + 1, (PLACES, 2)).tolist():
                 pixel = pixel_at(x, y)
-                outline = pixel_at(x + 1, y) is None or pixel_at(x, y + 1) is None  # Blender draws one over the edge
+                # Blender draws an outline over the last column and row of the screen, or over those before them
+                outline = pixel_at(x + 2, y) is None or pixel_at(x, y + 2) is None
                 if pixel is not None and not outline:
                     read += 1
                     other += differ(screen[y, x], colours[pixel])
