@@ -19,7 +19,7 @@ from .splitting import disk_area, rays_beside, shared_area
 from .surfaces import PATCH_LIMIT, patch_in_ball, unit_normal
 
 _BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
-_WHOLE = 0.95  # share of a disk below which it is cut by a rim: one side alone would say what the light around is like
+_WHOLE = 0.95  # share of a disk below which a rim cuts it: photons would lie on one side, where the light differs
 _NEAR = 0.05  # radius of the disk, over the harmonic mean distance of what the rays meet: 5 % of change, about
 _BENT = 0.1  # squared difference of the unit normals at which no rays are shared
 _WINDOW = 3  # pixels around, in which final gathers share rays
@@ -41,10 +41,8 @@ def _choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, f
         i, t, side = gathers.ray[g], code[g] >> 1, code[g] & 1
         if rays.gathered[i] or radiometry.specular[surfaces.material[t]] == 1.0:
             continue
-        carried, sheet = (
-            carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g]),
-            surfaces.sheet[t, side],
-        )
+        sheet = surfaces.sheet[t, side]
+        carried = carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g])
         count, _ = rays_beside(splitting, sheet, carried, float(free2[g]), k, shrink2, True)
         if count == 0:
             disk = disk_area(splitting, sheet, float(free2[g]), k, shrink2)
@@ -54,10 +52,8 @@ def _choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, f
             count = max(count, _BESIDE_WALLS)
         if count > 0:
             shared = shared_area(splitting, sheet, float(free2[g]), k, shrink2)
-            gathers.radius2[g], gathers.is_cut[g] = (
-                shared / math.pi,
-                _is_cut(surfaces, code[g], place[g], shared, patch),
-            )
+            gathers.radius2[g] = shared / math.pi
+            gathers.is_cut[g] = _is_cut(surfaces, code[g], place[g], shared, patch)
         gathers.rays[g] = count
         rays_sent += count
     return rays_sent
