@@ -137,7 +137,8 @@ print(sum(needed.values()), taken)
     [
         ({"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000),  # the film
         ({"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000),  # the photons
-        ({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000),  # photons of lamps, of which few are stored
+        # photons of lamps, of which few are stored
+        pytest.param({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000, marks=pytest.mark.long),
         ({"width": 8, "bands": 4, "subdivisions": 7}, 1000),  # the triangles
     ],
     ids=["film", "photons", "lamps", "geometry"],
