@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import bpy
@@ -11,6 +10,7 @@ from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator
 from bpy_extras.io_utils import ExportHelper
 
+from .last_render import last_render
 from .output.formats import ENUM_ITEMS, FORMATS
 from .properties import CUSTOM_PROPERTIES, add_custom_property, initial_value, property_label
 
@@ -128,8 +128,7 @@ class INFRARED_OT_export_bands(Operator, ExportHelper):
 
     @classmethod
     def poll(cls, _context):
-        final_render = sys.modules.get(f"{__package__}.final_render")  # not (wholly) loaded: nothing was rendered
-        return bool(getattr(final_render, "finished_layers", {}))
+        return bool(last_render("finished_layers"))
 
     def execute(self, _context):
         from . import final_render

@@ -12,6 +12,7 @@ from bpy.props import FloatVectorProperty, IntProperty
 from bpy.types import Operator
 
 from .heat_settings import PICTURE_EDITORS, redraw_pictures
+from .last_render import last_render
 
 HELP = "Spot Meter    LMB in an Image Editor: Place Spot, or Remove the One There    Esc: Leave"
 REACH = 8  # pixels: a click so near to a spot means that spot
@@ -22,9 +23,7 @@ REACH = 8  # pixels: a click so near to a spot means that spot
 
 def finished():
     """(finished_layers, finished_frames) of final_render; both are empty if nothing was rendered yet."""
-    # loading it would load the solver, which the thread of a first render may be doing just now
-    final_render = sys.modules.get(f"{__package__}.final_render")
-    return getattr(final_render, "finished_layers", {}), getattr(final_render, "finished_frames", {})
+    return last_render("finished_layers"), last_render("finished_frames")
 
 
 def shown_layer(space, scene) -> tuple[str, bool] | None:

@@ -17,6 +17,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy.types import Operator, Panel
 from bpy_extras.io_utils import ExportHelper
 
+from .last_render import last_render
 from .panels import RenderSettingsPanel
 
 log = logging.getLogger(__name__)
@@ -34,8 +35,7 @@ Moment = tuple[int, Mapping[str, float]]  # number of a frame, and temperatures 
 
 def last_group_files() -> dict[str, Path]:
     """The files of the last render's groups, by view layer; none without a render in this session."""
-    final_render = sys.modules.get(f"{__package__}.final_render")  # not (wholly) loaded: nothing was rendered
-    return getattr(final_render, "finished_groups", {})
+    return last_render("finished_groups")
 
 
 def moments(context, source: str, series: str, known: Iterable[str]) -> Iterator[Moment]:

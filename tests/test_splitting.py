@@ -41,7 +41,7 @@ def test_the_cheapest_is_chosen(photon_noise, ray_noise, price, carried, free2, 
     """
     tables = [np.full(1, value, np.float32) for value in (1e4, photon_noise, ray_noise, 1e9, gathers, 0.0, 0.0)]
     splitting = Splitting(*tables, price)
-    rays, variance = rays_beside(splitting, 0, carried, free2, 50, shrink2, True)
+    rays, variance = rays_beside(splitting, 0, carried, free2, 50, shrink2)
     area = min(math.pi * free2, 50 / 1e4) * shrink2
     by_photons = carried**2 * float(tables[1][0]) / area + price * _GATHER
     ray = _STRATIFIED * carried**2 * float(tables[2][0]) / max(1.0, _EQUAL * _SHARING * area * float(tables[4][0]))

@@ -15,7 +15,7 @@ from numba import njit
 
 from .free_space import LEAST_FREE
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
-from .splitting import disk_area, rays_beside, shared_area
+from .splitting import disk_area, rays_alone, rays_beside, shared_area
 from .surfaces import PATCH_LIMIT, patch_in_ball, unit_normal
 
 _BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
@@ -43,11 +43,11 @@ def _choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, f
             continue
         sheet = surfaces.sheet[t, side]
         carried = carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g])
-        count, _ = rays_beside(splitting, sheet, carried, float(free2[g]), k, shrink2, True)
+        count, _ = rays_beside(splitting, sheet, carried, float(free2[g]), k, shrink2)
         if count == 0:
             disk = disk_area(splitting, sheet, float(free2[g]), k, shrink2)
             if _is_cut(surfaces, code[g], place[g], disk, patch):
-                count, _ = rays_beside(splitting, sheet, carried, float(free2[g]), k, shrink2, False)
+                count, _ = rays_alone(splitting, sheet, carried, float(free2[g]), k, shrink2)
         if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
             count = max(count, _BESIDE_WALLS)
         if count > 0:
@@ -156,12 +156,12 @@ def _share(surfaces, finals, shrink2, rows, columns, closeness, image, first, fo
         for row in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
             for column in range(max(0, x - _WINDOW), min(columns, x + _WINDOW + 1)):
                 other = first[row * columns + column]
-                if other >= 0 and finals.is_cut[n]:
-                    i, j = 2 * y - row, 2 * x - column
-                    opposite = first[i * columns + j] if 0 <= i < rows and 0 <= j < columns else -1
-                    while opposite >= 0 and _weight(surfaces, finals, n, opposite, sheet, normal, limits) == 0.0:
-                        opposite = following[opposite]
-                    other = other if opposite >= 0 else -1
+                if finals.is_cut[n]:
+                    i, j = 2 * y - row, 2 * x - column  # of the pixel on the opposite side
+                    if not (0 <= i < rows and 0 <= j < columns):
+                        continue
+                    if not _is_met(surfaces, finals, n, first[i * columns + j], following, sheet, normal, limits):
+                        continue
                 while other >= 0:
                     weight = _weight(surfaces, finals, n, other, sheet, normal, limits)
                     if weight > 0.0:
@@ -172,6 +172,14 @@ def _share(surfaces, finals, shrink2, rows, columns, closeness, image, first, fo
                     other = following[other]
         for b in range(mean.size):
             image[finals.pixel[n], b] += finals.factor[n, b] * mean[b] / np.float32(total)
+
+
+@njit(inline="always")
+def _is_met(surfaces, finals, n, other, following, sheet, normal, limits):
+    """Whether gather n shares rays with `other` (-1 for none) or one of those that follow it in its pixel."""
+    while other >= 0 and _weight(surfaces, finals, n, other, sheet, normal, limits) == 0.0:
+        other = following[other]
+    return other >= 0
 
 
 @njit(inline="always")

@@ -148,10 +148,10 @@ def _fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leave
 def recalled(cache, sheet, x, y, z, nx, ny, nz, reach2, walk):
     """Index of the nearest point on a sheet that faces the same way, nearer than sqrt(reach2) m, or -1.
 
-    walk: room.
+    walk: room, see Walk.
     """
     tree, bound = cache.tree, np.float32(reach2)
-    near, bits = walk.near, walk.near.view(np.int32)
+    near = walk.near
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
     nx, ny, nz, sheet = np.float32(nx), np.float32(ny), np.float32(nz), np.float32(sheet)
     best = -1
@@ -168,11 +168,7 @@ def recalled(cache, sheet, x, y, z, nx, ny, nz, reach2, walk):
                 cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
                 d2 = dx * dx + dy * dy + dz * dz
                 near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (p[6, j] == sheet) else bound
-            least, slot = np.int32(0x7FFFFFFF), np.int32(0)
-            for j in range(WIDTH):  # no branch: bits are in the order of the squared distances
-                least = min(least, bits[j])
             for j in range(WIDTH):
-                slot = max(slot, np.int32(j) if bits[j] == least else np.int32(0))
-            if near[slot] < bound:
-                best, bound = leaf * WIDTH + slot, near[slot]
+                if near[j] < bound:
+                    best, bound = leaf * WIDTH + j, near[j]
     return best

@@ -3,8 +3,9 @@
 
 Kernels and what is inlined into them allocate nothing: who calls them brings the room. So they need not count
 references to arrays, which Numba would do with locked instructions at every use of an array out of a tuple and at every
-row of one: without, a search in a tree takes a third of the time. `_nrt` stands for Numba's runtime, which counts them;
-it refuses to compile what allocates after all.
+row of one: without, opening a node of a tree takes a third of the time. `_nrt` stands for Numba's runtime, which counts
+them; it refuses to compile what allocates after all. Functions that make arrays, in which little time is spent, are
+compiled with Numba's own settings.
 """
 
 # Lets LLVM vectorise sums over bands. Unlike full fast-math it keeps NaN and infinity, and the compiled code, so the

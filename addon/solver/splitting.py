@@ -66,20 +66,27 @@ class Trial(NamedTuple):
 
 
 @njit(inline="always")
-def rays_beside(splitting, sheet, carried, free2, k, shrink2, photons_serve):
+def rays_beside(splitting, sheet, carried, free2, k, shrink2):
     """Rays that a gather should send, a power of two, or 0 if photons are better; and the variance.
 
     carried: share of a pixel that its reflected light makes up. free2: m2, squared radius of the free space around. k,
-    shrink2: see Estimate. photons_serve: whether there is room for photons.
+    shrink2: see Estimate.
     """
     area = disk_area(splitting, sheet, free2, k, shrink2)
     by_photons = carried * carried * splitting.photon_noise[sheet] / area
+    rays, by_rays = rays_alone(splitting, sheet, carried, free2, k, shrink2)
+    if by_photons + _GATHER * splitting.price > by_rays + rays * splitting.price:
+        return rays, by_rays
+    return 0, by_photons
+
+
+@njit(inline="always")
+def rays_alone(splitting, sheet, carried, free2, k, shrink2):
+    """Rays that a gather should send where photons cannot serve, a power of two, and the variance. See rays_beside."""
     by_ray = carried * carried * ray_variance(splitting, sheet, free2, k, shrink2)
     best = min(max(math.sqrt(by_ray / splitting.price), float(_FEWEST)), float(_MOST))
     rays = 1 << int(math.log2(best) + 0.5)
-    if not photons_serve or by_photons + _GATHER * splitting.price > by_ray / rays + rays * splitting.price:
-        return rays, by_ray / rays
-    return 0, by_photons
+    return rays, by_ray / rays
 
 
 @njit(inline="always")
@@ -188,10 +195,7 @@ def _fill_radiance(surfaces, radiometry, radiance, value):
     for t in range(radiance.size):
         kelvin = temperature_at(surfaces.temperature, t, 1.0 / 3.0, 1.0 / 3.0)
         excess(radiometry, surfaces.material[t], kelvin, 2.0 / 3.0, value)
-        total = 0.0
-        for b in range(value.size):
-            total += value[b]
-        radiance[t] = total
+        radiance[t] = value.sum()
 
 
 def _spans(surfaces, code, place, reach2):
@@ -238,7 +242,7 @@ def _mean_of(splitting, sheets, carried, reach2, k):
     """Mean variance and time of gathers on sheets that carry so much of a pixel, (n,) each, in free space."""
     noise = time = 0.0
     for i in range(sheets.size):
-        rays, variance = rays_beside(splitting, sheets[i], carried[i], reach2, k, 1.0, True)
+        rays, variance = rays_beside(splitting, sheets[i], carried[i], reach2, k, 1.0)
         noise += variance
         time += rays if rays else _GATHER
     return noise / max(1, sheets.size), time / max(1, sheets.size)

@@ -534,7 +534,7 @@ def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, walk):
     """Area (m2) inside the ball of the triangles of one sheet that face the normal's way.
 
     Most are small here and count as a whole if their centroid is inside: that errs by a few percent at random, not in
-    the mean. Of larger ones the part inside is exact. walk: room.
+    the mean. Of larger ones the part inside is exact. walk: room, see Walk.
     """
     tree, near = surfaces.mesh, walk.near
     place = (x, y, z, r2)
