@@ -15,7 +15,7 @@ from .free_space import free_space, largest_disk
 from .irradiance_cache import recalled
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
 from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
-from .low_discrepancy import scrambled, shuffled
+from .low_discrepancy import lattice_point
 from .photon_map import gather, irradiance, neighbours_room
 from .point_tree import empty_walk
 from .radiometry import excess
@@ -30,6 +30,7 @@ _RECALLING, _GATHERING, _FEELING, _LAMPS, _SPLITTING = 1 << 17, 1 << 18, 1 << 19
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
+_EXCESSES, _PER_KELVIN = 64, 17.0  # slots; and how far apart a material's temperatures lie in them
 _FULL = 1.0 / 64.0  # of a pixel: roulette starts where a path carries less
 
 
@@ -231,6 +232,23 @@ def _hit(surfaces, rays, i, t, u, v):
     return Hit(t, side, x, y, z, nx, ny, nz, dx, dy, dz, max(1e-6, cosine))
 
 
+class Excesses(NamedTuple):
+    """What surfaces of one material and temperature emit, of those met last: scenes have few, and rays meet them again
+    and again. Each has one slot that it can be in.
+
+    material: (_EXCESSES,) int32, -1 for none. kelvin: (_EXCESSES,) float64. radiance: (_EXCESSES, b) float32, excess, W
+    m-2 sr-1.
+    """
+
+    material: np.ndarray
+    kelvin: np.ndarray
+    radiance: np.ndarray
+
+
+def _empty_excesses(bands):
+    return Excesses(np.full(_EXCESSES, -1, np.int32), np.empty(_EXCESSES), np.empty((_EXCESSES, bands), np.float32))
+
+
 def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image):
     """Add to the image what the surfaces that the rays meet emit; return the rays that gather what they reflect.
 
@@ -238,23 +256,22 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
     decides on those that would carry little. Rays of final gathers leave lamps to shadow rays. straight: see Estimate.
     closeness: see share.
     """
-    gathers = empty_gathers(len(triangle))
+    gathers, bands = empty_gathers(len(triangle)), radiometry.reference.size
     kept = _meet(
         surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image, gathers,
-        np.empty(radiometry.reference.size), np.empty(len(triangle), np.int32),
+        _empty_excesses(bands), np.empty(bands), np.empty(len(triangle), np.int32),
     )  # fmt: skip
     return first_gathers(gathers, kept)
 
 
 @njit(**FAST_KERNEL)
 def _meet(
-    surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image, gathers, emitted,
-    place,
+    surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image, gathers,
+    excesses, emitted, place,
 ):  # fmt: skip
     shadowed = lamps.power > 0.0 or straight
     surroundings, sky = emitters.surroundings, emitters.sky_layer * emitters.surroundings.size
     bands = radiometry.reference.size
-    known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
     found = newest = 0
     pixel = -1
     for i in range(triangle.size):
@@ -272,13 +289,16 @@ def _meet(
         rough = radiometry.alpha[material] > 0.0
         if not (rays.gathered[i] and lamps.shines[t, side]):
             kelvin = temperature_at(surfaces.temperature, t, u[i], v[i])
-            if rough or material != known or kelvin != known_kelvin:
+            slot = (material + int(_PER_KELVIN * kelvin)) % _EXCESSES
+            if rough or material != excesses.material[slot] or kelvin != excesses.kelvin[slot]:
                 cosine = _hit(surfaces, rays, i, t, u[i], v[i]).cosine if rough else 1.0
                 excess(radiometry, material, kelvin, cosine, emitted)
-                known, known_kelvin = -1 if rough else material, kelvin
+                excesses.material[slot], excesses.kelvin[slot] = -1 if rough else material, kelvin
+                for b in range(bands):
+                    excesses.radiance[slot, b] = emitted[b]
             first = bands * layer_of(surfaces.layer, t)
             for b in range(bands):
-                image[pixel, first + b] += rays.throughput[i, b] * emitted[b]
+                image[pixel, first + b] += rays.throughput[i, b] * excesses.radiance[slot, b]
         if radiometry.specular[material] == 1.0 and not rough:
             continue
         if rays.gathered[i] and not (shadowed or emitters.open[t, side]):  # all that it reflects is recalled
@@ -424,15 +444,14 @@ def _recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays,
         carried = (1.0 - float(radiometry.specular[material])) * largest_throughput(rays.throughput[i], rho)
         if carried == 0.0:
             continue
-        sheet = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]
+        side = facing_side(surfaces, t, rays.direction, i)
+        sheet = surfaces.sheet[t, side]
         chance, choice = recall_chance(estimate.splitting, sheet, carried), uniform(rays.path[i], _RECALLING + bounce)
         if choice >= chance:
             continue
-        hit = _hit(surfaces, rays, i, t, u[i], v[i])
-        known = recalled(
-            cache, sheet, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz,
-            _FAR * estimate.shrink2 * estimate.reach2, walk,
-        )  # fmt: skip
+        x, y, z = point(surfaces.corners, t, u[i], v[i])
+        nx, ny, nz = unit_normal(surfaces, t, side)
+        known = recalled(cache, sheet, x, y, z, nx, ny, nz, _FAR * estimate.shrink2 * estimate.reach2, walk)
         out = image[rays.pixel[i]]
         if known >= 0:
             scale = np.float32((1.0 - radiometry.specular[material]) / (math.pi * chance))
@@ -519,17 +538,17 @@ def _split(surfaces, hit, carried, count, before, after, row, path, sent, onward
     """Send a ray's share of the `count` rays of a final gather, cosine-distributed; returns how many these are.
 
     before, after: share of all rays that fall to rays before this one, without and with it, in [0, 1]: each gets those
-    between, by a random start for all (systematic resampling). The directions of all are stratified. They add to a row.
+    between, by a random start for all (systematic resampling). The directions of all are points of one lattice, and
+    those of a ray points that follow one another. They add to a row.
     """
-    start = uniform(path, 2)
+    start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
     first, last = min(count, int(before * count + start)), min(count, int(after * count + start))
     for ray in range(first, last):
-        key = path_key(path, 4 + ray)
-        index = shuffled(ray, count, path, 3)
-        lx, ly, lz = cosine_direction(scrambled(index, path, 0), scrambled(index, path, 1))
+        u, v = lattice_point(ray, count, shift_u, shift_v)
+        lx, ly, lz = cosine_direction(u, v)
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
         at = sent + ray - first
-        _leave(surfaces, hit, dx, dy, dz, row, key, at, onward)
+        _leave(surfaces, hit, dx, dy, dz, row, path_key(path, 3 + ray), at, onward)
         onward.gathered[at] = True
         onward.throughput[at, :] = np.float32(carried / count)
     return last - first
