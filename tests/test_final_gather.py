@@ -65,6 +65,44 @@ def test_floor_beside_a_hot_wall_is_exact():
     assert np.all(np.abs(value - truth) < student.ppf(1 - 5e-4 / 32, 15) * error)
 
 
+def test_floor_beside_a_mirror_is_exact():
+    """A mirror stands on a floor that goes on behind it, in its shadow. Close to it the floor has twice the light of a
+    ball before it: rays from the ball, and photons by way of the mirror, of which none may be sought behind it.
+
+    A sphere lights a point at the distance d with pi B (r / d)^2 cos(theta), whatever its size. Its mesh counts as the
+    sphere of the same area (mean shadow of a convex body: a quarter of its surface, Cauchy), to 0.3 %; and 4 standard
+    errors of a column.
+    """
+    floor, mirror = quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), quad((0, 0, 0.5), (0, 1, 0), (0, 0, 0.5))
+    ball = sphere(3, 0.05)
+    ball = ball[0] + (0.4, 0.0, 0.3), ball[1]
+    *parts, material = join((*floor, 300.0, 0), (*mirror, 300.0, 1), (*ball, 900.0, 2))
+    camera = Camera(
+        6, 64, look((0.006, 0, 0.2), (0.006, 0, 0)).matrix, "ORTHOGRAPHIC", frame=(-0.006, 0.006, -0.4, 0.4)
+    )
+    scene = make_scene(
+        *parts, (GREY, Material("silver", 0.0, specular=1.0), BLACK), camera, EDGES, material, world_temperature=300.0
+    )
+    images = np.array(
+        [render(scene, Settings(passes=32, photons_per_pass=2000, seed=seed)).radiance() for seed in range(16)]
+    ).mean(axis=1)
+    background = band_radiance(EDGES, 300.0).sum()
+    corners = ball[0][ball[1]]
+    surface = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    x, y = (np.arange(1200) + 0.5) / 1200 * 0.012, (np.arange(800) + 0.5) / 800 * 0.8 - 0.4
+    factor = 0.0
+    for side in (-1, 1):  # the ball and its image
+        d2 = (x[:, None] - side * 0.4) ** 2 + y**2 + 0.3**2
+        factor = factor + surface / (4 * math.pi) * 0.3 / d2**1.5
+    truth = 0.5 * (band_radiance(EDGES, 900.0).sum() - background) * factor.mean(axis=1).reshape(6, 200).mean(axis=1)
+    value = images.mean(axis=0) - background
+    error = images.std(axis=0, ddof=1) / math.sqrt(len(images))
+    print(np.column_stack((value / truth - 1, error / truth)).round(4))
+    assert np.all(error < 0.04 * truth)
+    # 6 columns, 15 degrees of freedom: by chance alone one test in 1000 fails
+    assert np.all(np.abs(value - truth) < student.ppf(1 - 5e-4 / 6, 15) * error + 0.003 * truth)
+
+
 def split_all(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
     """Every gather sends rays."""
     choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2)

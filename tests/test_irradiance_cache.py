@@ -11,6 +11,7 @@ from test_photon_map import photon_map, square, triangle_under
 
 from addon.solver import Material
 from addon.solver.eye_paths import Estimate
+from addon.solver.free_space import unlimited
 from addon.solver.irradiance_cache import Places, build_irradiance_cache, cache_points, ray_ends, recalled
 from addon.solver.point_tree import empty_walk
 from addon.solver.splitting import Splitting
@@ -36,7 +37,7 @@ def recall_all(cache, sheet, points, reach2):
 
 
 def free(reach2):
-    return lambda place, code, first: np.full(len(code), reach2, np.float32)
+    return lambda place, code, first: unlimited(len(code), reach2)
 
 
 def scattered(rng, count):

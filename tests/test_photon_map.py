@@ -15,6 +15,7 @@ from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces
 
 UNMARKED = np.empty((0, 3), np.float32), np.empty(0, bool), np.empty(0, np.uint8)  # no directions, caustics, layers
 UP = (0.0, 0.0, 1.0)
+NO_WALL = np.zeros(3, np.float32)
 
 
 def surfaces_of(vertices, triangles):
@@ -80,23 +81,38 @@ def search_all(photon_map, k, points, normal, bound):
 
 
 @njit
-def gather_all(photon_map, surfaces, triangles, sides, points, k, reach2, shrink2, guess):
+def gather_all(photon_map, surfaces, triangles, sides, points, walls, k, reach2, shrink2, guess):
     """Number of photons and area of a gather at every point, each starting from the same guess."""
     room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
     kept, area = np.empty(len(points), np.int64), np.empty(len(points))
     for i in range(len(points)):
         x, y, z = points[i]
         kept[i], area[i], _ = gather(
-            photon_map, surfaces, triangles[i], sides[i], x, y, z, k, reach2, shrink2, False, guess, room, patch
+            photon_map,
+            surfaces,
+            triangles[i],
+            sides[i],
+            x,
+            y,
+            z,
+            walls[i],
+            k,
+            reach2,
+            shrink2,
+            False,
+            guess,
+            room,
+            patch,
         )
     return kept, area
 
 
-def gathers(built, triangles, points, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0):
+def gathers(built, triangles, points, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0, walls=NO_WALL):
     points = np.atleast_2d(np.asarray(points, np.float32))
     triangles = np.broadcast_to(np.asarray(triangles, np.int32), (len(points),))
     sides = np.full(len(points), side, np.int32)
-    return gather_all(built.photons, built.surfaces, triangles, sides, points, k, reach2, shrink2, guess)
+    walls = np.ascontiguousarray(np.broadcast_to(np.asarray(walls, np.float32), (len(points), 3)))
+    return gather_all(built.photons, built.surfaces, triangles, sides, points, walls, k, reach2, shrink2, guess)
 
 
 def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0, only_caustic=False):
@@ -111,6 +127,7 @@ def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0,
         x,
         y,
         z,
+        NO_WALL,
         k,
         reach2,
         shrink2,
@@ -213,7 +230,9 @@ def test_irradiance_is_power_over_area():
     points, power = rng.uniform(-0.1, 0.1, (30, 3)) * (1, 1, 0), rng.normal(size=(30, 3)).astype(np.float32)
     built = photon_map(points, square(), 2 * triangle_under(points, 1), power)
     room, patch = neighbours_room(50), np.empty(PATCH_LIMIT, np.int32)
-    kept, area, _ = gather(built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, 50, 0.16, 1.0, False, 0.16, room, patch)
+    kept, area, _ = gather(
+        built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, NO_WALL, 50, 0.16, 1.0, False, 0.16, room, patch
+    )
     out = np.empty(3)
     irradiance(built.photons, room, kept, area, out)
     np.testing.assert_allclose(out, power.sum(axis=0, dtype=float) / (np.pi * 0.16), rtol=1e-6)
@@ -316,6 +335,29 @@ def test_density_estimate_is_unbiased(region, cells, k, reach_share, shrink2):
     mean, error = density_ratio(region, cells, k, reach_share, shrink2)
     assert error < 0.025
     assert abs(mean - 1) < 3 * error
+
+
+@pytest.mark.parametrize("beyond", [0.0, 3.0])
+@pytest.mark.parametrize("cells", [1, 60])
+def test_density_beside_a_wall_is_that_of_this_side(beyond, cells):
+    """A wall that crosses the square aslant; beyond it there are `beyond` times as many photons. 3 standard errors."""
+    rng = np.random.default_rng(20)
+    surfaces, normal, mean = square(cells), np.array((0.8, 0.6, 0.0)), 2000
+    reach2, ratios = 0.01, []
+    for _ in range(400):
+        points = rng.random((rng.poisson(3 * mean), 3)) * (1, 1, 0) - (0.5, 0.5, 0)
+        kept = rng.random(len(points)) < np.where(points @ normal < 0, 1 / 3, beyond / 3)
+        built = photon_map(points[kept], surfaces, 2 * triangle_under(points[kept], cells))
+        distance = rng.random((8, 1)) * 0.1  # some of these are further than the disk reaches
+        along = rng.uniform(-0.2, 0.2, (8, 1)) * (-0.6, 0.8, 0.0)
+        places = along - distance * normal
+        kept, area = gathers(
+            built, triangle_under(places, cells), places, 20, reach2, 0.7, reach2, walls=normal / distance
+        )
+        ratios.append(np.mean(kept / area) / mean)
+    error = np.std(ratios, ddof=1) / np.sqrt(len(ratios))
+    print(f"density over truth {np.mean(ratios):.4f} +- {error:.4f}")
+    assert error < 0.02 and abs(np.mean(ratios) - 1) < 3 * error
 
 
 # Degenerate sets

@@ -11,7 +11,7 @@ from numba import njit
 from .antialiasing import MOST
 from .camera import eye_rays
 from .final_gather import carried_by, choose_splits, largest_throughput, open_finals, share
-from .free_space import free_space, largest_disk
+from .free_space import free_space, largest_disk, unlimited
 from .irradiance_cache import recalled
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
 from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
@@ -124,13 +124,13 @@ def render_pixels(
             found = len(gathers.ray)
             place, code, turns = np.empty((found, 3)), np.empty(found, np.int32), np.empty(found)
             locate(surfaces, bounce, *hits, rays, gathers, place, code, turns)
-            free2 = free_space(tracer, surfaces, estimate.reach2, place, code, turns)
-            split = choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
-            reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, free2, image)
+            space = free_space(tracer, surfaces, estimate.reach2, place, code, turns)
+            split = choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, space.radius2)
+            reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, space, image)
             if bounce > 0:
                 lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, image)
-                free2_lost = np.full(len(lost.ray), estimate.reach2, np.float32)
-                reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, free2_lost, image)
+                anywhere = unlimited(len(lost.ray), estimate.reach2)
+                reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, anywhere, image)
         if split:
             finals.append(open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, len(image)))
             image = np.concatenate((image, np.zeros((len(finals[-1].pixel), weights.size), np.float32)))
@@ -371,21 +371,21 @@ def locate(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
         turns[g] = uniform(rays.path[i], _FEELING + bounce)
 
 
-def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, free2, image):
+def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, space, image):
     """Add to the image what the photons around the gathers reflect.
 
     ends: whether those count that are ends of final gathers, which recall their irradiance if they can, or the others.
-    free2: (n,) m2, free space around.
+    space: around the gathers.
     """
     _reflect(
-        surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, free2, image,
+        surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, space, image,
         neighbours_room(estimate.neighbours), np.empty(PATCH_LIMIT, np.int32), np.empty(image.shape[1]),
     )  # fmt: skip
 
 
 @njit(**FAST_KERNEL)
 def _reflect(
-    surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, free2, image, room, patch, value
+    surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, space, image, room, patch, value
 ):  # fmt: skip
     guess = estimate.reach2
     for g in range(gathers.ray.size):
@@ -400,9 +400,9 @@ def _reflect(
         is_diffuse = specular < 1.0 and rays.gathered[i] == ends
         if not (is_diffuse or rough):
             continue
-        reach2 = largest_disk(free2[g], estimate)
+        reach2 = largest_disk(space.radius2[g], estimate)
         kept, area, guess = gather(
-            photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z,
+            photon_map, surfaces, hit.triangle, hit.side, hit.x, hit.y, hit.z, space.wall[g],
             estimate.neighbours, reach2, estimate.shrink2, split, guess, room, patch,
         )  # fmt: skip
         if kept == 0:

@@ -1,29 +1,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Free space around points on surfaces: how wide a disk of photons may be before it reaches a wall.
+"""Free space around points on surfaces: how wide a disk of photons may be before it reaches a wall, and where that is.
 
 A disk that reached beyond a wall would count light from its other side, and close to other surfaces light changes
-quickly (Ward's harmonic distance says the same). Short rays along the surface feel for them.
+quickly (Ward's harmonic distance says the same). Short rays along the surface feel for them. A disk cannot be as small
+as the space beside a wall; then the wall cuts it.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from .kernels import KERNEL
+from .kernels import INLINED, KERNEL
 from .sampling import to_world, turn
 from .surfaces import Surfaces, Tracer, facing_side, point, put_ray, unit_normal
 
 _FEELERS = 4
 _SINE = 0.05  # they rise little, to feel low steps too
 _COSINE = math.sqrt(1.0 - _SINE**2)
+_STEEP = 0.5  # least sine of a wall's angle to the surface: a lower one does not end what lies beyond its line
 LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that photons may fill however close the walls
+
+
+class FreeSpace(NamedTuple):
+    """The space around n points.
+
+    radius2: (n,) float32, m2, of the disk that no wall reaches. wall: (n, 3) float32, 1 / m: what lies at p beyond the
+    nearest wall from the point x has (p - x) . wall > 1; zeros where there is none.
+    """
+
+    radius2: np.ndarray
+    wall: np.ndarray
+
+
+def unlimited(count: int, reach2: float) -> FreeSpace:
+    """The free space around so many points without walls."""
+    return FreeSpace(np.full(count, reach2, np.float32), np.zeros((count, 3), np.float32))
 
 
 def free_space(
     tracer: Tracer, surfaces: Surfaces, reach2: float, place: np.ndarray, code: np.ndarray, turns: np.ndarray
-) -> np.ndarray:
-    """Squared radius (m2) of the free space around points, (n,) float32, at most reach2.
+) -> FreeSpace:
+    """The free space around points, of at most sqrt(reach2) m.
 
     place: (n, 3) float64, m. code: (n,) int32, 2 triangle + side that they lie on. turns: (n,) float64 in [0, 1),
     where the feelers start to go round.
@@ -31,9 +50,9 @@ def free_space(
     origin, direction = np.empty((2, _FEELERS * len(place), 3), np.float32)
     start_feelers(surfaces, place, code, turns, origin, direction)
     reach = np.full(len(origin), math.sqrt(reach2) / _COSINE, np.float32)
-    free2 = np.empty(len(place), np.float32)
-    shortest_feelers(surfaces, code, *tracer.trace(origin, direction, reach), origin, direction, reach2, free2)
-    return free2
+    space = unlimited(len(place), reach2)
+    shortest_feelers(surfaces, code, *tracer.trace(origin, direction, reach), origin, direction, space)
+    return space
 
 
 @njit(**KERNEL)
@@ -51,22 +70,46 @@ def start_feelers(surfaces, place, code, turns, origin, direction):
 
 
 @njit(**KERNEL)
-def shortest_feelers(surfaces, code, blocker, u, v, origin, direction, reach2, free2):
-    """Fill free2 (n,). Of a hollow surface feelers meet itself: that is no wall."""
+def shortest_feelers(surfaces, code, blocker, u, v, origin, direction, space):
+    """Narrow the space (n points) to what feelers meet. Of a hollow surface they meet itself: that is no wall."""
     for i in range(code.size):
-        nearest2 = reach2
+        nx, ny, nz = unit_normal(surfaces, code[i] >> 1, code[i] & 1)
         own = surfaces.sheet[code[i] >> 1, code[i] & 1]
+        nearest = math.inf  # m, to the plane of a wall
         for row in range(_FEELERS * i, _FEELERS * (i + 1)):
             t = blocker[row]
-            if t >= 0 and surfaces.sheet[t, facing_side(surfaces, t, direction, row)] != own:
-                x, y, z = point(surfaces.corners, t, u[row], v[row])
-                dx, dy, dz = x - origin[row, 0], y - origin[row, 1], z - origin[row, 2]
-                # a wall may stand 45 degrees away from the nearest feeler
-                nearest2 = min(nearest2, 0.5 * _COSINE * _COSINE * (dx * dx + dy * dy + dz * dz))
-        free2[i] = nearest2
+            if t < 0 or surfaces.sheet[t, facing_side(surfaces, t, direction, row)] == own:
+                continue
+            x, y, z = point(surfaces.corners, t, u[row], v[row])
+            dx, dy, dz = x - origin[row, 0], y - origin[row, 1], z - origin[row, 2]
+            # a wall may stand 45 degrees away from the nearest feeler
+            free2 = 0.5 * _COSINE * _COSINE * (dx * dx + dy * dy + dz * dz)
+            space.radius2[i] = min(space.radius2[i], np.float32(free2))
+            wx, wy, wz = unit_normal(surfaces, t)
+            upright = wx * nx + wy * ny + wz * nz
+            wx, wy, wz = wx - upright * nx, wy - upright * ny, wz - upright * nz  # along the surface
+            sine = math.sqrt(wx * wx + wy * wy + wz * wz)
+            away = (dx * wx + dy * wy + dz * wz) / max(sine, _STEEP)
+            if sine >= _STEEP and 0.0 < abs(away) < nearest:
+                nearest = abs(away)
+                scale = 1.0 / (sine * away)
+                space.wall[i, 0], space.wall[i, 1], space.wall[i, 2] = wx * scale, wy * scale, wz * scale
 
 
 @njit(inline="always")
 def largest_disk(free2, estimate):
     """Squared radius (m2) of the largest disk to search in free space of this squared radius, before it shrinks."""
     return min(estimate.reach2, max(float(free2) / estimate.shrink2, LEAST_FREE * estimate.reach2))
+
+
+@njit(**INLINED)
+def is_cut_off(wall, r2):
+    """Whether a wall (3,) float32, 1 / m, see FreeSpace, cuts the disk of this squared radius (m2)."""
+    return (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2 > 1.0
+
+
+@njit(**INLINED)
+def area_before(wall, r2):
+    """Area (m2) of the disk of this squared radius (m2) on this side of a wall that cuts it: all but a segment."""
+    near = 1.0 / math.sqrt((wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2)  # over the radius
+    return r2 * (math.pi - math.acos(near) + near * math.sqrt(1.0 - near * near))

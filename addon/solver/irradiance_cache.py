@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .free_space import largest_disk
+from .free_space import FreeSpace, largest_disk
 from .kernels import FAST_KERNEL, KERNEL
 from .photon_map import PhotonMap, gather, irradiance, neighbours_room
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node, start_walk
@@ -91,7 +91,7 @@ def build_irradiance_cache(
     estimate,
     place: np.ndarray,
     code: np.ndarray,
-    feel: Callable[[np.ndarray, np.ndarray, int], np.ndarray],
+    feel: Callable[[np.ndarray, np.ndarray, int], FreeSpace],
     run=map,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> IrradianceCache:
@@ -110,28 +110,28 @@ def build_irradiance_cache(
         if cancelled():
             return
         chosen = slice(first, first + _CHUNK)
-        free2 = feel(place[chosen], code[chosen], first)
-        fill_cache(photon_map, surfaces, estimate, place[chosen], code[chosen], free2, first, leaves, value)
+        space = feel(place[chosen], code[chosen], first)
+        fill_cache(photon_map, surfaces, estimate, place[chosen], code[chosen], space, first, leaves, value)
 
     list(run(fill, range(0, len(code), _CHUNK)))
     return IrradianceCache(build_tree(leaves), value)
 
 
-def fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leaves, value):
-    """Fill points first, first + 1, ... with what is at place (n, 3) on code (n,). free2: (n,) m2."""
+def fill_cache(photon_map, surfaces, estimate, place, code, space, first, leaves, value):
+    """Fill points first, first + 1, ... with what is at place (n, 3) on code (n,). space: around them."""
     room, patch = neighbours_room(estimate.neighbours), np.empty(PATCH_LIMIT, np.int32)
     out = np.empty(value.shape[1])
-    _fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leaves, value, room, patch, out)
+    _fill_cache(photon_map, surfaces, estimate, place, code, space, first, leaves, value, room, patch, out)
 
 
 @njit(**FAST_KERNEL)
-def _fill_cache(photon_map, surfaces, estimate, place, code, free2, first, leaves, value, room, patch, out):
+def _fill_cache(photon_map, surfaces, estimate, place, code, space, first, leaves, value, room, patch, out):
     guess = estimate.reach2
     for i in range(code.size):
         t, side = code[i] >> 1, code[i] & 1
         kept, area, guess = gather(
-            photon_map, surfaces, t, side, float(place[i, 0]), float(place[i, 1]), float(place[i, 2]),
-            estimate.neighbours, largest_disk(free2[i], estimate), estimate.shrink2, False, guess, room, patch,
+            photon_map, surfaces, t, side, float(place[i, 0]), float(place[i, 1]), float(place[i, 2]), space.wall[i],
+            estimate.neighbours, largest_disk(space.radius2[i], estimate), estimate.shrink2, False, guess, room, patch,
         )  # fmt: skip
         irradiance(photon_map, room, kept, area, out)
         leaf, slot = (first + i) // WIDTH, (first + i) % WIDTH

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .free_space import area_before, is_cut_off
 from .kernels import FAST_KERNEL, KERNEL
 from .point_tree import (
     FAR,
@@ -296,25 +297,27 @@ def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
 
 
 @njit(inline="always")
-def gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caustic, guess, room, patch):
+def gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, only_caustic, guess, room, patch):
     """Find the photons around a point on one side of triangle t, and the surface area they fell on.
 
     The disk is that of the k-th neighbour, or of radius sqrt(reach2) where fewer than k photons lie in it, and then
     shrunk: r^2 = shrink2 r_k^2. Of k neighbours the k-th is left out. Both together estimate the density without bias:
     for k neighbours E[(k - 1) / (density area)] = 1, and the fixed disk adds exactly what the limit cuts off that mean.
-    Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball).
+    Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball), and
+    beside a wall that of this side of it.
 
-    only_caustic: list those of caustics alone. guess: squared radius to try first; it changes the time, not the result.
+    wall: (3,) float32, 1 / m, see FreeSpace. only_caustic: list those of caustics alone. guess: squared radius to try
+    first; it changes the time, not the result.
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
     """
     return _gather(
-        photon_map, surfaces, np.int64(t), np.int64(side), np.float64(x), np.float64(y), np.float64(z), k,
+        photon_map, surfaces, np.int64(t), np.int64(side), np.float64(x), np.float64(y), np.float64(z), wall, k,
         np.float64(reach2), np.float64(shrink2), bool(only_caustic), np.float64(guess), room, patch,
     )  # fmt: skip
 
 
 @njit(**FAST_KERNEL)
-def _gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_caustic, guess, room, patch):
+def _gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, only_caustic, guess, room, patch):
     """gather, with one type of each argument, whoever calls: so it is compiled once."""
     corners = surfaces.corners
     nx, ny, nz = unit_normal(surfaces, t, side)
@@ -337,6 +340,15 @@ def _gather(photon_map, surfaces, t, side, x, y, z, k, reach2, shrink2, only_cau
     for i in range(count):  # no branch here and below: the order is as good as random
         index[near] = index[i]
         near += 1 if room.distance2[i] < disk2 else 0
+    if is_cut_off(wall, disk2):
+        # exact where the wall or a rim alone cuts the disk: a floor that ends at the wall has no area beyond
+        area = min(area, area_before(wall, np.float64(disk2)))
+        before = 0
+        for i in range(near):
+            p = photon_map.photons.position[index[i]]
+            index[before] = index[i]
+            before += 1 if (p[0] - x) * wall[0] + (p[1] - y) * wall[1] + (p[2] - z) * wall[2] <= 1.0 else 0
+        near = before
     if only_caustic:
         marked = 0
         for i in range(near):

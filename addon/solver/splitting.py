@@ -27,7 +27,7 @@ _FEWEST, _MOST = 16, 128  # rays of a final gather; powers of two
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over that of photons: they blur less
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
-_STRATIFIED = 0.7  # variance of so many rays in strata, over that of as many at random
+_STRATIFIED = 0.6  # variance of so many rays in strata, over that of as many at random
 _LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
 _PRIOR = 4.0  # samples that the mean of all sheets is worth on each
 _PRICES = np.geomspace(1e-3, 1e1, 25)  # tried, over that of photons alone

@@ -72,11 +72,11 @@ def hit_points(surfaces, triangle, u, v, direction):
 def gather_all(photon_map, surfaces, triangle, side, place, k, reach2):
     """Sum over the points of photons per area, so that no work is left out."""
     room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
-    guess, density = reach2, 0.0
+    guess, density, no_wall = reach2, 0.0, np.zeros(3, np.float32)
     for i in range(triangle.size):
         kept, area, guess = gather(
             photon_map, surfaces, triangle[i], side[i], place[i, 0], place[i, 1], place[i, 2],
-            k, reach2, 1.0, False, guess, room, patch,
+            no_wall, k, reach2, 1.0, False, guess, room, patch,
         )  # fmt: skip
         density += kept / area
     return density

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Free space: what feelers find of walls, wherever they start to go round."""
+
+import math
+
+import numpy as np
+import pytest
+from scenes import join, look, make_scene, quad, sphere
+
+from addon.solver import Material
+from addon.solver.free_space import area_before, free_space
+from addon.solver.surfaces import build_surfaces
+
+REACH2 = 0.2**2
+TURNS = np.linspace(0, 1, 40, endpoint=False)
+
+
+def space_around(place, *parts):
+    """Free space around a point (3,) of the first triangle of the first part, for feelers in 40 turns."""
+    *mesh, material = join(*((*part, 300.0, 0) for part in parts))
+    scene = make_scene(*mesh, [Material()], look((0, 0, 5), (0, 0, 0)), [8.0, 12.0], material)
+    surfaces, tracer, centre = build_surfaces(scene)
+    places = np.tile(np.asarray(place, float) - centre, (len(TURNS), 1))
+    t = next(t for t in range(len(surfaces.corners)) if surfaces.sheet[t, 0] == surfaces.sheet[0, 0])
+    return free_space(tracer, surfaces, REACH2, places, np.full(len(TURNS), 2 * t, np.int32), TURNS)
+
+
+FLOOR = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
+
+
+@pytest.mark.parametrize("lean", [-50, 0, 50])  # degrees, over the floor and away from it
+def test_steep_walls(lean):
+    """The place of the wall's foot, along the surface, whichever feeler met it; at a feeler's end it stands at most
+    0.2 m x 0.05 high, so that a leaning wall is found a little nearer or further."""
+    up = np.array((-math.sin(math.radians(lean)), 0.0, math.cos(math.radians(lean))))
+    space = space_around((0.0, 0.0, 0.0), FLOOR, quad(np.array((0.1, 0, 0)) + 0.5 * up, 0.5 * up, (0, 1, 0)))
+    distance = 1 / np.linalg.norm(space.wall, axis=1)
+    np.testing.assert_allclose(space.wall * distance[:, None], np.tile((1, 0, 0), (len(TURNS), 1)), atol=1e-6)
+    np.testing.assert_allclose(distance, 0.1, atol=1e-5 + 0.01 * math.tan(math.radians(abs(lean))))
+    assert np.all(space.radius2 <= 0.1**2 * 1.3) and np.all(space.radius2 >= 0.5 * 0.1**2 * 0.7)
+
+
+def test_the_nearest_of_two_walls():
+    walls = quad((0.1, 0, 0.5), (0, 1, 0), (0, 0, 0.5)), quad((0, -0.05, 0.5), (1, 0, 0), (0, 0, 0.5))
+    space = space_around((0.0, 0.0, 0.0), FLOOR, *walls)
+    np.testing.assert_allclose(space.wall, np.tile((0, -20, 0), (len(TURNS), 1)), rtol=1e-3, atol=1e-3)
+
+
+def test_low_ramps_end_nothing():
+    """20 degrees: what lies behind its foot is not beyond it. But it narrows the space."""
+    up = np.array((math.cos(math.radians(20)), 0.0, math.sin(math.radians(20))))
+    space = space_around((0.0, 0.0, 0.0), FLOOR, quad(np.array((0.1, 0, 0)) + 0.5 * up, 0.5 * up, (0, 1, 0)))
+    assert np.all(space.wall == 0) and np.any(space.radius2 < REACH2)
+
+
+def test_nothing_in_reach():
+    space = space_around((0.0, 0.0, 0.0), FLOOR, quad((0.3, 0, 0.5), (0, 1, 0), (0, 0, 0.5)))
+    assert np.all(space.wall == 0) and np.all(space.radius2 == np.float32(REACH2))
+
+
+def test_a_hollow_surface_is_no_wall_to_itself():
+    vertices, triangles = sphere(3, 0.1)
+    inward = vertices, triangles[:, ::-1]
+    space = space_around(vertices[triangles[0]].mean(axis=0), inward)
+    assert np.all(space.wall == 0) and np.all(space.radius2 == np.float32(REACH2))
+
+
+@pytest.mark.parametrize("near", [1e-6, 0.3, 0.999])
+def test_area_before_a_wall(near):
+    """Against the integral over chords."""
+    x = np.linspace(-1, near, 2_000_001)
+    expected = np.trapezoid(2 * np.sqrt(1 - x * x), x) * 0.25
+    wall = np.array((0.0, 2.0 / near, 0.0), np.float32)
+    assert area_before(wall, 0.25) == pytest.approx(expected, rel=1e-5)
