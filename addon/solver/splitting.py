@@ -22,7 +22,7 @@ from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, patch_in_ball, region
 _GATHER = 6.0  # of k photons
 _FIXED = 16.0  # of a gather's share of camera rays
 _PHOTON = 2.0  # traced, sorted, and its share of the cache
-_RECALL = 1.0  # of what a ray's end reflects
+_RECALL = 1.6  # of what a ray's end reflects; more than it takes, as neighbours share what roulette adds to the noise
 _FEWEST, _MOST = 16, 128  # rays of a final gather; powers of two
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over that of photons: they blur less
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
