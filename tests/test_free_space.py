@@ -72,3 +72,10 @@ def test_area_before_a_wall(near):
     expected = np.trapezoid(2 * np.sqrt(1 - x * x), x) * 0.25
     wall = np.array((0.0, 2.0 / near, 0.0), np.float32)
     assert area_before(wall, 0.25) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_wall_that_only_touches():
+    """Rounding may put it beyond the disk after all: it then takes nothing away, and the area is a number."""
+    for r2 in np.random.default_rng(5).uniform(1e-12, 1e12, 1000):
+        wall = np.array((1 / math.sqrt(r2), 0.0, 0.0), np.float32)
+        assert area_before(wall, r2) == pytest.approx(math.pi * r2, rel=1e-6)

@@ -112,4 +112,5 @@ def is_cut_off(wall, r2):
 def area_before(wall, r2):
     """Area (m2) of the disk of this squared radius (m2) on this side of a wall that cuts it: all but a segment."""
     near = 1.0 / math.sqrt((wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2)  # over the radius
+    near = min(near, 1.0)  # of a wall that only just cuts it, but for rounding
     return r2 * (math.pi - math.acos(near) + near * math.sqrt(1.0 - near * near))
