@@ -385,6 +385,28 @@ def test_flipped_normals():
     expect_black(closed(vertices, triangles, (0.8, 0.6, 0.4)))
 
 
+@pytest.mark.parametrize(
+    "other",
+    [
+        Material("mirror", 0.5, specular=1.0),
+        Material("black", 1.0),
+        Material("rough", 0.5, specular=1.0, roughness=0.5),
+    ],
+    ids=lambda material: material.name,
+)
+def test_walls_of_which_a_half_stores_no_photons(other):
+    """Each wall of a room is half diffuse and half of something that keeps no photons: what the photons of the diffuse
+    half are spread over is that half alone, though both lie in one plane. Isothermal, without the subtraction: black.
+    3.8 standard errors of 64 passes: one sound engine of 1000 fails in one of the three (Student's t)."""
+    camera = look((0.5, 0.5, 0.5), (0.9, 0.6, 0.2), 16, 12, 0.9)
+    scene = make_scene(*box(), 300.0, [Material("diffuse", 0.5), other], camera, EDGES, [0, 1] * 6)
+    settings = Settings(passes=64, photons_per_pass=2000, reference_subtraction=False)
+    mean, error = mean_and_error(scene, settings)
+    truth = band_radiance(EDGES, 300.0).sum()
+    print(f"{other.name}: {100 * (mean / truth - 1):+.2f} % +- {100 * error / truth:.2f} %")
+    assert error < 0.002 * truth and abs(mean - truth) < 3.8 * error
+
+
 @pytest.mark.parametrize("settings", SUBTRACTION)
 def test_coplanar_faces_of_different_materials(settings):
     """A floor of two materials, one plane and one sheet, under an even sky: each has its own radiance."""

@@ -360,6 +360,26 @@ def test_density_beside_a_wall_is_that_of_this_side(beyond, cells):
     assert error < 0.02 and abs(np.mean(ratios) - 1) < 3 * error
 
 
+@pytest.mark.parametrize("cells", [1, 10, 60])
+@pytest.mark.parametrize("region", [anywhere, by_an_edge, in_a_corner])
+def test_density_between_walls_and_edges(region, cells):
+    """Walls in any direction, of which some cut what the edges leave of a disk: the area is that of both. 3 standard
+    errors."""
+    rng = np.random.default_rng(21)
+    surfaces, mean, reach2, ratios = square(cells), 1000, 0.01, []
+    for _ in range(400):
+        points = rng.random((rng.poisson(mean), 3)) * (1, 1, 0) - (0.5, 0.5, 0)
+        built = photon_map(points, surfaces, 2 * triangle_under(points, cells))
+        places = np.column_stack((region(rng, 8) - 0.5, np.zeros(8)))
+        angle = rng.uniform(0, 2 * np.pi, 8)
+        walls = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(8))) / rng.uniform(0.005, 0.1, (8, 1))
+        kept, area = gathers(built, triangle_under(places, cells), places, 20, reach2, 0.7, reach2, walls=walls)
+        ratios.append(np.mean(kept / area) / mean)
+    error = np.std(ratios, ddof=1) / np.sqrt(len(ratios))
+    print(f"density over truth {np.mean(ratios):.4f} +- {error:.4f}")
+    assert error < 0.05 and abs(np.mean(ratios) - 1) < 3 * error
+
+
 # Degenerate sets
 
 

@@ -11,6 +11,7 @@ from scenes import box, cylinder, look, make_scene, sphere
 from addon.solver import Material
 from addon.solver.sampling import cosine_direction, to_world, triangle_point
 from addon.solver.surfaces import (
+    NO_WALL,
     PATCH_LIMIT,
     area_in_ball,
     areas,
@@ -48,7 +49,7 @@ def patch(surfaces, triangle, place, r2, side=0):
     """Codes of the patch and its area."""
     codes = np.empty(PATCH_LIMIT, np.int32)
     x, y, z = (float(c) for c in place)
-    count, area = patch_in_ball(surfaces.corners, surfaces.neighbours, triangle, side, x, y, z, r2, codes)
+    count, area = patch_in_ball(surfaces.corners, surfaces.neighbours, triangle, side, x, y, z, r2, NO_WALL, codes)
     return codes[:count].tolist(), area
 
 
@@ -99,7 +100,7 @@ def test_temperature_is_linear_between_the_corners():
 )
 def test_area_in_ball(place, r, expected):
     for corners in (RIGHT_TRIANGLE, RIGHT_TRIANGLE[:, ::-1].copy()):  # either winding
-        area = area_in_ball(corners, 0, *(float(c) for c in place), r * r)
+        area = area_in_ball(corners, 0, *(float(c) for c in place), r * r, NO_WALL)
         assert abs(area) == pytest.approx(expected, abs=1e-9)  # float64; places are exact to 1e-16
 
 
@@ -112,19 +113,24 @@ def test_area_in_ball_adds_up():
         corners = np.array([(a, b, c), (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)], np.float32)
         x, y, z = (a + b + c) / 3 + rng.normal(size=3)
         r2 = rng.exponential(20.0)
-        whole, *parts = [area_in_ball(corners, t, x, y, z, r2) for t in range(5)]
+        whole, *parts = [area_in_ball(corners, t, x, y, z, r2, NO_WALL) for t in range(5)]
         assert whole == pytest.approx(sum(parts), abs=1e-9)
         assert -1e-9 <= whole <= areas(corners[:1])[0] + 1e-9
 
 
-def test_area_in_ball_against_monte_carlo():
+@pytest.mark.parametrize("nearest", [np.inf, 0.5])  # distance of walls, m
+def test_area_in_ball_against_monte_carlo(nearest):
     rng = np.random.default_rng(3)
     corners = rng.normal(size=(200, 3, 3)).astype(np.float32)
     centre, r2 = rng.normal(size=(200, 3)), rng.exponential(2.0, 200)
-    share = np.array([area_in_ball(corners, t, *centre[t], r2[t]) for t in range(200)]) / areas(corners)
+    towards = rng.normal(size=(200, 3))
+    walls = towards / np.linalg.norm(towards, axis=1, keepdims=True) / (nearest * rng.random((200, 1)))
+    walls = [tuple(wall) for wall in walls.astype(np.float32)]
+    share = np.array([area_in_ball(corners, t, *centre[t], r2[t], walls[t]) for t in range(200)]) / areas(corners)
     count = 20_000
-    distance2 = np.sum((points_on(corners, rng, count) - centre[:, None]) ** 2, axis=-1)
-    inside = np.mean(distance2 < r2[:, None], axis=1)
+    places = points_on(corners, rng, count) - centre[:, None]
+    before = np.einsum("tij,tj->ti", places, np.array(walls)) <= 1
+    inside = np.mean((np.sum(places**2, axis=-1) < r2[:, None]) & before, axis=1)
     cut = (share > 0.01) & (share < 0.99)  # binomial, nearly normal
     deviation = (inside[cut] - share[cut]) / np.sqrt(share[cut] * (1 - share[cut]) / count)
     assert cut.sum() > 50

@@ -16,7 +16,7 @@ from numba import njit
 from .free_space import LEAST_FREE
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
 from .splitting import disk_area, rays_alone, rays_beside, shared_area
-from .surfaces import PATCH_LIMIT, patch_in_ball, unit_normal
+from .surfaces import NO_WALL, PATCH_LIMIT, patch_in_ball, unit_normal
 
 _BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
 _WHOLE = 0.95  # share of a disk below which a rim cuts it: photons would lie on one side, where the light differs
@@ -65,7 +65,9 @@ def _is_cut(surfaces, code, place, area, patch):
     patch can hold counts as whole."""
     x, y, z = place
     r2 = area / math.pi
-    members, inside = patch_in_ball(surfaces.corners, surfaces.neighbours, code >> 1, code & 1, x, y, z, r2, patch)
+    members, inside = patch_in_ball(
+        surfaces.corners, surfaces.neighbours, code >> 1, code & 1, x, y, z, r2, NO_WALL, patch
+    )
     return members > 0 and inside < _WHOLE * area
 
 

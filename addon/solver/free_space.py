@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .kernels import INLINED, KERNEL
+from .kernels import KERNEL
 from .sampling import to_world, turn
 from .surfaces import Surfaces, Tracer, facing_side, point, put_ray, unit_normal
 
@@ -100,17 +100,3 @@ def shortest_feelers(surfaces, code, blocker, u, v, origin, direction, space):
 def largest_disk(free2, estimate):
     """Squared radius (m2) of the largest disk to search in free space of this squared radius, before it shrinks."""
     return min(estimate.reach2, max(float(free2) / estimate.shrink2, LEAST_FREE * estimate.reach2))
-
-
-@njit(**INLINED)
-def is_cut_off(wall, r2):
-    """Whether a wall (3,) float32, 1 / m, see FreeSpace, cuts the disk of this squared radius (m2)."""
-    return (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2 > 1.0
-
-
-@njit(**INLINED)
-def area_before(wall, r2):
-    """Area (m2) of the disk of this squared radius (m2) on this side of a wall that cuts it: all but a segment."""
-    near = 1.0 / math.sqrt((wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2)  # over the radius
-    near = min(near, 1.0)  # of a wall that only just cuts it, but for rounding
-    return r2 * (math.pi - math.acos(near) + near * math.sqrt(1.0 - near * near))

@@ -9,7 +9,7 @@ With P pixels, b bands, l layers, m triangles and h stored hits in a pass, in by
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
-    geometry   430 m                          corners, adjacency, trees of our own and Embree's, emitters
+    geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
 
 How many hits a photon leaves, trial photons tell (see `render`): 1 / (1 - rho) in a closed room that reflects rho, and
 far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
@@ -38,7 +38,7 @@ def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
 
     copies: of all its images as float32 that are held at once beside the film.
     """
-    return _images(scene, copies) | {"geometry": 430.0 * len(scene.triangles)}
+    return _images(scene, copies) | {"geometry": 560.0 * len(scene.triangles)}
 
 
 def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_photon: float) -> dict[str, float]:

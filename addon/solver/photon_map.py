@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .free_space import area_before, is_cut_off
 from .kernels import FAST_KERNEL, KERNEL
 from .point_tree import (
     FAR,
@@ -24,7 +23,9 @@ from .point_tree import (
 from .surfaces import (
     SAME_SURFACE,
     Surfaces,
+    beyond,
     in_slab,
+    is_cut_off,
     is_small,
     layer_of,
     longest_edge,
@@ -319,7 +320,7 @@ def gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, onl
 @njit(**FAST_KERNEL)
 def _gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, only_caustic, guess, room, patch):
     """gather, with one type of each argument, whoever calls: so it is compiled once."""
-    corners = surfaces.corners
+    corners, wall = surfaces.corners, (wall[0], wall[1], wall[2])
     nx, ny, nz = unit_normal(surfaces, t, side)
     sheet = surfaces.sheet[t, side]
     limit = np.float32(reach2)
@@ -332,22 +333,20 @@ def _gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, on
         bound = min(np.float32(4.0) * bound, limit)
     next_guess = _GUESS * r2
     disk2 = max(np.float32(shrink2 * r2), smallest)
-    members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), patch)
+    members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), wall, patch)
     if members == 0:  # a mesh much finer than the disk
-        area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, np.float64(disk2), room.walk)
+        area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, np.float64(disk2), wall, room.walk)
     index, codes = room.index, photon_map.photons.surface
     near = 0
     for i in range(count):  # no branch here and below: the order is as good as random
         index[near] = index[i]
         near += 1 if room.distance2[i] < disk2 else 0
     if is_cut_off(wall, disk2):
-        # exact where the wall or a rim alone cuts the disk: a floor that ends at the wall has no area beyond
-        area = min(area, area_before(wall, np.float64(disk2)))
         before = 0
         for i in range(near):
             p = photon_map.photons.position[index[i]]
             index[before] = index[i]
-            before += 1 if (p[0] - x) * wall[0] + (p[1] - y) * wall[1] + (p[2] - z) * wall[2] <= 1.0 else 0
+            before += 1 if beyond(wall, p[0] - x, p[1] - y, p[2] - z) <= 0.0 else 0
         near = before
     if only_caustic:
         marked = 0

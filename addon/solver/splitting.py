@@ -16,7 +16,16 @@ from .kernels import KERNEL
 from .pilot import Pilot
 from .point_tree import empty_walk
 from .radiometry import Radiometry, excess
-from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, patch_in_ball, region_area, temperature_at, unit_normal
+from .surfaces import (
+    NO_WALL,
+    PATCH_LIMIT,
+    SAME_SURFACE,
+    Surfaces,
+    patch_in_ball,
+    region_area,
+    temperature_at,
+    unit_normal,
+)
 
 # Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
 _GATHER = 6.0  # of k photons
@@ -210,10 +219,10 @@ def _fill_spans(surfaces, code, place, reach2, spans, patch, walk):
     for i in range(code.size):
         t, side = code[i] >> 1, code[i] & 1
         x, y, z = place[i]
-        members, area = patch_in_ball(surfaces.corners, surfaces.neighbours, t, side, x, y, z, reach2, patch)
+        members, area = patch_in_ball(surfaces.corners, surfaces.neighbours, t, side, x, y, z, reach2, NO_WALL, patch)
         if members == 0:
             nx, ny, nz = unit_normal(surfaces, t, side)
-            area = region_area(surfaces, surfaces.sheet[t, side], x, y, z, nx, ny, nz, reach2, walk)
+            area = region_area(surfaces, surfaces.sheet[t, side], x, y, z, nx, ny, nz, reach2, NO_WALL, walk)
         spans[i] = area
 
 

@@ -70,15 +70,17 @@ class Tracer:
 
 
 class Geometry(NamedTuple):
-    """What the triangles of a scene alone say, whatever their materials and temperatures.
+    """What the triangles of a scene alone say, whatever their temperatures, and of their materials little.
 
-    vertices, triangles: those of the Scene. kept: (m,) indices of the triangles that count.
+    vertices, triangles: those of the Scene. stores: (triangles,) uint8, which photons they store, see `stored_photons`.
+    kept: (m,) indices of the triangles that count.
     centre: (3,) float64, m, subtracted from the vertices, so that float32 resolves small detail.
     tracer: see Tracer. The others: see Surfaces.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
+    stores: np.ndarray
     kept: np.ndarray
     centre: np.ndarray
     tracer: Tracer
@@ -90,12 +92,31 @@ class Geometry(NamedTuple):
     plane: np.ndarray
 
 
-def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
-    """The geometry of a scene; that of an earlier scene itself, if all vertices and triangles are the same.
+def stored_photons(scene: Scene) -> np.ndarray:
+    """(materials,) uint8, the photons that each stores: 0 none, as it reflects nothing or is a mirror, 1 all, 2 those
+    straight from lights, in a rough lobe that is all of its reflection."""
+    stores = np.ones(len(scene.materials), np.uint8)
+    for i, material in enumerate(scene.materials):
+        um, emissivity = material.curve
+        ends = np.interp(scene.band_edges[[0, -1]], um, emissivity)
+        inside = emissivity[(um > scene.band_edges[0]) & (um < scene.band_edges[-1])]
+        if min(*ends, *inside) == 1.0:
+            stores[i] = 0
+        elif material.specular == 1.0:
+            stores[i] = 2 if material.alpha > 0.0 else 0
+    return stores
 
-    Of triangles with the same corners only the first counts: a surface that is there twice does not emit twice.
+
+def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
+    """The geometry of a scene; that of an earlier scene itself, if all vertices, triangles and what they store are the
+    same.
+
+    Of triangles with the same corners only the first counts: a surface that is there twice does not emit twice. Sheets
+    end where other photons are stored: the area that a gather divides by must be that on which its photons can lie.
     """
-    if earlier and all(np.array_equal(getattr(earlier, name), getattr(scene, name)) for name in Geometry._fields[:2]):
+    stores = stored_photons(scene)[scene.material]
+    mine = scene.vertices, scene.triangles, stores
+    if earlier and all(np.array_equal(old, new) for old, new in zip(earlier[:3], mine, strict=True)):
         return earlier
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     centre = 0.5 * (low.astype(np.float64) + high)
@@ -106,6 +127,7 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         log.warning("%d triangles lie exactly on others and are left out", len(scene.triangles) - len(kept))
     triangles = np.ascontiguousarray(scene.triangles[kept], dtype=np.int32)
     corners, neighbours = vertices[triangles], _neighbours(vertex, triangles)
+    neighbours[stores[kept][neighbours >> 1] != stores[kept][:, None]] = -1
     sheet = _sheets(corners, neighbours)
     ranks = morton_ranks(corners.mean(axis=1))
     leaves = empty_leaves(len(corners), _LONGEST + 1)
@@ -115,6 +137,7 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     return Geometry(
         vertices=scene.vertices,
         triangles=scene.triangles,
+        stores=stores,
         kept=kept,
         centre=centre,
         tracer=Tracer(vertices, triangles),
@@ -427,9 +450,37 @@ def _wedge(ax, ay, bx, by, r2):
     return area
 
 
+NO_WALL = (np.float32(0.0),) * 3
+
+
+@njit(**INLINED)
+def beyond(wall, x, y, z):
+    """How far beyond a wall a place (m) lies, as a share of the wall's distance: negative on this side.
+
+    wall: (3,) float32, 1 / m, towards a plane at the distance 1 / |wall| from the origin, see FreeSpace.
+    """
+    return x * wall[0] + y * wall[1] + z * wall[2] - np.float32(1.0)
+
+
+@njit(**INLINED)
+def is_cut_off(wall, r2):
+    """Whether a wall cuts the disk of this squared radius (m2) around the origin."""
+    return (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2 > 1.0
+
+
+@njit(**INLINED)
+def disk_before(wall, r2):
+    """Area (m2) of the disk of this squared radius (m2) on this side of a wall: all but a segment."""
+    square = (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2
+    if square <= 1.0:
+        return math.pi * r2
+    near = 1.0 / math.sqrt(square)  # over the radius
+    return r2 * (math.pi - math.acos(near) + near * math.sqrt(1.0 - near * near))
+
+
 @njit(**KERNEL)
-def area_in_ball(corners, t, x, y, z, r2):
-    """Area of triangle t inside the ball of squared radius r2 around (x, y, z), m2; exact."""
+def area_in_ball(corners, t, x, y, z, r2, wall):
+    """Area of triangle t inside the ball of squared radius r2 around (x, y, z), on this side of a wall, m2; exact."""
     nx, ny, nz, double_area = normal(corners, t)
     if double_area == 0.0:
         return 0.0
@@ -445,10 +496,22 @@ def area_in_ball(corners, t, x, y, z, r2):
     inverse = 1.0 / math.sqrt(ex * ex + ey * ey + ez * ez)
     ex, ey, ez = ex * inverse, ey * inverse, ez * inverse
     fx, fy, fz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
-    au, av = ax * ex + ay * ey + az * ez, ax * fx + ay * fy + az * fz
-    bu, bv = bx * ex + by * ey + bz * ez, bx * fx + by * fy + bz * fz
-    cu, cv = cx * ex + cy * ey + cz * ez, cx * fx + cy * fy + cz * fz
-    return _wedge(au, av, bu, bv, r2) + _wedge(bu, bv, cu, cv, r2) + _wedge(cu, cv, au, av, r2)
+    a = (ax * ex + ay * ey + az * ez, ax * fx + ay * fy + az * fz, beyond(wall, ax, ay, az))
+    b = (bx * ex + by * ey + bz * ez, bx * fx + by * fy + bz * fz, beyond(wall, bx, by, bz))
+    c = (cx * ex + cy * ey + cz * ez, cx * fx + cy * fy + cz * fz, beyond(wall, cx, cy, cz))
+    area, out, back = 0.0, a, a  # where the outline leaves this side of the wall and comes back
+    for p, q in ((a, b), (b, c), (c, a)):
+        if p[2] > 0.0 and q[2] > 0.0:
+            continue
+        if (p[2] > 0.0) != (q[2] > 0.0):
+            s = p[2] / (p[2] - q[2])
+            at = (p[0] + s * (q[0] - p[0]), p[1] + s * (q[1] - p[1]), 0.0)
+            if p[2] > 0.0:
+                p = back = at
+            else:
+                q = out = at
+        area += _wedge(p[0], p[1], q[0], q[1], r2)
+    return area + _wedge(out[0], out[1], back[0], back[1], r2)
 
 
 @njit(**INLINED)
@@ -465,18 +528,18 @@ def _edge_distance2(corners, t, i, x, y, z):
 
 
 @njit(**KERNEL)
-def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
+def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, wall, patch):
     """The sheet of surface around a point of triangle t that a gather in the ball may count.
 
     Walks from t over shared edges to the triangles that reach into the ball and face the same way. Fills patch
-    (PATCH_LIMIT,) int32 with codes 2 t + side and returns their number and their area inside the ball, m2. A mesh too
-    fine for that returns 0 members: there `region_area` measures.
+    (PATCH_LIMIT,) int32 with codes 2 t + side and returns their number and their area inside the ball on this side of a
+    wall, m2. A mesh too fine for that returns 0 members: there `region_area` measures.
     """
     nx, ny, nz, around = normal(corners, t)
     if side == 1:
         nx, ny, nz = -nx, -ny, -nz
     patch[0] = 2 * t + side
-    disk = math.pi * r2
+    disk = disk_before(wall, r2)
     crossed = False
     for i in range(3):
         crossed |= _edge_distance2(corners, t, i, x, y, z) < r2
@@ -485,13 +548,13 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, patch):
     for i in range(3):
         if neighbours[t, i] >= 0:
             around += normal(corners, neighbours[t, i] >> 1)[3]
-    if disk > _TOO_FINE * around:  # do not walk PATCH_LIMIT triangles only to find that they are too many
+    if math.pi * r2 > _TOO_FINE * around:  # do not walk PATCH_LIMIT triangles only to find that they are too many
         return 0, disk
     count, done, area = 1, 0, 0.0
     while done < count:
         current, current_side = patch[done] >> 1, patch[done] & 1
         done += 1
-        area += area_in_ball(corners, current, x, y, z, r2)
+        area += area_in_ball(corners, current, x, y, z, r2, wall)
         for i in range(3):
             code = neighbours[current, i]
             if code < 0 or _edge_distance2(corners, current, i, x, y, z) >= r2:
@@ -530,14 +593,14 @@ def in_slab(height, disk2):
 
 
 @njit(**FAST_KERNEL)
-def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, walk):
-    """Area (m2) inside the ball of the triangles of one sheet that face the normal's way.
+def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, wall, walk):
+    """Area (m2) inside the ball, on this side of a wall, of the triangles of one sheet that face the normal's way.
 
     Most are small here and count as a whole if their centroid is inside: that errs by a few percent at random, not in
     the mean. Of larger ones the part inside is exact. walk: room, see Walk.
     """
     tree, near = surfaces.mesh, walk.near
-    place = (x, y, z, r2)
+    place = (x, y, z, r2, wall)
     x, y, z, r2 = np.float32(x), np.float32(y), np.float32(z), np.float32(r2)
     nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
     sheet, facing = np.float32(sheet), np.float32(SAME_SURFACE)
@@ -557,6 +620,7 @@ def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, walk):
                 back = (cosine < -facing) & (p[8, j] == sheet)
                 small = is_small(p[_LONGEST, j], r2)
                 inside = small & (dx * dx + dy * dy + dz * dz < r2) & in_slab(height, r2)
+                inside &= beyond(wall, dx, dy, dz) <= np.float32(0.0)
                 part += p[6, j] if (front | back) & inside else np.float32(0.0)
                 near[j] = np.float32((front | back) & ~small)
                 large += np.int32((front | back) & ~small)
