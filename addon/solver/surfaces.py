@@ -463,18 +463,23 @@ def beyond(wall, x, y, z):
 
 
 @njit(**INLINED)
+def _reach2(wall, r2):
+    """Squared radius of a disk over the squared distance of a wall, from this squared radius (m2)."""
+    return (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2
+
+
+@njit(**INLINED)
 def is_cut_off(wall, r2):
     """Whether a wall cuts the disk of this squared radius (m2) around the origin."""
-    return (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2 > 1.0
+    return _reach2(wall, r2) > 1.0
 
 
 @njit(**INLINED)
 def disk_before(wall, r2):
     """Area (m2) of the disk of this squared radius (m2) on this side of a wall: all but a segment."""
-    square = (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2
-    if square <= 1.0:
+    if not is_cut_off(wall, r2):
         return math.pi * r2
-    near = 1.0 / math.sqrt(square)  # over the radius
+    near = 1.0 / math.sqrt(_reach2(wall, r2))  # distance over the radius
     return r2 * (math.pi - math.acos(near) + near * math.sqrt(1.0 - near * near))
 
 
