@@ -16,7 +16,7 @@ from numba import njit
 from .free_space import FreeSpace, largest_disk
 from .kernels import FAST_KERNEL, KERNEL
 from .photon_map import PhotonMap, gather, irradiance, neighbours_room
-from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node, start_walk
+from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, kd_order, open_node, start_walk
 from .rng import path_key, uniform
 from .sampling import cosine_direction, to_world
 from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, Tracer, facing_side, point, put_ray, unit_normal
@@ -101,7 +101,7 @@ def build_irradiance_cache(
     first): squared radius (m2) of the free space around points first, first + 1, ..., (n,) float32. run: map, or a
     pool's. cancelled: once it is true the cache stays unfinished.
     """
-    order = np.argsort(morton_ranks(place), kind="stable")
+    order = kd_order(place)
     place, code = place[order], code[order]
     leaves = empty_leaves(len(code), 7)
     value = np.empty((len(code), estimate.layers * photon_map.photons.power.shape[1]), np.float32)

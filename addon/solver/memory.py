@@ -19,11 +19,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from .layers import scene_layers
 from .scene import Scene, SceneError
 from .settings import Settings
 
 _GIGABYTE = 1e9
+_KEPT = 31 << 20  # bytes; glibc's thresholds follow freed blocks of up to 32 MB
 # What each part is called, and what makes it smaller.
 _PARTS = {
     "film": ("the sums for every pixel and band", "the resolution or the number of bands or temperature groups"),
@@ -67,6 +70,15 @@ def check_memory(required: dict[str, float]) -> None:
         f"This render needs about {total / _GIGABYTE:.1f} GB of memory, {available / _GIGABYTE:.1f} GB are available. "
         f"{what.capitalize()} need most, {required[name] / _GIGABYTE:.1f} GB: lower {remedy}"
     )
+
+
+def keep_freed_memory() -> None:
+    """Let malloc keep the memory of arrays for the next ones.
+
+    Where it is glibc's, it hands free memory back to the system, to ask for it again at once, unless a larger block has
+    been freed before (mallopt(3), M_MMAP_THRESHOLD): for the arrays of every tile that takes time.
+    """
+    np.empty(_KEPT, np.uint8)  # freed here, never touched
 
 
 def available_memory(root: Path = Path("/")) -> int | None:

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points sorted along a Morton curve under an implicit tree of boxes.
+"""Points in an order that keeps neighbours together, under an implicit tree of boxes.
 
 Sixteen points make a leaf, sixteen children a node, and both lie side by side in memory, so either is tested with a
-few vector instructions. Unlike a grid this does not care how unevenly points lie (caustics, hot spots); unlike a
-kd-tree it is built by one sort (tests/benchmarks/photon_index.py compares it with scipy's cKDTree).
+few vector instructions. Unlike a grid this does not care how unevenly points lie (caustics, hot spots). The order is
+that of a Morton curve, which takes one sort (tests/benchmarks/photon_index.py compares it with scipy's cKDTree), or,
+for points that are asked for far more often than there are of them, that of a kd-tree: it takes longer to find, and a
+search for the nearest point then opens fewer leaves (docs/estimators.md).
 """
 
 from typing import NamedTuple
@@ -18,6 +20,7 @@ FAR = np.float32(1e30)  # coordinate of the padding in the last leaf
 _STACK = 10 * WIDTH  # room for the nodes that wait while one is open, at 16^8 points
 _DIGIT = 11  # bits that one round of the radix sort looks at
 _MORTON_BITS = 21  # per axis
+_HALVES = 128  # room for the parts that wait to be halved, two of each size
 
 
 class PointTree(NamedTuple):
@@ -51,6 +54,72 @@ def morton_ranks(position: np.ndarray) -> np.ndarray:
     keys = np.empty(len(position), np.uint64)
     _morton_keys(position, keys)
     return _radix_ranks(keys)
+
+
+@njit(cache=True, nogil=True)
+def kd_order(position):
+    """(n,) int32 numbers of (n, 3) float32 points in the order of a kd-tree (Bentley 1975) with WIDTH points a leaf.
+
+    Points are halved where they extend furthest, and so on down to the leaves, always between two nodes of the tree.
+    """
+    points, order = position.copy(), np.arange(len(position)).astype(np.int32)
+    waiting = np.empty((_HALVES, 2), np.int64)
+    waiting[0] = 0, len(points)
+    parts = 1
+    while parts > 0:
+        parts -= 1
+        first, stop = waiting[parts]
+        if stop - first <= WIDTH:
+            continue
+        unit = WIDTH  # points below a child of the smallest node that holds them all
+        while unit * WIDTH < stop - first:
+            unit *= WIDTH
+        middle = first + max(1, int(0.5 * (stop - first) / unit + 0.5)) * unit
+        _part(points, order, first, stop, middle, _longest_axis(points[first:stop]))
+        waiting[parts], waiting[parts + 1] = (middle, stop), (first, middle)
+        parts += 2
+    return order
+
+
+@njit(**KERNEL)
+def _longest_axis(points):
+    """The axis along which points extend furthest."""
+    longest, furthest = 0, np.float32(-1.0)
+    for axis in range(3):
+        low = high = points[0, axis]
+        for i in range(len(points)):
+            low, high = min(low, points[i, axis]), max(high, points[i, axis])
+        if high - low > furthest:
+            longest, furthest = axis, high - low
+    return longest
+
+
+@njit(**KERNEL)
+def _part(points, order, first, stop, middle, axis):
+    """Put those of points first ... stop - 1 that are lower on an axis before `middle`, the others behind (Hoare 1961).
+
+    The order moves along.
+    """
+    last = stop - 1
+    while first < last:
+        pivot = points[(first + last) >> 1, axis]
+        i, j = first, last
+        while i <= j:
+            while points[i, axis] < pivot:
+                i += 1
+            while points[j, axis] > pivot:
+                j -= 1
+            if i <= j:
+                for each in range(3):
+                    points[i, each], points[j, each] = points[j, each], points[i, each]
+                order[i], order[j] = order[j], order[i]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            last = j
+        elif middle >= i:
+            first = i
+        else:
+            return
 
 
 def empty_leaves(count: int, values: int) -> np.ndarray:

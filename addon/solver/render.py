@@ -32,7 +32,7 @@ from .guide import Gathers, add_scores, build_gathers, build_guide
 from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
 from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
 from .layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
-from .memory import check_memory, memory_beforehand, memory_of_passes
+from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
@@ -42,7 +42,7 @@ from .scene import Scene
 from .sensors import band_weights
 from .settings import Settings
 from .splitting import Splitting, Trial, plan_splitting
-from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius
+from .surfaces import ALL, STRAIGHT, Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius, stored_photons
 from .transport import Optics, trace_photons
 
 log = logging.getLogger(__name__)
@@ -118,6 +118,7 @@ def render(
     image = np.empty(((x1 - x0) * (y1 - y0), empty.layer_weights.size), np.float32)
     seen = np.empty(len(image), np.float32)
     store = photon_store(scene.band_count, model.optics)
+    keep_freed_memory()
     started = time.monotonic()
     with ThreadPoolExecutor(settings.workers) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
@@ -190,8 +191,8 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     rough = bool(np.any(radiometry.alpha[used] > 0))
     caustic = lamps.power > 0 and bool(np.any(radiometry.specular[used] > 0))
     straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
-    diffuse, lobe = radiometry.specular[used] < 1, straight & (radiometry.alpha[used] > 0)
-    storing = bool(np.any((radiometry.reflectance[used] > 0).any(axis=1) & (diffuse | lobe)))
+    stored = stored_photons(scene)[used]
+    storing = np.any(stored == ALL) or (straight and np.any(stored == STRAIGHT))
     photons = settings.photons_per_pass if emitters.power > 0 and storing else 0
     widths = np.diff(scene.band_edges)
     marks = straight, caustic, len(layers) > 1

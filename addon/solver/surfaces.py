@@ -24,6 +24,7 @@ PATCH_LIMIT = 64
 # Disk area over twice the area of a triangle and its neighbours, above which a disk touches more than PATCH_LIMIT.
 _TOO_FINE = 6.0
 CLEAR = 2.0**-20  # distance from a plane that float32 tells for sure, over the largest length that takes part
+NONE, ALL, STRAIGHT = 0, 1, 2  # photons that a material stores
 _LONGEST = 9  # row of a leaf of triangles with the length of the longest edge
 
 
@@ -93,17 +94,17 @@ class Geometry(NamedTuple):
 
 
 def stored_photons(scene: Scene) -> np.ndarray:
-    """(materials,) uint8, the photons that each stores: 0 none, as it reflects nothing or is a mirror, 1 all, 2 those
-    straight from lights, in a rough lobe that is all of its reflection."""
-    stores = np.ones(len(scene.materials), np.uint8)
+    """(materials,) uint8, the photons that each stores: NONE, as it reflects nothing or is a mirror, ALL, or those
+    STRAIGHT from lights, in a rough lobe that is all of its reflection."""
+    stores = np.full(len(scene.materials), ALL, np.uint8)
     for i, material in enumerate(scene.materials):
         um, emissivity = material.curve
         ends = np.interp(scene.band_edges[[0, -1]], um, emissivity)
         inside = emissivity[(um > scene.band_edges[0]) & (um < scene.band_edges[-1])]
         if min(*ends, *inside) == 1.0:
-            stores[i] = 0
+            stores[i] = NONE
         elif material.specular == 1.0:
-            stores[i] = 2 if material.alpha > 0.0 else 0
+            stores[i] = STRAIGHT if material.alpha > 0.0 else NONE
     return stores
 
 

@@ -35,7 +35,9 @@ from speed_vs_error import load_reference, user_cache  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
 from addon.solver.final_gather import choose_splits  # noqa: E402
+from addon.solver.free_space import unlimited  # noqa: E402
 from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
+from addon.solver.point_tree import morton_ranks  # noqa: E402
 
 WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
 
@@ -52,7 +54,7 @@ def split_none(*_):
 
 
 def no_walls(tracer, surfaces, reach2, place, code, turns):
-    return np.full(len(code), reach2, np.float32)
+    return unlimited(len(code), reach2)
 
 
 def by_area(count, sheet, area, matters):
@@ -83,6 +85,7 @@ VARIANTS = {
     "rays not shared": {"splitting._SHARING": 1e-12},
     "at most 64 rays": {"splitting._MOST": 64},
     "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
+    "cache in Morton order": {"irradiance_cache.kd_order": lambda points: np.argsort(morton_ranks(points))},
     "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
     "no roulette on gathers": {"eye_paths._LITTLE": 1e-30},
     "no sky rays": {"pilot._OPEN": 2.0},
