@@ -37,20 +37,27 @@ def test_steep_walls(lean):
     distance = 1 / np.linalg.norm(space.wall, axis=1)
     np.testing.assert_allclose(space.wall * distance[:, None], np.tile((1, 0, 0), (len(TURNS), 1)), atol=1e-6)
     np.testing.assert_allclose(distance, 0.1, atol=1e-5 + 0.01 * math.tan(math.radians(abs(lean))))
-    assert np.all(space.radius2 <= 0.1**2 * 1.3) and np.all(space.radius2 >= 0.5 * 0.1**2 * 0.7)
+    assert np.all(space.radius2 <= 0.1**2 * 1.3) and np.all(space.radius2 >= 0.85 * 0.1**2 * 0.7)
 
 
 def test_the_nearest_of_two_walls():
     walls = quad((0.1, 0, 0.5), (0, 1, 0), (0, 0, 0.5)), quad((0, -0.05, 0.5), (1, 0, 0), (0, 0, 0.5))
     space = space_around((0.0, 0.0, 0.0), FLOOR, *walls)
     np.testing.assert_allclose(space.wall, np.tile((0, -20, 0), (len(TURNS), 1)), rtol=1e-3, atol=1e-3)
+    assert np.all(space.cut2 <= 0.1**2 * 1.01) and np.all(space.cut2 >= 0.5 * 0.1**2 * 0.99)  # which the other ends
+
+
+def test_one_wall_cuts_what_others_do_not_reach():
+    """Met by one feeler or two, beside its foot or far along it, it alone does not limit the disk that it cuts."""
+    space = space_around((0.0, 0.0, 0.0), FLOOR, quad((0.05, 0, 0.5), (0, 1, 0), (0, 0, 0.5)))
+    assert np.all(space.cut2 == np.float32(REACH2)) and np.all(space.radius2 <= 0.05**2 * 1.01)
 
 
 def test_low_ramps_end_nothing():
     """20 degrees: what lies behind its foot is not beyond it. But it narrows the space."""
     up = np.array((math.cos(math.radians(20)), 0.0, math.sin(math.radians(20))))
     space = space_around((0.0, 0.0, 0.0), FLOOR, quad(np.array((0.1, 0, 0)) + 0.5 * up, 0.5 * up, (0, 1, 0)))
-    assert np.all(space.wall == 0) and np.any(space.radius2 < REACH2)
+    assert np.all(space.wall == 0) and np.any(space.radius2 < REACH2) and np.all(space.cut2 == space.radius2)
 
 
 def test_nothing_in_reach():

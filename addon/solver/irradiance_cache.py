@@ -98,8 +98,8 @@ def build_irradiance_cache(
     """The cache of a pass.
 
     estimate: see Estimate. place: (n, 3) float32, m, code: (n,) int32, 2 triangle + side: the points. feel(place, code,
-    first): squared radius (m2) of the free space around points first, first + 1, ..., (n,) float32. run: map, or a
-    pool's. cancelled: once it is true the cache stays unfinished.
+    first): the free space around points first, first + 1, ... run: map, or a pool's. cancelled: once it is true the
+    cache stays unfinished.
     """
     order = kd_order(place)
     place, code = place[order], code[order]
@@ -131,7 +131,7 @@ def _fill_cache(photon_map, surfaces, estimate, place, code, space, first, leave
         t, side = code[i] >> 1, code[i] & 1
         kept, area, guess = gather(
             photon_map, surfaces, t, side, float(place[i, 0]), float(place[i, 1]), float(place[i, 2]), space.wall[i],
-            estimate.neighbours, largest_disk(space.radius2[i], estimate), estimate.shrink2, False, guess, room, patch,
+            estimate.neighbours, largest_disk(space.cut2[i], estimate), estimate.shrink2, False, guess, room, patch,
         )  # fmt: skip
         irradiance(photon_map, room, kept, area, out)
         leaf, slot = (first + i) // WIDTH, (first + i) % WIDTH
