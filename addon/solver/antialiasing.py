@@ -16,7 +16,7 @@ from .camera import Eye, empty_eye_rays, eye_rays
 from .kernels import KERNEL
 from .radiometry import Radiometry, excess
 from .splitting import Splitting
-from .surfaces import Surfaces, Tracer, facing_side, temperature_at
+from .surfaces import Surfaces, Tracer, facing_side, sheet_count, temperature_at
 
 FEWEST, IN_MIRRORS, MOST = 4, 16, 128  # rays of a pixel in a pass; powers of two: each pass is stratified
 _MEAN = 32.0  # of a pixel at most, where little but edges is noisy
@@ -41,7 +41,7 @@ def choose_samples(
     """
     x0, y0, x1, y1 = (int(edge) for edge in eye.window)
     width, height = x1 - x0, y1 - y0
-    price, reflected = 0.0, np.zeros(surfaces.sheet.size, np.float32)
+    price, reflected = 0.0, np.zeros(sheet_count(surfaces), np.float32)
     if splitting is not None:
         price, reflected = splitting.price, splitting.reflected
     variance, mirrors = np.empty(width * height), np.empty(width * height, np.bool_)

@@ -14,7 +14,7 @@ from .rng import path_key, uniform
 from .sampling import basis, cone_direction, cosine_direction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
-from .surfaces import Surfaces, areas, layer_of, scene_radius, start_ray, temperature_at
+from .surfaces import Surfaces, layer_of, scene_radius, start_ray, temperature_at
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 
@@ -114,6 +114,7 @@ def build_emitters(
     weight: np.ndarray,
     arrival: np.ndarray,
     openness: float,
+    area: np.ndarray,
     power: np.ndarray,
     lamp: np.ndarray,
     open_: np.ndarray,
@@ -122,14 +123,13 @@ def build_emitters(
 ) -> Emitters:
     """Distribution of the emitters.
 
-    power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides that shadow rays are sent to. open_: see
-    Emitters.
+    area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides that shadow rays are sent
+    to. open_: see Emitters.
     weight, arrival: (t, 2) float64, factors on the probability that a side emits, or that photons from the surroundings
         arrive there.
     openness: share of the directions from those sides that leave the scene, 0..1.
     world_temperature: K, of the surroundings as they are traced. sky_layer: see Emitters.
     """
-    area = areas(surfaces.corners)
     surface_power = (power[:, None] * weight).ravel()
     surface = np.flatnonzero(surface_power > 0).astype(np.int32)
     surroundings = band_radiance(scene.band_edges, world_temperature) - radiometry.reference

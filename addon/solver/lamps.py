@@ -23,11 +23,22 @@ from .emission import (
     spot_brightness,
 )
 from .kernels import KERNEL
-from .point_tree import morton_ranks
+from .point_tree import morton_order
 from .radiometry import excess
 from .rng import path_key, uniform
 from .sampling import basis, cone_direction, cosine_stratum, lobe_brdf, to_world, triangle_point
-from .surfaces import CLEAR, Surfaces, clear_of, layer_of, normal, point, put_ray, temperature_at, unit_normal
+from .surfaces import (
+    CLEAR,
+    Surfaces,
+    centroids,
+    clear_of,
+    layer_of,
+    normal,
+    point,
+    put_ray,
+    temperature_at,
+    unit_normal,
+)
 
 _MOST = 64  # surfaces that may become lamps: those of most power
 _RECEIVERS = 512  # points at which they are judged
@@ -68,15 +79,17 @@ def choose_lamps(
     Returns (m, 2) bool, which sides of triangles belong to a lamp.
     """
     sheet = surfaces.sheet
-    power = np.bincount(sheet.ravel(), (side_power[:, None] * matters).ravel(), sheet.size)
-    chosen = np.zeros(sheet.size, np.bool_)
+    power = np.bincount(sheet.ravel(), (side_power[:, None] * matters).ravel())
+    chosen = np.zeros(power.size, np.bool_)
     labels = np.argsort(-power, kind="stable")[:_MOST]
     labels = labels[power[labels] > 0]
     step = max(1, len(place) // _RECEIVERS)
     place, facing = place[::step], facing[::step]
     if len(place) == 0 or len(labels) == 0:
         return chosen[sheet]
-    centre, radius = _spheres(surfaces.corners, sheet, labels)
+    row = np.full(power.size, -1, np.int32)
+    row[labels] = np.arange(labels.size)
+    centre, radius = _spheres(surfaces.corners, sheet, row, labels.size)
     towards = centre[:, None] - place
     distance = np.maximum(np.linalg.norm(towards, axis=2), radius[:, None])
     cosine = np.maximum(np.sum(towards * facing, axis=2), 0.0) / distance
@@ -91,25 +104,36 @@ def choose_lamps(
     return chosen[sheet]
 
 
-def _spheres(corners, sheet, labels):
-    """Centre (n, 3) and radius (n,) of spheres that hold the sheets with these labels."""
-    row = np.full(sheet.size, -1)
-    row[labels] = np.arange(labels.size)
-    triangles, side = np.nonzero(row[sheet] >= 0)
-    members, corners = row[sheet[triangles, side]], corners[triangles].astype(np.float64)
-    low, high = np.full((2, labels.size, 3), np.array([np.inf, -np.inf])[:, None, None])
-    np.minimum.at(low, members, corners.min(axis=1))
-    np.maximum.at(high, members, corners.max(axis=1))
-    centre, squares = 0.5 * (low + high), np.zeros(labels.size)
-    np.maximum.at(squares, members, np.sum((corners - centre[members, None]) ** 2, axis=2).max(axis=1))
-    return centre, np.sqrt(squares)
+@njit(cache=True, nogil=True)
+def _spheres(corners, sheet, row, count):
+    """Centre (n, 3) and radius (n,) of spheres that hold sheets. row: (labels,) int32, the sphere of a label or -1."""
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    for t in range(sheet.shape[0]):
+        for side in range(2):
+            n = row[sheet[t, side]]
+            if n >= 0:
+                for i in range(3):
+                    for axis in range(3):
+                        low[n, axis] = min(low[n, axis], corners[t, i, axis])
+                        high[n, axis] = max(high[n, axis], corners[t, i, axis])
+    centre, square = 0.5 * (low + high), np.zeros(count)
+    for t in range(sheet.shape[0]):
+        for side in range(2):
+            n = row[sheet[t, side]]
+            if n >= 0:
+                for i in range(3):
+                    distance2 = 0.0
+                    for axis in range(3):
+                        distance2 += (corners[t, i, axis] - centre[n, axis]) ** 2
+                    square[n] = max(square[n], distance2)
+    return centre, np.sqrt(square)
 
 
 def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray, shines: np.ndarray) -> Lamps:
     """The emitters that shadow rays are sent to: those marked as lamps, and all lights. shines: see Lamps."""
     code = emitters.surface[emitters.lamp]
     # in the order of a curve through space: points at equal steps along it lie all around a lamp
-    code = code[np.argsort(morton_ranks(surfaces.corners[code >> 1].mean(axis=1)))]
+    code = code[morton_order(centroids(surfaces.corners[code >> 1]))]
     light_total = emitters.light_power.sum(axis=1)
     is_sun = emitters.light[:, 0] == SUN
     light_total = light_total * np.where(is_sun, math.pi * emitters.radius**2, 1.0)

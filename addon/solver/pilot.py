@@ -15,7 +15,7 @@ from .kernels import KERNEL
 from .lamps import SKY_RAYS
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, mirror, triangle_point
-from .surfaces import Surfaces, Tracer, areas, facing_side, point, put_ray, start_ray, unit_normal
+from .surfaces import Surfaces, Tracer, facing_side, point, put_ray, sheet_count, start_ray, unit_normal
 
 _CAMERA_PATHS = 4096
 _BOUNCES = 8
@@ -66,17 +66,25 @@ class Pilot(NamedTuple):
 
 
 def explore(
-    surfaces: Surfaces, tracer: Tracer, eye: Eye, reflectance: np.ndarray, specular: np.ndarray, is_mirror: np.ndarray
+    surfaces: Surfaces,
+    tracer: Tracer,
+    eye: Eye,
+    reflectance: np.ndarray,
+    specular: np.ndarray,
+    is_mirror: np.ndarray,
+    area: np.ndarray,
 ) -> Pilot:
     """Follow camera paths that never end; the connected sheets of surface they meet matter.
 
     A sheet also matters if something that matters is seen from it, so that small sources are not overlooked.
     reflectance, specular: (m,) float64 of each material, is_mirror: (m,) bool, whether its specular lobe is sharp.
+    area: (t,) float64, m2.
     The seed has no part in it: renders of one scene with different seeds can be merged.
     """
     key = pass_key(0, 0, PILOT)
     sheet = surfaces.sheet
-    reached = np.zeros(2 * len(sheet), np.bool_)  # by label
+    labels = sheet_count(surfaces)
+    reached = np.zeros(labels, np.bool_)
     count = _CAMERA_PATHS
     pixels = int((eye.window[2] - eye.window[0]) * (eye.window[3] - eye.window[1]))
     origin, direction, reach = empty_eye_rays(count)
@@ -87,8 +95,7 @@ def explore(
         np.empty((count, 3)), np.zeros((count, 3)), np.empty(count, np.int32), np.empty(count),
     )  # fmt: skip
     importance = np.zeros(len(sheet) + 1)
-    sources, escapes = np.zeros((2, 2 * len(sheet)))  # by label of the sheet
-    left, escaped = np.zeros((2, 2 * len(sheet)))
+    sources, escapes, left, escaped = np.zeros((4, labels))
     looks = (reflectance, specular, is_mirror)
     sights = []
     for bounce in range(_BOUNCES):
@@ -111,7 +118,6 @@ def explore(
         if reached.sum() == before:
             break
     matters = reached[sheet]
-    area = areas(surfaces.corners)
     chosen = np.cumsum((area[:, None] * matters).ravel())
     openness = 0.0
     if chosen[-1] > 0:

@@ -14,11 +14,11 @@ import numpy as np
 from numba import njit
 
 from .kernels import FAST_INLINED, KERNEL
+from .sorting import radix_sort
 
 WIDTH = 16  # points in a leaf, children of a node: one vector register of float32
 FAR = np.float32(1e30)  # coordinate of the padding in the last leaf
 _STACK = 10 * WIDTH  # room for the nodes that wait while one is open, at 16^8 points
-_DIGIT = 11  # bits that one round of the radix sort looks at
 _MORTON_BITS = 21  # per axis
 _HALVES = 128  # room for the parts that wait to be halved, two of each size
 
@@ -49,11 +49,24 @@ def empty_walk():
     return Walk(np.empty(_STACK, np.int64), np.empty(_STACK, np.float32), np.empty(WIDTH, np.float32))
 
 
-def morton_ranks(position: np.ndarray) -> np.ndarray:
-    """(n,) int32 place of each of (n, 3) float32 points along the curve; equal points stay in order."""
+def morton_order(position: np.ndarray) -> np.ndarray:
+    """(n,) int32 numbers of (n, 3) float32 points in the order of the curve; equal points stay in order."""
     keys = np.empty(len(position), np.uint64)
     _morton_keys(position, keys)
-    return _radix_ranks(keys)
+    return radix_sort(keys)[0]
+
+
+def morton_ranks(position: np.ndarray) -> np.ndarray:
+    """(n,) int32 place of each of (n, 3) float32 points along the curve: the inverse of their order."""
+    return _inverse(morton_order(position))
+
+
+@njit(cache=True, nogil=True)
+def _inverse(order):
+    ranks = np.empty_like(order)
+    for i in range(order.size):
+        ranks[order[i]] = i
+    return ranks
 
 
 @njit(cache=True, nogil=True)
@@ -168,44 +181,6 @@ def _morton_keys(position, keys):
         y = np.uint32(min(top, (position[i, 1] - ly) * scale))
         z = np.uint32(min(top, (position[i, 2] - lz) * scale))
         keys[i] = _spread(x) | (_spread(y) << np.uint64(1)) | (_spread(z) << np.uint64(2))
-
-
-@njit(cache=True, nogil=True)
-def _radix_ranks(keys):
-    """Place of every key in ascending order, equal keys in the order they came (least significant digit first).
-
-    Overwrites the keys.
-    """
-    n = keys.size
-    rounds = (3 * _MORTON_BITS + _DIGIT - 1) // _DIGIT
-    buckets = 1 << _DIGIT
-    mask = np.uint64(buckets - 1)
-    histogram = np.zeros((rounds, buckets), np.int32)
-    for i in range(n):
-        for r in range(rounds):
-            histogram[r, (keys[i] >> np.uint64(r * _DIGIT)) & mask] += 1
-    order, other = np.arange(n).astype(np.int32), np.empty(n, np.int32)
-    other_keys = np.empty_like(keys)
-    for r in range(rounds):
-        shift = np.uint64(r * _DIGIT)
-        if n == 0 or histogram[r, (keys[0] >> shift) & mask] == n:
-            continue  # all alike in this digit
-        total = 0
-        for bucket in range(buckets):
-            size = histogram[r, bucket]
-            histogram[r, bucket] = total
-            total += size
-        for i in range(n):
-            bucket = (keys[i] >> shift) & mask
-            place = histogram[r, bucket]
-            histogram[r, bucket] = place + 1
-            other_keys[place] = keys[i]
-            other[place] = order[i]
-        order, other = other, order
-        keys, other_keys = other_keys, keys
-    for i in range(n):
-        other[order[i]] = i
-    return other
 
 
 @njit(**KERNEL)

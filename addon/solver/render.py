@@ -163,7 +163,8 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     specular = np.array([material.specular for material in scene.materials])
     is_mirror = np.array([material.alpha == 0.0 for material in scene.materials])
-    pilot = explore(surfaces, tracer, eye, 1.0 - emissivity.mean(axis=1), specular, is_mirror)
+    area = areas(surfaces.corners)
+    pilot = explore(surfaces, tracer, eye, 1.0 - emissivity.mean(axis=1), specular, is_mirror, area)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
     reference = settings.reference_temperature
     if reference is None:
@@ -177,12 +178,11 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     radiometry = build_radiometry(
         scene.materials, scene.band_edges, emission_range(surfaces.temperature), weighting, reference
     )
-    area = areas(surfaces.corners)
     power = side_power(surfaces, radiometry, area)
     lit = float(pilot.importance @ (power / np.maximum(area, 1e-300)))
     lamp = choose_lamps(surfaces, power, pilot.matters, pilot.place, pilot.facing, lit)
     emitters = build_emitters(
-        scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, power, lamp, pilot.open,
+        scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, area, power, lamp, pilot.open,
         layers[sky].traced if sky else scene.world_temperature, sky,
     )  # fmt: skip
     lamps = build_lamps(emitters, surfaces, power, lamp)

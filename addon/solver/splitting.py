@@ -23,6 +23,7 @@ from .surfaces import (
     Surfaces,
     patch_in_ball,
     region_area,
+    sheet_count,
     temperature_at,
     unit_normal,
 )
@@ -148,7 +149,7 @@ def plan_splitting(
     surroundings: (b,) float64, their excess radiance. shines: (t, 2) bool, lamps, which rays leave to shadow rays.
     area: (t,) m2. reach2, neighbours: see Estimate. photons, pixels: of a pass.
     """
-    sheet, labels = surfaces.sheet, surfaces.sheet.size
+    sheet, labels = surfaces.sheet, sheet_count(surfaces)
     size = np.maximum(np.bincount(sheet.ravel(), np.repeat(area, 2), labels), 1e-30)
     hit = sheet[trial.code >> 1, trial.code & 1]
     squares = trial.power**2 * (trial.photons / photons) / math.pi**2

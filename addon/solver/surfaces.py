@@ -11,9 +11,10 @@ from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 
 from .kernels import FAST_KERNEL, INLINED, KERNEL
-from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_ranks, open_node, start_walk
+from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order, open_node, start_walk
 from .sampling import to_world
 from .scene import Scene
+from .sorting import first_alike, radix_sort
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +35,8 @@ class Surfaces(NamedTuple):
     corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K.
     neighbours: (m, 3) int32, code 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
         flip is 1 where the two triangles wind differently.
-    sheet: (m, 2) int32, label of the connected surface without creases that each side belongs to.
+    sheet: (m, 2) int32, label (from 0, none left out) of the connected surface without creases that each side belongs
+        to.
     plane: (m, 4) float32, unit normal and clearance (m, see `offset`): what every hit asks for lies in one place.
     layer: (m,) uint8, the layer of the image that it emits into (see layers); (0,) if there is but one.
     mesh: tree over the triangles; its leaves hold centroid, normal, area, the sheets of both sides and the length of
@@ -122,19 +124,18 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     centre = 0.5 * (low.astype(np.float64) + high)
     vertices = (scene.vertices - centre).astype(np.float32)
-    vertex = _vertex_numbers(vertices)
-    kept = _distinct(vertex[scene.triangles])
-    if len(kept) < len(scene.triangles):
-        log.warning("%d triangles lie exactly on others and are left out", len(scene.triangles) - len(kept))
-    triangles = np.ascontiguousarray(scene.triangles[kept], dtype=np.int32)
-    corners, neighbours = vertices[triangles], _neighbours(vertex, triangles)
+    place, triangles = _places(vertices), np.ascontiguousarray(scene.triangles, dtype=np.int32)
+    kept = _distinct(triangles, place)
+    if len(kept) < len(triangles):
+        log.warning("%d triangles lie exactly on others and are left out", len(triangles) - len(kept))
+        triangles = triangles[kept]
+    corners, neighbours = vertices[triangles], _neighbours(triangles, place)
     neighbours[stores[kept][neighbours >> 1] != stores[kept][:, None]] = -1
-    sheet = _sheets(corners, neighbours)
-    ranks = morton_ranks(corners.mean(axis=1))
+    plane = _planes(corners)
+    sheet = _sheets(plane, neighbours)
+    leaf_triangle = morton_order(centroids(corners))
     leaves = empty_leaves(len(corners), _LONGEST + 1)
-    _fill_leaves(corners, sheet, ranks, leaves)
-    leaf_triangle = np.empty(len(ranks), np.int32)
-    leaf_triangle[ranks] = np.arange(len(ranks), dtype=np.int32)
+    _fill_leaves(corners, sheet, leaf_triangle, leaves)
     return Geometry(
         vertices=scene.vertices,
         triangles=scene.triangles,
@@ -147,7 +148,7 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         sheet=sheet,
         mesh=build_tree(leaves, _LONGEST),
         leaf_triangle=leaf_triangle,
-        plane=_planes(corners),
+        plane=plane,
     )
 
 
@@ -175,13 +176,12 @@ def build_surfaces(
 
 
 @njit(**KERNEL)
-def _fill_leaves(corners, sheet, ranks, leaves):
+def _fill_leaves(corners, sheet, leaf_triangle, leaves):
     """Put the triangles into the leaves of their tree."""
-    for t in range(ranks.size):
-        leaf, slot = ranks[t] // WIDTH, ranks[t] % WIDTH
+    for place in range(leaf_triangle.size):
+        t, leaf, slot = leaf_triangle[place], place // WIDTH, place % WIDTH
         nx, ny, nz, double_area = normal(corners, t)
-        for axis in range(3):
-            leaves[leaf, axis, slot] = (corners[t, 0, axis] + corners[t, 1, axis] + corners[t, 2, axis]) / 3.0
+        leaves[leaf, 0, slot], leaves[leaf, 1, slot], leaves[leaf, 2, slot] = centroid(corners, t)
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = nx, ny, nz
         leaves[leaf, 6, slot] = 0.5 * double_area
         # float32 tells labels apart up to 2^24; beyond, a sheet may share its label with a neighbour in number
@@ -189,9 +189,24 @@ def _fill_leaves(corners, sheet, ranks, leaves):
         leaves[leaf, _LONGEST, slot] = longest_edge(corners, t)
 
 
+def sheet_count(surfaces: Surfaces) -> int:
+    """How many sheets there are; each side of a triangle belongs to one."""
+    return int(surfaces.sheet.max()) + 1
+
+
 def scene_radius(surfaces: Surfaces) -> float:
     """Radius (m) of a sphere around the origin that holds all triangles."""
-    return float(np.linalg.norm(surfaces.corners.reshape(-1, 3), axis=1).max())
+    return _furthest(surfaces.corners)
+
+
+@njit(cache=True, nogil=True)
+def _furthest(corners):
+    most = 0.0
+    for t in range(corners.shape[0]):
+        for i in range(3):
+            x, y, z = np.float64(corners[t, i, 0]), np.float64(corners[t, i, 1]), np.float64(corners[t, i, 2])
+            most = max(most, x * x + y * y + z * z)
+    return math.sqrt(most)
 
 
 def areas(corners: np.ndarray) -> np.ndarray:
@@ -205,6 +220,26 @@ def _areas(corners):
     for t in range(corners.shape[0]):
         area[t] = 0.5 * normal(corners, t)[3]
     return area
+
+
+def centroids(corners: np.ndarray) -> np.ndarray:
+    """(m, 3) float32 centroids of (m, 3, 3) triangles, m."""
+    return _centroids(corners)
+
+
+@njit(cache=True, nogil=True)
+def _centroids(corners):
+    middle = np.empty((corners.shape[0], 3), np.float32)
+    for t in range(corners.shape[0]):
+        middle[t, 0], middle[t, 1], middle[t, 2] = centroid(corners, t)
+    return middle
+
+
+@njit(**INLINED)
+def centroid(corners, t):
+    """Centroid of triangle t, m, float64."""
+    third = 1.0 / 3.0
+    return point(corners, t, third, third)
 
 
 @njit(**INLINED)
@@ -329,73 +364,73 @@ def start_ray(surfaces, code, u, v, lx, ly, lz, origin, direction, i):
     put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, origin, direction, i)
 
 
-@njit(cache=True, nogil=True)
-def _vertex_hashes(vertices):
-    """64-bit hash of each vertex's position: vertices that coincide exactly have one hash."""
-    bits = vertices.view(np.uint32)
-    hashes = np.empty(vertices.shape[0], np.uint64)
-    for i in range(vertices.shape[0]):
-        h = np.uint64(0xCBF29CE484222325)
-        for axis in range(3):
-            word = bits[i, axis]
-            if vertices[i, axis] == 0.0:
-                word = np.uint32(0)  # -0 is 0
-            h = (h ^ np.uint64(word)) * np.uint64(0x9E3779B97F4A7C15)
-            h ^= h >> np.uint64(29)
-        hashes[i] = h
-    return hashes
+@njit(**INLINED)
+def _hash(a, b, c):
+    """64-bit hash of three words of 32 bits."""
+    h = np.uint64(0xCBF29CE484222325)
+    for word in (np.uint64(a), np.uint64(b), np.uint64(c)):
+        h = (h ^ word) * np.uint64(0x9E3779B97F4A7C15)
+        h ^= h >> np.uint64(29)
+    return h
 
 
 @njit(cache=True, nogil=True)
-def _edge_keys(triangles, vertex):
-    keys = np.empty(3 * triangles.shape[0], np.uint64)
-    for t in range(triangles.shape[0]):
-        for i in range(3):
-            a, b = vertex[triangles[t, i]], vertex[triangles[t, (i + 1) % 3]]
-            keys[3 * t + i] = (np.uint64(min(a, b)) << np.uint64(32)) | np.uint64(max(a, b))
-    return keys
+def _places(vertices):
+    """(n,) int32, the first vertex in the place of each: split normals, UV seams and separate objects still join."""
+    bits, hashes = (vertices + np.float32(0.0)).view(np.uint32), np.empty(vertices.shape[0], np.uint64)  # -0 is 0
+    for i in range(hashes.size):
+        hashes[i] = _hash(bits[i, 0], bits[i, 1], bits[i, 2])
+    return first_alike(hashes)
 
 
 @njit(cache=True, nogil=True)
-def _link(keys, order, triangles, vertex):
+def _distinct(triangles, place):
+    """Ascending numbers of the first of all triangles (m, 3) int32 with the same three corners."""
+    hashes = np.empty(triangles.shape[0], np.uint64)
+    for t in range(hashes.size):
+        a, b, c = place[triangles[t, 0]], place[triangles[t, 1]], place[triangles[t, 2]]
+        low, high = min(a, b, c), max(a, b, c)
+        hashes[t] = _hash(low, a ^ b ^ c ^ low ^ high, high)
+    return np.flatnonzero(first_alike(hashes) == np.arange(hashes.size))
+
+
+@njit(cache=True, nogil=True)
+def _neighbours(triangles, place):
+    """Adjacency over edges whose ends coincide, see Surfaces. place: (n,) int32, see _places."""
     neighbours = np.full((triangles.shape[0], 3), -1, np.int32)
+    order, keys = radix_sort(_edge_keys(triangles, place))
     i = 0
     while i < order.size:
         j = i + 1
-        while j < order.size and keys[order[j]] == keys[order[i]]:
+        while j < order.size and keys[j] == keys[i]:
             j += 1
         if j - i == 2:  # where three or more faces meet the surface is not one sheet: treat the edge as a border
             e, f = order[i], order[i + 1]
-            same = vertex[triangles[e // 3, e % 3]] == vertex[triangles[f // 3, f % 3]]
+            same = place[triangles[e // 3, e % 3]] == place[triangles[f // 3, f % 3]]
             neighbours[e // 3, e % 3] = 2 * (f // 3) + (1 if same else 0)
             neighbours[f // 3, f % 3] = 2 * (e // 3) + (1 if same else 0)
         i = j
     return neighbours
 
 
-def _vertex_numbers(vertices):
-    """(n,) uint32, one number for each place: split normals, UV seams and separate objects still join."""
-    _, vertex = np.unique(_vertex_hashes(vertices), return_inverse=True)
-    return vertex.astype(np.uint32).ravel()
-
-
-def _distinct(corners):
-    """Ascending indices of the first of all triangles with the same three corners (m, 3) uint32."""
-    a, b, c = np.sort(corners, axis=1).T.astype(np.uint64)
-    pairs = np.unique(a << np.uint64(32) | b, return_inverse=True)[1].ravel().astype(np.uint64)
-    return np.sort(np.unique(pairs << np.uint64(32) | c, return_index=True)[1])
-
-
-def _neighbours(vertex, triangles):
-    """Adjacency over edges whose ends coincide. vertex: (n,) uint32, see _vertex_numbers."""
-    keys = _edge_keys(triangles, vertex)
-    return _link(keys, np.argsort(keys, kind="stable"), triangles, vertex)
+@njit(cache=True, nogil=True)
+def _edge_keys(triangles, place):
+    """(3 m,) uint64 keys of the edges from corner i to i + 1, 3 t + i: the places of their ends, in few bits."""
+    bits = 1
+    while place.size >> bits > 0:
+        bits += 1
+    keys = np.empty(3 * triangles.shape[0], np.uint64)
+    for t in range(triangles.shape[0]):
+        for i in range(3):
+            a, b = place[triangles[t, i]], place[triangles[t, (i + 1) % 3]]
+            keys[3 * t + i] = (np.uint64(min(a, b)) << np.uint64(bits)) | np.uint64(max(a, b))
+    return keys
 
 
 @njit(cache=True, nogil=True)
-def _sheets(corners, neighbours):
+def _sheets(plane, neighbours):
     """Label (m, 2) int32 of the sheet that each side of each triangle belongs to: connected, without a crease that a
-    gather would not cross (union-find).
+    gather would not cross (union-find). Labels count from 0.
     """
     parent = np.arange(2 * neighbours.shape[0]).astype(np.int32)
 
@@ -407,12 +442,9 @@ def _sheets(corners, neighbours):
 
     for t in range(neighbours.shape[0]):
         for i in range(3):
-            code = neighbours[t, i]
-            if code >= 0:
-                other, flip = code >> 1, code & 1
-                ax, ay, az, _ = normal(corners, t)
-                bx, by, bz, _ = normal(corners, other)
-                facing = ax * bx + ay * by + az * bz
+            other, flip = neighbours[t, i] >> 1, neighbours[t, i] & 1
+            if other > t:  # both know of each other
+                facing = plane[t, 0] * plane[other, 0] + plane[t, 1] * plane[other, 1] + plane[t, 2] * plane[other, 2]
                 if (-facing if flip else facing) < SAME_SURFACE:
                     continue
                 for side in range(2):
@@ -421,9 +453,12 @@ def _sheets(corners, neighbours):
                         parent[b] = a
                     else:
                         parent[a] = b
+    label, count = np.empty_like(parent), 0
     for i in range(parent.size):
-        parent[i] = find(i)
-    return parent.reshape((neighbours.shape[0], 2))
+        root = find(i)  # the first of its sheet
+        label[i] = count if root == i else label[root]
+        count += root == i
+    return label.reshape((neighbours.shape[0], 2))
 
 
 @njit(**KERNEL)
