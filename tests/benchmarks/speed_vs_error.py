@@ -242,7 +242,8 @@ def slope(name, options):
         known = error > (1.0, 0.3)[which] * reference.standard_error
         late = known & (passes[chosen] >= options.slope / 10)
         fits = [_slope(passes[chosen][part], error[part]) for part in (known, late)]
-        print(f"  {label:7s} " + " ".join(f"{e:8.4f}" for e in error) + f"   {fits[0]:.2f} {fits[1]:.2f}", flush=True)
+        cells = (f"{e:8.4f}" if k else f"{'-':>8s}" for e, k in zip(error, known, strict=True))
+        print(f"  {label:7s} " + " ".join(cells) + f"   {fits[0]:.2f} {fits[1]:.2f}", flush=True)
 
 
 def _slope(x, y):
@@ -314,6 +315,14 @@ def print_table(rows):
         print(f"| {' | '.join(cells)} |")
 
 
+def print_peers(curves):
+    """Trimmed error and that of all pixels, K, of every peer at the end of its run."""
+    peers = [engine for engine in next(iter(curves.values())) if engine in ENGINES]
+    print(f"\n| scene | {' | '.join(peers)} |\n|---|{'--:|' * len(peers)}")
+    for scene, engines in curves.items():
+        print(f"| {scene} | " + " | ".join("{:.3g}, {:.3g}".format(*engines[peer][1][-1]) for peer in peers) + " |")
+
+
 def plot(curves, path):
     """Error against time: a row for each scene, trimmed on the left and all pixels on the right."""
     import matplotlib
@@ -330,7 +339,7 @@ def plot(curves, path):
                 axis.loglog(seconds, errors[:, which], label=engine, **style)
             axis.set(title=f"{name}, {label}", xlabel="time, s", ylabel="error, K")
             axis.grid(True, which="both", alpha=0.3)
-            axis.legend()
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6)
     figure.savefig(path, dpi=100)
     print(f"\nplot: {path}")
 
@@ -377,6 +386,7 @@ def main():
             rows += scene_rows
     if rows:
         print_table(rows)
+        print_peers(curves)
         options.out.mkdir(parents=True, exist_ok=True)
         plot(curves, options.out / "speed_vs_error.png")
 
