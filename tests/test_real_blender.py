@@ -238,13 +238,18 @@ def test_viewport_follows_an_artist_at_work(first, capsys):
     """Rendered mode in a window: moved views, edits, undo, a second viewport, other engines and files, and quitting.
 
     Each brings a new picture, on the pixels of Blender's own overlays. Times depend on the machine: they are printed.
+    An F12 while the viewport refines gives the image that it gives alone, and so does the viewport.
     """
     text = blender(*SMALL_WINDOW, DEMO, "--python", SCRIPTS / "viewport.py", window=True)
     steps = re.findall(r"PICTURE (\w+) ([\d.]+) ([\d.]+)", text)
-    assert len(steps) == 16, text
+    assert len(steps) == 18, text
     mismatches = [float(pixels) for pixels in re.findall(r"VIEW \w+ ([\d.]+)", text)]
     # Blender's matrices are float32, 6e-8 of places 10 m away, over pixels of at least 0.0005 m: 0.0012 of a pixel
     assert len(mismatches) == 13 and max(mismatches) < 0.01, text
+    beside = json.loads(re.search("BESIDE (.*)", text)[1])
+    assert beside["running"] == [1, 1]  # the viewport's renders when F12 began and when it had ended
+    assert beside["later"] > 0 and beside["said"] == "Pass 2/2"  # the viewport went on, and came to its end
+    assert beside["same"] == [True, True], beside
     assert "THREADS ENDED" in text and "QUIT WITH" in text, text
     with capsys.disabled():
         times = [float(seconds) for _, seconds, _ in steps[1:]]

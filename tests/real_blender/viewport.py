@@ -2,10 +2,12 @@
 """Run inside Blender with a window: an artist at work in a viewport in Rendered mode, who quits while it renders.
 
 Prints a line for each step, as test_real_blender.py reads it: the seconds until its first picture, and the longest time
-that this engine kept the window from going on; how far pixels are from where Blender has them; when threads ended.
+that this engine kept the window from going on; how far pixels are from where Blender has them; what came of an F12
+beside a viewport; when threads ended.
 After `--` may come a folder for screenshots.
 """
 
+import json
 import subprocess
 import sys
 import threading
@@ -195,6 +197,63 @@ def wait_for_end():
     print(f"THREADS ENDED {time.monotonic() - begin:.3f}", flush=True)
 
 
+def final_images():
+    """Press F12 and yield until its render has ended; returns the images of its bands and their noise."""
+    begin = time.monotonic()
+    assert bpy.ops.render.render("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    while bpy.app.is_job_running("RENDER"):
+        if time.monotonic() > begin + PATIENCE:
+            raise TimeoutError("F12")
+        yield TICK
+    layer = sys.modules["bl_ext.user_default.infrared_photons.final_render"].finished_layers["ViewLayer"]
+    return np.array([*layer["bands"], layer["noise"]])
+
+
+def last_picture():
+    """Yield until the viewport has its last picture; returns the temperatures in it, and what is said of it."""
+    from bl_ext.user_default.infrared_photons.viewport import _viewports
+
+    yield from wait_for_end()
+    yield 0.2  # it is drawn
+    region = next(region for region in viewports()[0].regions if region.type == "WINDOW")
+    viewport = _viewports[region.as_pointer()]
+    return viewport.shown.temperature, viewport._render.status
+
+
+def make_small():
+    """Renders of about a second, that of the viewport longer than F12."""
+    scene, space = bpy.context.scene, viewports()[0].spaces[0]
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    scene.infrared.passes, scene.infrared.photons_per_pass, scene.infrared.band_count = 2, 10_000, 4
+    perspective()
+    space.use_render_border, space.render_border_min_x, space.render_border_min_y = True, 0.6, 0.4
+
+
+def render_beside_viewport():
+    """F12 and a viewport, first one after the other, then at once."""
+    with bpy.context.temp_override(area=viewports()[1]):
+        bpy.ops.screen.area_close()
+    yield 0.1
+    begin = time.monotonic()
+    make_small()
+    yield from wait_for_picture("make_small", begin)
+    view_alone, _ = yield from last_picture()
+    image_alone = yield from final_images()
+    shade("SOLID")
+    yield 0.1  # its render is gone
+    begin = time.monotonic()
+    shade("RENDERED")
+    yield from wait_for_picture("beside", begin)
+    running = [len(renders())]
+    image = yield from final_images()
+    running.append(len(renders()))
+    end = time.monotonic()
+    view, said = yield from last_picture()
+    later = sum(moment > end for moment in finer)
+    same = np.array_equal(image, image_alone), np.array_equal(view, view_alone)
+    print("BESIDE", json.dumps({"running": running, "later": later, "said": said, "same": same}), flush=True)
+
+
 def work():
     """A generator that yields how many seconds to wait."""
     bpy.context.scene.render.engine = "INFRARED_PHOTONS"
@@ -216,6 +275,7 @@ def work():
         if SCREENSHOTS:
             yield 1.5
             screenshot(step.__name__)
+    yield from render_beside_viewport()
     load_file()
     yield 0.5  # the new file's window is that of the next step
     begin = time.monotonic()
