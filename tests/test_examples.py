@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The example scenes and the application template: what their scripts build, without a complaint, and renderable."""
+"""The example scenes and the application template: what their scripts build, without a complaint, and renderable.
+
+Of all files that are shipped, the demo's too: their numbers have units in the panels."""
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ bpy = pytest.importorskip("bpy")
 from blender_helpers import describe, read, render_to_exr  # noqa: E402
 
 from addon.checks import scene_checks  # noqa: E402
+from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from run import ROOT  # noqa: E402
 
 EXAMPLES, TEMPLATE = ROOT / "docs" / "examples", ROOT / "docs" / "template"
@@ -51,6 +54,22 @@ def test_checks_and_reader_have_nothing_to_say(name):
     solver_scene, warnings = read()
     assert warnings == []
     assert len(solver_scene.triangles) < 200_000
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs").rglob("*.blend")), ids=lambda path: path.stem)
+def test_panels_show_the_units_of_all_numbers(path):
+    """Without a subtype a field shows a bare number of kelvin, also where temperatures are shown in degrees Celsius."""
+    bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    blocks = [*bpy.data.objects, *bpy.data.materials, *bpy.data.worlds]
+    numbers = [(block, key) for block in blocks for key, value in block.items() if isinstance(value, int | float)]
+    numbers = [(block, key) for block, key in numbers if key in CUSTOM_PROPERTIES]
+    assert {"temperature", "specular", "roughness"} <= {key for _, key in numbers}
+    bare = [
+        (block.name, key)
+        for block, key in numbers
+        if block.id_properties_ui(key).as_dict()["subtype"] != CUSTOM_PROPERTIES[key]["subtype"]
+    ]
+    assert bare == []
 
 
 @every_scene

@@ -20,7 +20,7 @@ FOLDER = Path(__file__).resolve().parent
 BLEND = FOLDER / "demo.blend"
 sys.path.insert(0, str(FOLDER.parent / "examples"))
 
-from modelling import add_camera, add_sky, link, save  # noqa: E402
+from modelling import add_camera, add_custom_property, add_sky, link, save, surface  # noqa: E402
 
 RADIUS, THICKNESS, HEIGHT = 0.1, 0.006, 0.05  # m, of the ring: inner radius, wall, height above the plane
 SUNK = 0.001  # m of the ring below the plane, so that no faces coincide
@@ -53,11 +53,8 @@ def add_ring() -> None:
     for corner in range(4):
         a, b = corner * SEGMENTS, (corner + 1) % 4 * SEGMENTS
         faces.append(np.stack((a + here, a + there, b + there, b + here), axis=1))
-    metal = bpy.data.materials.new("Oxidised metal")
-    metal["emissivity"] = [7.5, 0.24, 9.0, 0.20, 11.0, 0.17, 13.5, 0.15]  # um, emissivity, ...
-    metal["specular"] = 1.0
-    metal["roughness"] = 0.0
-    metal.diffuse_color = (0.80, 0.55, 0.35, 1.0)
+    points = [7.5, 0.24, 9.0, 0.20, 11.0, 0.17, 13.5, 0.15]  # um, emissivity, ...
+    metal = surface("Oxidised metal", points, specular=1.0, colour=(0.80, 0.55, 0.35))
     add_mesh("Ring", np.concatenate(vertices), np.concatenate(faces), metal, temperature=340.0)
 
 
@@ -65,10 +62,7 @@ def add_plane() -> None:
     """The table: totally diffuse, at room temperature."""
     half = 0.5 * PLANE_SIZE
     vertices = np.array([(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)])
-    slate = bpy.data.materials.new("Slate")
-    slate["emissivity"] = 0.7
-    slate["specular"] = 0.0
-    slate.diffuse_color = (0.25, 0.27, 0.30, 1.0)
+    slate = surface("Slate", 0.7, colour=(0.25, 0.27, 0.30))
     add_mesh("Plane", vertices, np.array([(0, 1, 2, 3)]), slate, temperature=293.0)
 
 
@@ -77,7 +71,7 @@ def add_mesh(name: str, vertices: np.ndarray, faces: np.ndarray, material, tempe
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices.tolist(), [], faces.tolist())
     mesh.materials.append(material)
-    link(name, mesh)["temperature"] = temperature
+    add_custom_property(link(name, mesh), "temperature", temperature)
 
 
 def add_light() -> None:
@@ -91,7 +85,7 @@ def add_light() -> None:
         LIGHT_DISTANCE * np.sin(LIGHT_AZIMUTH),
         LIGHT_HEIGHT,
     )
-    heater["temperature"] = 1000.0
+    add_custom_property(heater, "temperature", 1000.0)
 
 
 def choose_settings(scene) -> None:

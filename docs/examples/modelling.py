@@ -15,6 +15,10 @@ import numpy as np
 from mathutils import Vector
 
 FOLDER = Path(__file__).resolve().parent
+sys.path.insert(0, str(FOLDER.parents[1]))
+
+import addon  # noqa: E402
+from addon.properties import add_custom_property  # noqa: E402
 
 # Binary fractions to which what is saved is rounded, far finer than anything to be seen: short numbers compress well.
 PER_METRE, PER_KELVIN = 2**14, 2**6
@@ -141,9 +145,14 @@ def blob(distance: Callable, low, high, step):
 
 
 def surface(name, emissivity, specular=0.0, roughness=0.0, colour=(0.5, 0.5, 0.5)):
-    """A material. emissivity: the name of one in the library, or a number. colour: in the Solid viewport."""
+    """A material. emissivity: a number, points over wavelength, or a name in the library. colour: in Solid mode."""
     material = bpy.data.materials.new(name)
-    material["emissivity"], material["specular"], material["roughness"] = emissivity, specular, roughness
+    if isinstance(emissivity, float):
+        add_custom_property(material, "emissivity", emissivity)
+    else:
+        material["emissivity"] = emissivity
+    add_custom_property(material, "specular", specular)
+    add_custom_property(material, "roughness", roughness)
     material.diffuse_color = (*colour, 1.0)
     return material
 
@@ -160,7 +169,7 @@ def add(name, shape, material, temperature, location=(0, 0, 0), rotation=(0, 0, 
         painted = mesh.attributes.new("temperature", "FLOAT", "POINT")
         painted.data.foreach_set("value", (np.round(temperature * PER_KELVIN) / PER_KELVIN).astype(np.float32))
     else:
-        thing["temperature"] = float(temperature)
+        add_custom_property(thing, "temperature", temperature)
     if bevel:
         modifier = thing.modifiers.new("Bevel", "BEVEL")
         modifier.width, modifier.segments = bevel, 3
@@ -189,7 +198,7 @@ def add_camera(location, target, lens):
 def add_sky(name, temperature):
     """What rays that leave the scene see, in K."""
     world = bpy.data.worlds.new(name)
-    world["temperature"] = float(temperature)
+    add_custom_property(world, "temperature", temperature)
     bpy.context.scene.world = world
 
 
@@ -228,9 +237,6 @@ def save(build: Callable, path: Path, empty: bool = True) -> None:
 
     Use bpy 4.5, so that every supported Blender can open the file.
     """
-    sys.path.insert(0, str(FOLDER.parents[1]))
-    import addon
-
     bpy.ops.wm.read_factory_settings(use_empty=empty)
     addon.register()
     build()
