@@ -7,6 +7,7 @@ blender -b scene.blend --command infrared_recombine groups.exr out_####.exr --se
 from __future__ import annotations
 
 import argparse
+import csv
 import logging
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -41,19 +42,22 @@ def last_group_files() -> dict[str, Path]:
 def moments(context, source: str, series: str, known: Iterable[str]) -> Iterator[Moment]:
     """The temperatures of each frame, see SOURCES. series: path of the table. known: names of the groups.
 
-    Raises SceneError or OSError for what makes no sense or cannot be read. It may change the scene's frame.
+    Raises SceneError or OSError, naming the table, for what makes no sense or cannot be read. It may change the
+    scene's frame.
     """
-    from .scene_reader import read_group_temperatures
+    from .scene_reader import SceneError, read_group_temperatures
     from .solver.recombine import read_series
 
     scene = context.scene
     if source == "SERIES":
         path = Path(bpy.path.abspath(series))
         try:
-            text = path.read_text(encoding="utf-8-sig")
-        except (OSError, ValueError) as error:
+            rows = read_series(path.read_text(encoding="utf-8-sig"), list(known))
+        except SceneError as error:
+            raise SceneError(f"'{path}': {error}") from error
+        except (OSError, ValueError, csv.Error) as error:  # no file, no text, a value of more than 100,000 letters
             raise OSError(f"Cannot read the series '{path}': {error}") from error
-        yield from read_series(text, list(known))
+        yield from rows
     elif source == "CURRENT":
         yield scene.frame_current, read_group_temperatures(scene)
     else:
@@ -71,18 +75,24 @@ def recombine(context, groups: Path, target: str, source: str, series: str = "",
 
     groups: the file of its groups. target: path of the images; '####' is the number of the frame, and several frames
     get one if there is none. source, series: see `moments`. pictures: also write PNG files, as Heat Display says.
-    Returns the paths of the images. Raises SceneError or OSError, before the first image if a temperature is wrong.
+    Returns the paths of the images. Raises SceneError or OSError, naming the file, before the first image if a
+    temperature is wrong.
     """
     from .final_render import thermal_picture, working_primaries
     from .heat_picture import write_picture
     from .heat_settings import read_scale, scene_unit
     from .output.formats import numbered
     from .output.group_exr import read_group_exr, write_recombined
+    from .scene_reader import SceneError
 
     image, facts = read_group_exr(groups)
     wanted = list(moments(context, source, series, image.temperatures))
-    for _, temperatures in wanted:
-        image.factors(temperatures)  # raises what is wrong with them
+    told = bpy.path.abspath(series) if source == "SERIES" else groups
+    for frame, temperatures in wanted:
+        try:
+            image.factors(temperatures)
+        except SceneError as error:
+            raise SceneError(f"'{told}', frame {frame}: {error}") from error
     scale, unit, paths = read_scale(context.scene.infrared), scene_unit(context.scene), []
     for frame, temperatures in wanted:
         path = numbered(bpy.path.abspath(target), ".exr", frame, len(wanted) > 1)

@@ -13,7 +13,7 @@ from blender_helpers import camera, cube_mesh, link, material, read, render_to_e
 
 from addon import final_render, temperature_groups  # noqa: E402
 from addon.output.group_exr import read_group_exr  # noqa: E402
-from addon.scene_reader import read_group_temperatures  # noqa: E402
+from addon.scene_reader import SceneError, read_group_temperatures  # noqa: E402
 
 
 @pytest.fixture
@@ -109,10 +109,55 @@ def test_the_command_writes_a_series(scene, tmp_path, capsys):
     table.write_text("frame,engine\n10,300\n11,nan\n")
     (tmp_path / "new0010.exr").unlink()
     assert temperature_groups.command(arguments) == 1
-    assert "temperature group 'engine': temperature nan K".lower() in capsys.readouterr().err.lower()
+    assert f"'{table}', frame 11: Temperature group 'engine': temperature nan K" in capsys.readouterr().err
     assert not (tmp_path / "new0010.exr").exists()  # nothing is written if anything is wrong
     assert temperature_groups.command([str(tmp_path / "none.exr"), "x.exr"]) == 1
     assert "none.exr" in capsys.readouterr().err
+
+
+TABLE = b"frame,time,engine,sky\n10,0.0,300,250\n11,0.5,400,260\n"
+
+
+def read_table(path):
+    return list(temperature_groups.moments(bpy.context, "SERIES", str(path), ["engine", "sky"]))
+
+
+@pytest.mark.parametrize(
+    "content, message",
+    [
+        (None, "No such file"),
+        (b"", "needs a line of titles"),
+        (b"\x93NUMPY", "codec can't decode byte 0x93"),
+        (b"frame,motor\n1,300", "column 'motor', but"),
+        (b"frame,engine\n1,300\n2,warm", "Line 3 of the series: engine is 'warm'"),
+        (b"frame,engine\n1,300,5", "Line 2 of the series has 3 values"),
+        (b"frame,engine\n1,300\n1,300", "a frame twice"),
+        (b"frame,engine\n1," + b"9" * 200_000, "field larger than"),
+    ],
+)
+def test_a_table_that_makes_no_sense_is_named(tmp_path, content, message):
+    path = tmp_path / "series.csv"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises((SceneError, OSError), match=message) as error:
+        read_table(path)
+    assert f"'{path}'" in str(error.value)
+
+
+def test_a_damaged_table_is_read_or_named(tmp_path):
+    """With one to three bytes changed, or cut off anywhere."""
+    path, rng, refused = tmp_path / "series.csv", np.random.default_rng(4), 0
+    for _ in range(500):
+        damaged = bytearray(TABLE[: rng.integers(1, len(TABLE))] if rng.random() < 0.2 else TABLE)
+        for place in rng.integers(len(damaged), size=rng.integers(1, 4)):
+            damaged[place] = rng.integers(256)
+        path.write_bytes(damaged)
+        try:
+            assert all(isinstance(kelvin, float) for _, row in read_table(path) for kelvin in row.values())
+        except (SceneError, OSError) as error:
+            assert f"'{path}'" in str(error)
+            refused += 1
+    assert 100 < refused < 500
 
 
 def test_a_render_without_groups_says_so(scene, tmp_path):
@@ -156,7 +201,7 @@ def test_a_temperature_that_varies_is_refused(scene, tmp_path):
 def test_groups_that_were_not_rendered_are_named(scene, tmp_path):
     render_to_exr(tmp_path)
     bpy.data.objects["Box"]["temperature_group"] = "box"
-    with pytest.raises(RuntimeError, match="no temperature group 'box', only 'engine', 'sky'"):
+    with pytest.raises(RuntimeError, match="groups.exr', frame 1: .* no temperature group 'box', only 'engine', 'sky'"):
         bpy.ops.infrared.recombine(filepath=str(tmp_path / "new.exr"))
 
 

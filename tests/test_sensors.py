@@ -345,5 +345,23 @@ def test_a_table_is_a_response(tmp_path):
 def test_a_file_that_is_no_response_is_told(tmp_path, text, message):
     path = tmp_path / "camera.csv"
     path.write_text(text)
-    with pytest.raises(SpectrumError, match=message):
+    with pytest.raises(SpectrumError, match=message) as error:
         read_response(path)
+    assert str(path) in str(error.value)
+
+
+def test_a_damaged_table_is_a_response_or_named(tmp_path):
+    """With one to three bytes changed, or cut off anywhere."""
+    whole = b"wavelength, response\n7,0\n8.5,0.9\n13,0.8\n14,0\n"
+    path, rng, refused = tmp_path / "camera.csv", np.random.default_rng(7), 0
+    for _ in range(500):
+        damaged = bytearray(whole[: rng.integers(1, len(whole))] if rng.random() < 0.2 else whole)
+        for place in rng.integers(len(damaged), size=rng.integers(1, 4)):
+            damaged[place] = rng.integers(256)
+        path.write_bytes(damaged)
+        try:
+            Response("camera", read_response(path))
+        except SpectrumError as error:
+            assert str(path) in str(error)
+            refused += 1
+    assert 100 < refused < 500

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sensors in Blender: the menu, an imported response that the file keeps, checks, and what a render makes of them."""
 
+import re
 from unittest.mock import MagicMock, patch
 
 import numpy as np
@@ -54,9 +55,12 @@ def test_an_imported_response_stays_in_the_file(infrared, tmp_path):
 
 
 def test_a_bad_file_changes_nothing(infrared, tmp_path):
-    (tmp_path / "camera.csv").write_text("8 1\n9 -2\n")
-    with pytest.raises(RuntimeError, match="line 2: response -2"):
-        bpy.ops.infrared.sensor_import(filepath=str(tmp_path / "camera.csv"))
+    path = tmp_path / "camera.csv"
+    path.write_text("8 1\n9 -2\n")
+    with pytest.raises(RuntimeError, match=f"{re.escape(str(path))}, line 2: response -2"):
+        bpy.ops.infrared.sensor_import(filepath=str(path))
+    with pytest.raises(RuntimeError, match=re.escape(str(tmp_path / "missing.csv"))):
+        bpy.ops.infrared.sensor_import(filepath=str(tmp_path / "missing.csv"))
     assert infrared.sensor == "BOX" and "sensor_response" not in bpy.context.scene
 
 
