@@ -79,33 +79,59 @@ def assert_image_is_kept(folder):
     assert exported.min() > 0
 
 
-@pytest.mark.parametrize("place", ["missing/bands.exr", "file/bands.exr", "/proc/bands.exr"])
-def test_an_output_that_cannot_be_written_is_named_and_the_image_kept(infrared, tmp_path, caplog, capfd, place):
+# Each output, a key of FORMATS or the temperature groups: what messages call it, and the file that is written first.
+OUTPUTS = {
+    "BAND_EXR": ("the band images", "out.exr"),
+    "SPECTRAL_EXR": ("the band images", "out_spectral.exr"),
+    "ENVI": ("the band images", "out.raw"),
+    "TIFF": ("the temperature image", "out.tif"),
+    "CAMERA_TIFF": ("the temperature image", "out_16bit.tif"),
+    "GROUPS": ("the temperature groups", "out.exr"),
+}
+
+
+def write_to(path, output):
+    """Let the next render write one output, and no other."""
+    scene = bpy.context.scene
+    if output == "GROUPS":
+        bpy.data.objects["Plate"]["temperature_group"], scene.infrared.group_exr_path = "plate", str(path)
+    else:
+        scene.infrared.band_exr_path, scene.infrared.file_formats = str(path), {output}
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_an_output_that_cannot_be_written_is_named_and_the_image_kept(infrared, tmp_path, caplog, capfd, output):
     (tmp_path / "file").write_text("a file, not a folder")
-    infrared.band_exr_path = str(tmp_path / place)
-    message = failed_render()
-    for told in (message, caplog.text):
-        assert "Cannot write the band images" in told and str((tmp_path / place).parent) in told
+    for place in ("missing/out", "file/out", "/proc/out"):
+        caplog.clear()
+        write_to(tmp_path / place, output)
+        message = failed_render()
+        for told in (message, caplog.text):
+            assert f"Cannot write {OUTPUTS[output][0]}" in told and str((tmp_path / place).parent) in told
     assert "Traceback" not in "".join(capfd.readouterr())
     assert_image_is_kept(tmp_path)
 
 
-def test_a_full_disk_is_told_and_the_image_and_the_older_file_are_kept(infrared, tmp_path, caplog):
-    """A limit on the size of files stands in for the full disk."""
-    folder = tmp_path / "output"
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_a_full_disk_is_told_and_the_image_and_older_files_are_kept(infrared, tmp_path, caplog, output):
+    """A limit on the size of files stands in for the full disk. Every file is larger."""
+    folder, scene = tmp_path / "output", bpy.context.scene
     folder.mkdir()
-    infrared.band_exr_path = str(folder / "bands.exr")
+    scene.render.resolution_x, scene.render.resolution_y = 32, 24
+    write_to(folder / "out", output)
     render()
-    old = (folder / "bands.exr").read_bytes()
+    old = {path: path.read_bytes() for path in folder.iterdir()}
+    infrared.seed += 1  # another image
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1024, before[1]))
     try:
         message = failed_render()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    what, first = OUTPUTS[output]
     for told in (message, caplog.text):
-        assert f"Cannot write the band images to '{folder / 'bands.exr'}'" in told
-    assert [path.read_bytes() for path in folder.iterdir()] == [old]
+        assert f"Cannot write {what} to '{folder / first}'" in told
+    assert {path: path.read_bytes() for path in folder.iterdir()} == old
     assert_image_is_kept(tmp_path)
 
 
