@@ -337,6 +337,20 @@ def test_density_estimate_is_unbiased(region, cells, k, reach_share, shrink2):
     assert abs(mean - 1) < 3 * error
 
 
+@pytest.mark.parametrize("cells", [1, 60])
+@pytest.mark.parametrize("radius", [0.1, 1.0, 30.0, 1000.0])
+def test_density_on_a_plate_much_smaller_than_the_disk(radius, cells):
+    """All photons of the plate count, over all of its area: 1 m2. Too fine to walk over, it is measured by triangles,
+    which count as a whole: hence the plate's middle, where those at the disk's rim are few against those inside."""
+    rng = np.random.default_rng(7)
+    points = rng.random((2000, 3)) * (1, 1, 0) - (0.5, 0.5, 0)
+    built = photon_map(points, square(cells), 2 * triangle_under(points, cells))
+    kept, area = gathers(built, triangle_under(np.zeros((1, 3)), cells), np.zeros(3), 4000, radius**2, 1.0, radius**2)
+    inside = np.count_nonzero(np.sum(points**2, axis=1) < radius**2)
+    assert kept[0] == inside
+    assert area[0] == pytest.approx(min(1.0, np.pi * radius**2), rel=1e-6 if radius >= 1.0 or cells == 1 else 0.1)
+
+
 @pytest.mark.parametrize("beyond", [0.0, 3.0])
 @pytest.mark.parametrize("cells", [1, 60])
 def test_density_beside_a_wall_is_that_of_this_side(beyond, cells):

@@ -12,6 +12,7 @@ from scenes import box, look, make_scene, mean_and_error, sphere
 
 from addon.solver import AreaLight, Camera, Material, PointLight, SceneError, Settings, SpotLight, SunLight, render
 from addon.solver.emission import light_spectrum
+from addon.solver.render import prepare
 from addon.solver.sampling import lobe_brdf
 from addon.solver.spectrum import band_radiance
 
@@ -342,6 +343,8 @@ def test_facing_mirrors_end():
         ({"world_temperature": -3.0}, "World: temperature -3"),
         ({"camera": Camera(kind="FISHEYE")}, "FISHEYE"),
         ({"camera": Camera(clip=(2.0, 1.0))}, "clip range 2..1"),
+        ({"camera": Camera(frame=(0.0, 0.0, -1.0, 1.0))}, "frame"),
+        ({"camera": Camera(lens_radius=0.1, lens_ratio=0.0)}, "lens"),
     ],
 )
 def test_bad_scenes_are_refused_by_name(change, message):
@@ -364,6 +367,41 @@ def test_bad_scenes_are_refused_by_name(change, message):
 def test_bad_materials_are_refused_by_name(material, message):
     with pytest.raises(SceneError, match=message):
         Material("x", **material)
+
+
+@pytest.mark.parametrize(
+    "light, message",
+    [
+        (PointLight(np.zeros(3), 1.0, radius=np.nan, name="x"), "'x': radius nan m"),
+        (PointLight(np.zeros(3), -1.0, name="x"), "'x': power -1"),
+        (SpotLight(np.zeros(3), np.ones(3), 1.0, 0.0, name="x"), "'x': a cone of 0 rad"),
+        (SpotLight(np.zeros(3), np.ones(3), 1.0, 1.0, blend=2.0, name="x"), "a blend of 2"),
+        (SunLight(np.ones(3), 1.0, angle=np.nan, name="x"), "'x': angle nan rad"),
+        (SunLight(np.zeros(3), 1.0, name="x"), "'x': direction"),
+    ],
+)
+def test_bad_lights_are_refused_by_name(light, message):
+    with pytest.raises(SceneError, match=message):
+        plane(look((0, 0, 2), (0, 0, 0)), PAINT, lights=(light,))
+
+
+def test_surroundings_through_a_hole_that_nothing_found():
+    """The pilot's rays miss a hole of a millionth of the walls, and all else is at the reference: the surroundings send
+    photons all the same, or their energy would be lost without a word."""
+    vertices, triangles = box()
+    hole = np.array([(0.5, 0.5, 1.0), (0.502, 0.5, 1.0), (0.5, 0.502, 1.0)])
+    assert np.all(vertices[triangles[10:], 2] == 1.0)  # the last two are the ceiling
+    outer = [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    ring = np.array([*outer, *hole])
+    around = [(0, 1, 5), (0, 5, 4), (1, 2, 5), (2, 6, 5), (2, 3, 6), (3, 4, 6), (3, 0, 4)]
+    vertices = np.concatenate((vertices, ring))
+    triangles = np.concatenate((triangles[:10], np.array(around) + 8)).astype(np.int32)
+    scene = make_scene(
+        vertices, triangles, 293.15, [PAINT], look((0.5, 0.2, 0.5), (0.5, 1.0, 0.4)), EDGES, world_temperature=220.0
+    )
+    model = prepare(scene, Settings(reference_temperature=293.15))
+    assert model.reference_temperature == np.float32(293.15)  # as the walls': they emit no photons
+    assert model.photons_per_pass == Settings().photons_per_pass
 
 
 @pytest.mark.parametrize("subdivisions", [2, 5])

@@ -8,7 +8,7 @@ import pytest
 from numba import njit
 from scenes import box, cylinder, look, make_scene, sphere
 
-from addon.solver import Material
+from addon.solver import Material, SceneError
 from addon.solver.sampling import cosine_direction, to_world, triangle_point
 from addon.solver.surfaces import (
     NO_WALL,
@@ -257,6 +257,24 @@ def test_sheets_of_closed_and_open_surfaces():
     label = surfaces.sheet
     assert len(np.unique(label)) == 2  # a border does not join front and back
     assert label[0, 0] == label[1, 1] and label[0, 1] == label[1, 0]
+
+
+@pytest.mark.parametrize("corners", [(0, 2, 2), (0, 4, 2)])  # two corners in one place; all three in one line
+def test_faces_without_area_do_not_cut_a_sheet(corners):
+    surfaces, _, _ = build([*QUAD, (0, 0, 0)], [(0, 1, 2), (0, 2, 3), corners])
+    assert surfaces.sheet.tolist() == [[0, 1], [0, 1]]
+
+
+def test_a_scene_of_faces_without_area_is_an_error():
+    with pytest.raises(SceneError, match="No triangle of the scene has an area"):
+        build(QUAD, [(0, 0, 2), (1, 1, 1)])
+
+
+def test_vertices_without_faces_do_not_move_the_centre():
+    """They would cost precision: rays start further off a surface the further it is from the centre."""
+    surfaces, _, centre = build(np.array([*QUAD, (1e5, 0, 0)]), [(0, 1, 2), (0, 2, 3)])
+    assert np.all(centre == 0.0)
+    assert np.all(surfaces.plane[:, 3] == build(QUAD, [(0, 1, 2), (0, 2, 3)])[0].plane[:, 3])
 
 
 def test_moebius_strip_has_one_side():

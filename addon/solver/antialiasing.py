@@ -35,13 +35,13 @@ def choose_samples(
     splitting: Splitting | None,
     threads: int,
 ) -> np.ndarray:
-    """(pixels,) uint8 rays of every pixel of the window in a pass.
+    """(pixels,) uint16 rays of every pixel of the window in a pass.
 
     surroundings: (b,) float64, their excess radiance. key: of the rays that look. splitting: None without photons.
     """
     x0, y0, x1, y1 = (int(edge) for edge in eye.window)
     width, height = x1 - x0, y1 - y0
-    price, reflected = 0.0, np.zeros(sheet_count(surfaces), np.float32)
+    price, reflected = 0.0, np.zeros(sheet_count(surfaces))
     if splitting is not None:
         price, reflected = splitting.price, splitting.reflected
     variance, mirrors = np.empty(width * height), np.empty(width * height, np.bool_)
@@ -49,7 +49,7 @@ def choose_samples(
     def look(first: int) -> None:
         pixels = np.arange(first, min(first + _TOGETHER, len(variance)))
         rays = empty_eye_rays(_LOOKS * len(pixels))
-        eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint8), pixels, *rays)
+        eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint16), pixels, *rays)
         hits, emitted = tracer.trace(*rays), np.empty(len(surroundings))
         seen, specular = np.empty(len(rays[0])), np.zeros(len(rays[0]), np.bool_)
         _see(surfaces, radiometry, surroundings.sum(), reflected, *hits, rays[1], seen, specular, emitted)
@@ -61,7 +61,7 @@ def choose_samples(
     around = np.pad(variance.reshape(height, width), 1)
     around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
     variance = np.maximum(variance, _AROUND * around)
-    prices = max(variance.max(), 1e-30) * np.geomspace(1e-9, 1.0, 30)
+    prices = max(variance.max(), 1e-300) * np.geomspace(1e-9, 1.0, 30)
     least = next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1])
     samples = _samples(variance, max(price, least))
     return np.where(mirrors, np.maximum(samples, IN_MIRRORS), samples)
@@ -70,7 +70,7 @@ def choose_samples(
 def _samples(variance: np.ndarray, price: float) -> np.ndarray:
     """Rays n at which a further one saves what it costs: d(variance n^-3/2)/dn = -price, rounded to powers of two."""
     best = (1.5 * variance / max(price, 1e-300)) ** 0.4
-    return (2 ** np.rint(np.log2(np.clip(best, FEWEST, MOST)))).astype(np.uint8)
+    return (2 ** np.rint(np.log2(np.clip(best, FEWEST, MOST)))).astype(np.uint16)
 
 
 @njit(**KERNEL)

@@ -55,6 +55,13 @@ def build_eye(camera: Camera, centre: np.ndarray, radius: float) -> Eye:
     start, end = camera.clip
     if not 0 <= start < end:
         raise SceneError(f"Camera: clip range {start:g}..{end:g} m is empty")
+    left, right, bottom, top = camera.frame
+    if not (0 < right - left < np.inf and 0 < top - bottom < np.inf):
+        raise SceneError(f"Camera: the frame {camera.frame} (left, right, bottom, top) has no extent")
+    if not (0 <= camera.lens_radius < np.inf and 0 < camera.lens_ratio < np.inf):
+        raise SceneError(
+            f"Camera: a lens of {camera.lens_radius:g} m, squeezed by {camera.lens_ratio:g}, has no opening"
+        )
     if camera.lens_radius > 0 and not camera.focus_distance > 0:
         raise SceneError(f"Camera: focus distance {camera.focus_distance:g} m must be above 0")
     return Eye(

@@ -28,7 +28,7 @@ LIT_BY_LIGHT, LIT_BY_LAMP = 1, 2
 class Emitters(NamedTuple):
     """Everything that emits, as entries of one discrete distribution: surface sides, surroundings, lights.
 
-    cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of an entry.
+    cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of an entry; zeros where nothing emits.
     surface: (n,) int32 codes 2 triangle + side of entries 0..n-1, which emit. lamp: (n,) bool, whether shadow rays see
         to their direct light.
     sky: (m,) int32 codes of entries n..n+m-1, on which photons from the surroundings arrive. open: (t, 2) bool, sides
@@ -38,7 +38,6 @@ class Emitters(NamedTuple):
         they add to (see layers); lights add to the first.
     light: (l, 16) float64 shapes (see _light_row), light_power: (l, b) float64 W (sun: W m-2), entries n+m...
     radius: of a sphere around the origin that holds the scene, m.
-    power: total |excess| power of what photons can reach, W: what a photon's weight adds up to, over photons.
     guide: density of the five numbers that choose an emission.
     """
 
@@ -53,7 +52,6 @@ class Emitters(NamedTuple):
     light: np.ndarray
     light_power: np.ndarray
     radius: float
-    power: float
     guide: Guide
 
 
@@ -152,7 +150,6 @@ def build_emitters(
         sky_chosen = sky_power * (_SKY_DEFENSIVE * others / sky_power.sum() if others > 0 and sky.size else 1.0)
     chosen = np.concatenate((surface_power[surface], sky_chosen, light_total))
     cumulative = np.concatenate(([0.0], np.cumsum(chosen)))
-    total = float(surface_power.sum() + sky_power.sum() * openness + light_total.sum())
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
     return Emitters(
@@ -167,7 +164,6 @@ def build_emitters(
         np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16),
         light_power,
         radius,
-        total,
         even_guide(),
     )
 

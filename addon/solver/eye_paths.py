@@ -18,7 +18,7 @@ from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_sha
 from .low_discrepancy import lattice_point
 from .photon_map import gather, irradiance, neighbours_room
 from .point_tree import empty_walk
-from .radiometry import excess
+from .radiometry import NONE, excess
 from .rng import path_key, uniform
 from .sampling import basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
 from .splitting import Splitting, recall_chance
@@ -98,7 +98,7 @@ def render_pixels(
 ):
     """Estimate the excess radiance of a tile of pixels in one pass.
 
-    samples: (n,) uint8, rays of every pixel in a pass. keys: of the camera stream (of the seed, of this pass). index:
+    samples: (n,) uint16, rays of every pixel in a pass. keys: of the camera stream (of the seed, of this pass). index:
     of the pass. pixels: (h, w) int64, numbers in the window. weights: (layers * b,) float32, by which each band of each
     layer counts in the radiance over all. Returns image (h w, layers * b) float32, W m-2 sr-1, and seen (h w,) float32:
     the part of the radiance over all bands that the surfaces send straight into the camera.
@@ -299,7 +299,7 @@ def _meet(
             first = bands * layer_of(surfaces.layer, t)
             for b in range(bands):
                 image[pixel, first + b] += rays.throughput[i, b] * excesses.radiance[slot, b]
-        if radiometry.specular[material] == 1.0 and not rough:
+        if radiometry.stores[material] == NONE:
             continue
         if rays.gathered[i] and not (shadowed or emitters.open[t, side]):  # all that it reflects is recalled
             continue
@@ -506,52 +506,57 @@ def _send_shadows(
 def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward):
     """Send on the rays that meet a specular surface, and those of final gathers; returns their number."""
     shares = np.zeros(len(gathers.ray))  # of the rays of a final gather that those before had, of all groups
-    return _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares)
+    first = np.empty(len(gathers.ray), np.int64)  # of the rays of each
+    return _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares, first)
 
 
 @njit(**FAST_KERNEL)
-def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares):
+def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares, first):
     sent = 0
     for i in range(triangle.size):
-        if triangle[i] < 0:
-            continue
-        material, g = surfaces.material[triangle[i]], gathers.of[i]
-        is_specular, is_split = radiometry.specular[material] > 0.0, g >= 0 and gathers.rays[g] > 0
-        if is_specular or is_split:
+        if triangle[i] >= 0 and radiometry.specular[surfaces.material[triangle[i]]] > 0.0:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-            if is_specular:
-                sent += _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
-            if is_split:
-                before = shares[g]
-                shares[g] += largest_throughput(rays.throughput[i], radiometry.reflectance[material])
-                leader, total = gathers.ray[g], gathers.carried[g]
-                carried = carried_by(radiometry, material, rays, leader, gathers.weight[g])
-                sent += _split(
-                    surfaces, hit, carried, gathers.rays[g], before / total, shares[g] / total, gathers.row[g],
-                    path_key(rays.path[leader], _SPLITTING + bounce), sent, onward,
-                )  # fmt: skip
+            sent += _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
+    for g in range(first.size):  # those of a gather lie one behind the other, whichever rays of its group send them
+        first[g] = sent
+        sent += gathers.rays[g]
+    for i in range(triangle.size):
+        g = gathers.of[i]
+        if g >= 0 and gathers.rays[g] > 0:
+            hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
+            material, before = surfaces.material[hit.triangle], shares[g]
+            shares[g] += largest_throughput(rays.throughput[i], radiometry.reflectance[material])
+            leader, total = gathers.ray[g], gathers.carried[g]
+            carried = carried_by(radiometry, material, rays, leader, gathers.weight[g])
+            _split(
+                surfaces, hit, carried, gathers.rays[g], before / total, shares[g] / total, gathers.row[g],
+                path_key(rays.path[leader], _SPLITTING + bounce), first[g], onward,
+            )  # fmt: skip
     return sent
 
 
 @njit(inline="always")
-def _split(surfaces, hit, carried, count, before, after, row, path, sent, onward):
-    """Send a ray's share of the `count` rays of a final gather, cosine-distributed; returns how many these are.
+def _split(surfaces, hit, carried, count, before, after, row, path, first, onward):
+    """Send a ray's share of the `count` rays of a final gather, cosine-distributed, as those from `first` on.
 
     before, after: share of all rays that fall to rays before this one, without and with it, in [0, 1]: each gets those
     between, by a random start for all (systematic resampling). The directions of all are points of one lattice, and
     those of a ray points that follow one another. They add to a row.
     """
     start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
-    first, last = min(count, int(before * count + start)), min(count, int(after * count + start))
-    for ray in range(first, last):
+    for ray in range(_resampled(before, count, start), _resampled(after, count, start)):
         u, v = lattice_point(ray, count, shift_u, shift_v)
         lx, ly, lz = cosine_direction(u, v)
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
-        at = sent + ray - first
-        _leave(surfaces, hit, dx, dy, dz, row, path_key(path, 3 + ray), at, onward)
-        onward.gathered[at] = True
-        onward.throughput[at, :] = np.float32(carried / count)
-    return last - first
+        _leave(surfaces, hit, dx, dy, dz, row, path_key(path, 3 + ray), first + ray, onward)
+        onward.gathered[first + ray] = True
+        onward.throughput[first + ray, :] = np.float32(carried / count)
+
+
+@njit(inline="always")
+def _resampled(share, count, start):
+    """How many of `count` fall to a share, start in [0, 1); all fall to all of it, whatever sums of shares round to."""
+    return min(count, int(share * count + start)) if share < 1.0 - 1e-9 else count
 
 
 @njit(inline="always")

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where photons go: the numbers that choose a photon's emission are drawn from where they have mattered to the image.
 
-Five numbers in [0, 1) choose an emission: the emitter, the place on it (2) and the direction (2). The pilot traces some
-photons, scores each by what it leaves where camera paths gather, and cuts the cube of these numbers into cells, each
-sampled in proportion to the root mean square of the score within: importance sampling in primary sample space (Guo et
-al. 2018). A photon's weight is divided by the density it was chosen with, and some of the density is spread evenly, so
+Five numbers in [0, 1) choose an emission: the emitter, the place on it (2) and the direction (2). Trial photons are
+scored by what they leave where camera paths gather, and the cube of these numbers is cut into cells, each sampled in
+proportion to the root mean square of the score within: importance sampling in primary sample space (Guo et al. 2018).
+A photon's weight is divided by the density it was chosen with, and some of the density is spread evenly, so
 the mean is exact whatever the pilot missed; it decides on the noise only. This is how photons from the surroundings
 find the opening of a cavity, those of a large floor the few things it lights, and a sun's the scene.
 """
@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 
 from .kernels import KERNEL
-from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, empty_walk, morton_ranks, open_node, start_walk
+from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, empty_walk, morton_order, open_node, start_walk
+from .radiometry import NONE
 from .surfaces import SAME_SURFACE, point, unit_normal
 
 DIMENSIONS = 5
@@ -65,7 +66,7 @@ def build_guide(samples: np.ndarray, score: np.ndarray, density: np.ndarray) -> 
     return Guide(low, size, cumulative / cumulative[-1], probability / cumulative[-1] / volume), gain
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _cut(samples, squares, density, low, size, mass):
     """Cut cells in halves where that lowers the sum of volume times root mean square; returns their number.
 
@@ -134,10 +135,10 @@ class Gathers(NamedTuple):
 def build_gathers(place: np.ndarray, facing: np.ndarray, radius2: float) -> Gathers:
     """place, facing: (r, 3) float64 points and normals. radius2: squared distance (m2) up to which a photon counts."""
     points = place.astype(np.float32)
-    ranks = morton_ranks(points)
+    order, to = morton_order(points), np.arange(len(points))
     leaves = empty_leaves(len(points), 6)
-    leaves[ranks // WIDTH, :3, ranks % WIDTH] = points
-    leaves[ranks // WIDTH, 3:, ranks % WIDTH] = facing
+    leaves[to // WIDTH, :3, to % WIDTH] = points[order]
+    leaves[to // WIDTH, 3:, to % WIDTH] = facing[order]
     return Gathers(build_tree(leaves), radius2)
 
 
@@ -162,7 +163,7 @@ def _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, scor
         elif t < 0:
             continue
         material = surfaces.material[t]
-        if wave.direct[i] or (radiometry.specular[material] == 1.0 and radiometry.alpha[material] == 0.0):
+        if wave.direct[i] or radiometry.stores[material] == NONE:
             continue
         power = 0.0
         for b in range(wave.power.shape[1]):

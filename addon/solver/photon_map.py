@@ -16,7 +16,7 @@ from .point_tree import (
     build_tree,
     empty_leaves,
     empty_walk,
-    morton_ranks,
+    morton_order,
     open_node,
     start_walk,
 )
@@ -105,7 +105,7 @@ def photon_arrays(count: int, bands: int, directed: bool, caustic: bool, layered
 class PhotonMap(NamedTuple):
     """Photons in Morton order; the tree's leaves hold positions, oriented normals and labels of sheets.
 
-    As float32 the labels above 2^24 are shared with a neighbour: that costs neighbours, not correctness.
+    Labels are kept as float32, which tells 2^24 apart.
     """
 
     tree: PointTree
@@ -113,10 +113,10 @@ class PhotonMap(NamedTuple):
 
 
 @njit(**KERNEL)
-def _fill_leaves(photons, plane, sheet, ranks, leaves):
-    """Put positions, normals and sheets to their places in the leaves."""
-    for i in range(ranks.size):
-        leaf, slot = ranks[i] // WIDTH, ranks[i] % WIDTH
+def _fill_leaves(photons, plane, sheet, leaves):
+    """Put positions, normals and sheets of sorted photons into the leaves."""
+    for i in range(photons.surface.size):
+        leaf, slot = i // WIDTH, i % WIDTH
         code = photons.surface[i]
         sign = np.float32(1.0 if code & 1 == 0 else -1.0)
         for axis in range(3):
@@ -126,58 +126,54 @@ def _fill_leaves(photons, plane, sheet, ranks, leaves):
 
 
 @njit(cache=True, nogil=True)
-def _cycles(ranks):
-    """The cycles of the permutation i -> ranks[i], one behind the other, (n,) int32; ~i marks where one starts.
+def _cycles(order):
+    """The cycles of the permutation i -> order[i], one behind the other, (n,) int32; ~i marks where one starts.
 
     Walking them first lets the processor move rows ahead of time: it then knows where the next ones lie.
     """
-    walk, n = np.empty(ranks.size, np.int32), 0
-    seen = np.zeros(ranks.size, np.bool_)
-    for i in range(ranks.size):
+    walk, n = np.empty(order.size, np.int32), 0
+    seen = np.zeros(order.size, np.bool_)
+    for i in range(order.size):
         j = i
         while not seen[j]:
             seen[j] = True
             walk[n] = ~j if j == i else j
             n += 1
-            j = ranks[j]
+            j = order[j]
     return walk
 
 
 @njit(cache=True, nogil=True)
 def _permute(rows, walk):
-    """Move every row of (n, c) to its place along the cycles, without a second array."""
+    """Fill every row of (n, c) with the next one of its cycle, without a second array."""
     kept = np.empty(rows.shape[1], rows.dtype)
-    following = -1  # the row that the current one moves to; none at the end of a cycle
-    for n in range(walk.size - 1, -1, -1):
-        starts = walk[n] < 0
-        i = ~walk[n] if starts else walk[n]
-        if following < 0:
+    for n in range(walk.size):
+        i = walk[n]
+        if i < 0:
+            i = ~i
             for b in range(kept.size):
                 kept[b] = rows[i, b]
-        else:
+        if n + 1 < walk.size and walk[n + 1] >= 0:
             for b in range(kept.size):
-                rows[following, b] = rows[i, b]
-        following = i
-        if starts:
+                rows[i, b] = rows[walk[n + 1], b]
+        else:  # the end of a cycle is filled with its start
             for b in range(kept.size):
                 rows[i, b] = kept[b]
-            following = -1
 
 
 def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap:
     """Photon map of photons on the surfaces, which are sorted in place. run: map, or a pool's."""
-    ranks = morton_ranks(photons.position)
-    leaves = empty_leaves(len(ranks), 7)
-    walk = _cycles(ranks)
+    walk = _cycles(morton_order(photons.position))
+    leaves = empty_leaves(len(walk), 7)
 
     def sort(power: bool):  # two jobs of about equal length
-        if not power:
-            _fill_leaves(photons, surfaces.plane, surfaces.sheet, ranks, leaves)
         marks = photons.caustic[:, None], photons.layer[:, None]
         others = (photons.position, photons.surface[:, None], photons.incoming, *marks)
         for rows in (photons.power,) if power else others:
             if len(rows):
                 _permute(rows, walk)
+        if not power:
+            _fill_leaves(photons, surfaces.plane, surfaces.sheet, leaves)
 
     list(run(sort, (True, False)))
     return PhotonMap(build_tree(leaves), photons)
@@ -335,7 +331,7 @@ def _gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, on
     disk2 = max(np.float32(shrink2 * r2), smallest)
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), wall, patch)
     if members == 0:  # a mesh much finer than the disk
-        area = region_area(surfaces, sheet, x, y, z, nx, ny, nz, np.float64(disk2), wall, room.walk)
+        area = region_area(surfaces, t, side, x, y, z, np.float64(disk2), wall, room.walk)
     index, codes = room.index, photon_map.photons.surface
     near = 0
     for i in range(count):  # no branch here and below: the order is as good as random

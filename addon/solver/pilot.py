@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A short deterministic look at the scene before the first pass: what the image can depend on, and how open it is.
 
-Every run of a scene with one seed repeats it identically, so passes rendered elsewhere belong to the same image.
+Every run of a scene repeats it identically, so passes rendered elsewhere belong to the same image.
 """
 
 import math
@@ -44,8 +44,8 @@ class Pilot(NamedTuple):
     gathering: share of camera rays whose paths gather.
     place, facing: (r, 3) float64, points where camera paths gather and the normals there. code: (r,) int32, 2 triangle
         + side. carried: (r,) float64, share of a pixel that their reflected light makes up.
-    left, met: (p,) int32, label of the sheet that camera paths left in a random direction, and triangle that they met,
-        -1 for the surroundings.
+    left, met: (p,) int32, label of the sheet that camera paths left, mirrored or in a random direction, and triangle
+        that they met, -1 for the surroundings.
     """
 
     matters: np.ndarray
@@ -88,8 +88,8 @@ def explore(
     count = _CAMERA_PATHS
     pixels = int((eye.window[2] - eye.window[0]) * (eye.window[3] - eye.window[1]))
     origin, direction, reach = empty_eye_rays(count)
-    once = np.ones(count, np.uint8)
-    eye_rays(eye, key, 0, once, np.arange(count) * pixels // count, origin, direction, reach)
+    chosen, samples = np.unique(np.arange(count) * pixels // count, return_counts=True)
+    eye_rays(eye, key, 0, samples.astype(np.uint16), chosen, origin, direction, reach)
     paths = _Paths(
         origin, direction, np.ones(count), np.full(count, -1), np.zeros(count, np.bool_),
         np.empty((count, 3)), np.zeros((count, 3)), np.empty(count, np.int32), np.empty(count),
@@ -131,7 +131,7 @@ def explore(
     visible = escaped / np.maximum(left, 1.0)
     error = np.sqrt((1.0 - visible) / np.maximum(visible, 1e-9) * (_TYPICAL_PHOTONS / (2.0 * SKY_RAYS)))
     weight = np.where(is_open, np.clip(error, _LEAST_ERROR, 1.0), 1.0)
-    hidden = float(escapes @ weight) / max(escapes.sum(), 1e-300)
+    hidden = float(np.sum(escapes * weight)) / max(escapes.sum(), 1e-300)
     gathers = np.any(paths.facing != 0.0, axis=1)
     return Pilot(
         matters,
@@ -288,6 +288,6 @@ def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) 
     does not. For the same reason it is no wider than an eighth of the picture, but for pictures so small that such a
     disk would hold less than one photon (a camera may touch what it sees).
     """
-    matters = float(area @ pilot.matters.sum(axis=1))
+    matters = float(np.sum(area * pilot.matters.sum(axis=1)))
     one = max(matters, 1e-30) / (math.pi * photons)  # holds one photon on average
     return min(9.0 * neighbours * one, max((pilot.view / 16.0) ** 2, one))

@@ -56,19 +56,6 @@ def morton_order(position: np.ndarray) -> np.ndarray:
     return radix_sort(keys)[0]
 
 
-def morton_ranks(position: np.ndarray) -> np.ndarray:
-    """(n,) int32 place of each of (n, 3) float32 points along the curve: the inverse of their order."""
-    return _inverse(morton_order(position))
-
-
-@njit(cache=True, nogil=True)
-def _inverse(order):
-    ranks = np.empty_like(order)
-    for i in range(order.size):
-        ranks[order[i]] = i
-    return ranks
-
-
 @njit(cache=True, nogil=True)
 def kd_order(position):
     """(n,) int32 numbers of (n, 3) float32 points in the order of a kd-tree (Bentley 1975) with WIDTH points a leaf.
@@ -204,7 +191,7 @@ def _build_nodes(leaves, nodes, starts, extent):
                                 low = min(low, nodes[starts[level - 1] + child, axis, j])
                                 high = max(high, nodes[starts[level - 1] + child, 3 + axis, j])
                     nodes[node, axis, c] = low
-                    nodes[node, 3 + axis, c] = high if low < FAR else low
+                    nodes[node, 3 + axis, c] = high
 
 
 @njit(inline="always")

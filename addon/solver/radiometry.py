@@ -13,13 +13,14 @@ import numpy as np
 from numba import njit
 
 from .kernels import FAST_INLINED
-from .sampling import interpolate_albedo, lobe_albedo
+from .sampling import ALBEDO_NODES, interpolate_albedo, lobe_albedo
 from .scene import Material
 from .spectrum import band_radiance, faintest
 
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
 COLDEST = 1.0  # K, see emission_range
+NONE, ALL, STRAIGHT = 0, 1, 2  # photons that a material stores
 _ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4
 
 
@@ -27,6 +28,7 @@ class Radiometry(NamedTuple):
     """Materials (m of them) in b bands.
 
     reflectance: (m, b) float32, 1 - eps, the emissivity weighted with what arrives, see excess_emissivity.
+    stores: (m,) uint8, see stored_photons.
     specular: (m,) float32 share of the specular lobe. alpha: (m,) float32 GGX width, 0 is a mirror.
     albedo: (m, n) float64 of the lobe over sqrt(cosine); ones for mirrors.
     emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
@@ -36,6 +38,7 @@ class Radiometry(NamedTuple):
     """
 
     reflectance: np.ndarray
+    stores: np.ndarray
     specular: np.ndarray
     alpha: np.ndarray
     albedo: np.ndarray
@@ -45,6 +48,21 @@ class Radiometry(NamedTuple):
     base: np.ndarray
     reference: np.ndarray
     quiet: float
+
+
+def stored_photons(materials: tuple[Material, ...], edges: np.ndarray) -> np.ndarray:
+    """(materials,) uint8, the photons that each stores: NONE, as it is a mirror or reflects nothing between the first
+    and the last edge (um), ALL, or those STRAIGHT from lights, in a rough lobe that is all of its reflection."""
+    stores = np.full(len(materials), ALL, np.uint8)
+    for i, material in enumerate(materials):
+        um, emissivity = material.curve
+        ends = np.interp(edges[[0, -1]], um, emissivity)
+        inside = emissivity[(um > edges[0]) & (um < edges[-1])]
+        if min(*ends, *inside) == 1.0:
+            stores[i] = NONE
+        elif np.float32(material.specular) == 1.0:
+            stores[i] = STRAIGHT if material.alpha > 0.0 else NONE
+    return stores
 
 
 def build_radiometry(
@@ -71,7 +89,7 @@ def build_radiometry(
     emission[-1], slope[-1] = black, black_slope * _LOG_STEP
     base = np.tile(reference_radiance(edges, reference), (len(materials) + 1, 1))
     reflectance = np.empty((len(materials), bands))
-    albedo = np.ones((len(materials), len(lobe_albedo(1.0, 1))))
+    albedo = np.ones((len(materials), ALBEDO_NODES))
     alpha = np.zeros(len(materials))
     for i, material in enumerate(materials):
         curve = material.curve
@@ -89,6 +107,7 @@ def build_radiometry(
             albedo[i] = _lobe_albedo(float(alpha[i]))
     return Radiometry(
         reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
+        stores=stored_photons(materials, edges),
         specular=np.array([m.specular for m in materials], np.float32),
         alpha=alpha.astype(np.float32),
         albedo=albedo,
@@ -196,9 +215,10 @@ def emission_range(temperature: np.ndarray) -> tuple[float, float]:
     Where a surface runs from 0 K to warmer, it reaches down to COLDEST, below which no band holds radiance to speak of:
     at 1 K and 1 mm x = c2 / (lambda T) is 14, and it grows with 1 / T.
     """
-    high = float(temperature.max())
-    low = float(temperature.min())
+    low, high = float(temperature.min()), float(temperature.max())
     if low < COLDEST <= high:
         runs = temperature.shape[-1] > 1
         low = COLDEST if runs else float(temperature[temperature >= COLDEST].min())
+    elif low == 0.0 < high:
+        low = float(temperature[temperature > 0.0].min())
     return low, high

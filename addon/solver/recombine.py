@@ -61,7 +61,7 @@ class LayeredImage:
 
     def radiance(self, bands: np.ndarray) -> np.ndarray:
         """(height, width) float32 radiance of recombined bands through the sensor's response, W m-2 sr-1."""
-        return np.tensordot(self.weights * np.diff(self.band_edges), bands, 1).astype(np.float32)
+        return np.einsum("b,byx->yx", self.weights * np.diff(self.band_edges), bands).astype(np.float32)
 
     def temperature(self, radiance: np.ndarray) -> np.ndarray:
         """(height, width) float32 apparent temperature of such a radiance, after the correction, K."""

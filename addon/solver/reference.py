@@ -33,12 +33,9 @@ def gather_sources(scene: Scene, surfaces: Surfaces, pilot: Pilot, emissivity: n
         merge = np.arange(temperature.size) * _GROUPS // temperature.size
         group = merge[group]
         temperature = temperature[np.searchsorted(merge, np.arange(_GROUPS))]
-    emitting = np.zeros((temperature.size, scene.band_count))
-    for index in range(len(scene.materials)):
-        chosen = surfaces.material == index
-        if chosen.any():
-            share = np.bincount(group[chosen], pilot.importance[chosen], temperature.size)
-            emitting += share[:, None] * emissivity[index]
+    materials = len(scene.materials)
+    both = np.bincount(group * materials + surfaces.material, pilot.importance, temperature.size * materials)
+    emitting = np.einsum("tm,mb->tb", both.reshape(-1, materials), emissivity)
     kelvin = np.append(temperature.astype(np.float64), scene.world_temperature)
     emitting = np.vstack((emitting, np.full(scene.band_count, pilot.sky)))
     return Sources(kelvin, emitting, band_radiance(scene.band_edges, kelvin))

@@ -35,14 +35,14 @@ from .layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, 
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
-from .radiometry import Radiometry, build_radiometry, emission_range, typical_emissivity
+from .radiometry import ALL, STRAIGHT, Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import choose_reference, gather_sources, typical_source
 from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .sensors import band_weights
 from .settings import Settings
 from .splitting import Splitting, Trial, plan_splitting
-from .surfaces import ALL, STRAIGHT, Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius, stored_photons
+from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius
 from .transport import Optics, trace_photons
 
 log = logging.getLogger(__name__)
@@ -98,7 +98,7 @@ def render(
     film: of the first passes of this render, to which the others are added: the result is that of a render without a
     break. Only the time limit does not count what it took.
     image_copies: float32 copies of all images that the caller holds, which need memory too.
-    geometry: of an earlier scene, kept if its vertices and triangles are the same; the image is the same either way.
+    geometry: of an earlier scene, kept if it is the same (see build_geometry); the image is the same either way.
     Raises SceneError if the scene cannot be rendered or needs more memory than there is, ValueError if the film is not
     of this render.
     """
@@ -155,7 +155,7 @@ def _is_checked(passes: int) -> bool:
 def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) -> Model:
     """Build what the passes need, and only what this scene needs; the log says what that is.
 
-    geometry: of an earlier scene, kept if its vertices and triangles are the same.
+    geometry: of an earlier scene, kept if it is the same.
     """
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
@@ -171,6 +171,7 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         reference = choose_reference(sources)
     if not settings.reference_subtraction:
         reference = 0.0
+    reference = float(np.float32(reference))  # as surfaces' temperatures are: those that equal it emit no photons
     weighting = typical_source(sources, scene.band_edges, reference)
     layers = trace_apart(layers, reference)
     surfaces = surfaces._replace(temperature=traced_temperature(surfaces.temperature, surfaces.layer, layers))
@@ -179,21 +180,21 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         scene.materials, scene.band_edges, emission_range(surfaces.temperature), weighting, reference
     )
     power = side_power(surfaces, radiometry, area)
-    lit = float(pilot.importance @ (power / np.maximum(area, 1e-300)))
+    lit = float(np.sum(pilot.importance * power / area))
     lamp = choose_lamps(surfaces, power, pilot.matters, pilot.place, pilot.facing, lit)
     emitters = build_emitters(
         scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, area, power, lamp, pilot.open,
         layers[sky].traced if sky else scene.world_temperature, sky,
     )  # fmt: skip
     lamps = build_lamps(emitters, surfaces, power, lamp)
-    reach2 = gather_reach(area, pilot, max(1, settings.photons_per_pass), settings.neighbours)
+    reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
     used = np.unique(surfaces.material)
     rough = bool(np.any(radiometry.alpha[used] > 0))
     caustic = lamps.power > 0 and bool(np.any(radiometry.specular[used] > 0))
     straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
-    stored = stored_photons(scene)[used]
+    stored = radiometry.stores[used]
     storing = np.any(stored == ALL) or (straight and np.any(stored == STRAIGHT))
-    photons = settings.photons_per_pass if emitters.power > 0 and storing else 0
+    photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
     widths = np.diff(scene.band_edges)
     marks = straight, caustic, len(layers) > 1
     optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", *marks)

@@ -145,7 +145,7 @@ def lobe_brdf(ix, iy, iz, ox, oy, oz, alpha):
 ALBEDO_NODES = 64
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def lobe_albedo(alpha, samples):
     """Albedo of the GGX lobe, (ALBEDO_NODES,) float64, at cosines (i / (n - 1))^2: the mean weight of sample_lobe.
 

@@ -332,6 +332,15 @@ def _check_light(light: Light) -> None:
         raise SceneError(f"{owner}: direction {light.direction} points nowhere")
     if isinstance(light, AreaLight) and not 0 < np.linalg.norm(np.cross(light.axis_u, light.axis_v)) < np.inf:
         raise SceneError(f"{owner}: an area light needs a size above 0")
+    if isinstance(light, PointLight | SpotLight) and not 0 <= light.radius < np.inf:
+        raise SceneError(f"{owner}: radius {light.radius:g} m; a radius is finite and at least 0")
+    if isinstance(light, SpotLight) and not (0 < light.cone_angle <= np.pi and 0 <= light.blend <= 1):
+        raise SceneError(
+            f"{owner}: a cone of {light.cone_angle:g} rad and a blend of {light.blend:g}; cones open by more than 0 "
+            "and at most pi, blends are from 0 to 1"
+        )
+    if isinstance(light, SunLight) and not 0 <= light.angle <= np.pi:
+        raise SceneError(f"{owner}: angle {light.angle:g} rad; a sun's diameter is from 0 to pi")
     if not isinstance(light, SunLight) and not np.all(np.isfinite(light.position)):
         raise SceneError(f"{owner}: position {light.position} is not finite")
 

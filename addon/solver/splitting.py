@@ -25,7 +25,6 @@ from .surfaces import (
     region_area,
     sheet_count,
     temperature_at,
-    unit_normal,
 )
 
 # Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
@@ -45,7 +44,7 @@ _PLACES = 1024  # at which the extent of sheets is measured and prices are tried
 
 
 class Splitting(NamedTuple):
-    """What is known beforehand of the noise of gathers, by label of the sheet, (2 t,) float32 each.
+    """What is known beforehand of the noise of gathers, by label of the sheet, (labels,) float64 each.
 
     density: m-2, photons of a pass expected. photon_noise: W2 sr-2 m-2, variance of the radiance (of all bands) that a
     perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
@@ -175,14 +174,14 @@ def plan_splitting(
     disk = np.minimum(span, neighbours / np.maximum(density, 1e-30))
     recalled = np.sqrt(reflected**2 + photon_noise / disk)
     tables = (density, photon_noise, ray_noise, span, gathers, reflected, recalled)
-    splitting = Splitting(*(table.astype(np.float32) for table in tables), math.inf)
+    splitting = Splitting(*tables, math.inf)
     # photons of caustics are gathered whatever is chosen
     rest = float(np.mean(pilot.carried**2 * (caustic_noise / disk)[places])) if len(places) else 0.0
     fixed = _FIXED + _PHOTON * photons / max(1.0, pilot.gathering * pixels)
     places, carried = places[some], pilot.carried[some]
     noise, _ = _mean_of(splitting, places, carried, reach2, neighbours)
     tried = []
-    for price in max(noise + rest, 1e-30) / fixed * _PRICES:
+    for price in max(noise + rest, 1e-300) / fixed * _PRICES:
         noise, time = _mean_of(splitting._replace(price=price), places, carried, reach2, neighbours)
         tried.append(((noise + rest) * (fixed + time), price))
     return splitting._replace(price=min(tried)[1])
@@ -222,8 +221,7 @@ def _fill_spans(surfaces, code, place, reach2, spans, patch, walk):
         x, y, z = place[i]
         members, area = patch_in_ball(surfaces.corners, surfaces.neighbours, t, side, x, y, z, reach2, NO_WALL, patch)
         if members == 0:
-            nx, ny, nz = unit_normal(surfaces, t, side)
-            area = region_area(surfaces, surfaces.sheet[t, side], x, y, z, nx, ny, nz, reach2, NO_WALL, walk)
+            area = region_area(surfaces, t, side, x, y, z, reach2, NO_WALL, walk)
         spans[i] = area
 
 

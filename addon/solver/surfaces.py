@@ -12,8 +12,9 @@ from numba import njit
 
 from .kernels import FAST_KERNEL, INLINED, KERNEL
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order, open_node, start_walk
+from .radiometry import stored_photons
 from .sampling import to_world
-from .scene import Scene
+from .scene import Scene, SceneError
 from .sorting import first_alike, radix_sort
 
 log = logging.getLogger(__name__)
@@ -25,7 +26,6 @@ PATCH_LIMIT = 64
 # Disk area over twice the area of a triangle and its neighbours, above which a disk touches more than PATCH_LIMIT.
 _TOO_FINE = 6.0
 CLEAR = 2.0**-20  # distance from a plane that float32 tells for sure, over the largest length that takes part
-NONE, ALL, STRAIGHT = 0, 1, 2  # photons that a material stores
 _LONGEST = 9  # row of a leaf of triangles with the length of the longest edge
 
 
@@ -95,41 +95,34 @@ class Geometry(NamedTuple):
     plane: np.ndarray
 
 
-def stored_photons(scene: Scene) -> np.ndarray:
-    """(materials,) uint8, the photons that each stores: NONE, as it reflects nothing or is a mirror, ALL, or those
-    STRAIGHT from lights, in a rough lobe that is all of its reflection."""
-    stores = np.full(len(scene.materials), ALL, np.uint8)
-    for i, material in enumerate(scene.materials):
-        um, emissivity = material.curve
-        ends = np.interp(scene.band_edges[[0, -1]], um, emissivity)
-        inside = emissivity[(um > scene.band_edges[0]) & (um < scene.band_edges[-1])]
-        if min(*ends, *inside) == 1.0:
-            stores[i] = NONE
-        elif material.specular == 1.0:
-            stores[i] = STRAIGHT if material.alpha > 0.0 else NONE
-    return stores
-
-
 def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     """The geometry of a scene; that of an earlier scene itself, if all vertices, triangles and what they store are the
     same.
 
-    Of triangles with the same corners only the first counts: a surface that is there twice does not emit twice. Sheets
+    Of triangles with the same corners only the first counts: a surface that is there twice does not emit twice. Those
+    without an area emit nothing and cannot be hit; they are left out, as their edges would cut sheets in two. Sheets
     end where other photons are stored: the area that a gather divides by must be that on which its photons can lie.
+    Raises SceneError if no triangle has an area.
     """
-    stores = stored_photons(scene)[scene.material]
+    stores = stored_photons(scene.materials, scene.band_edges)[scene.material]
     mine = scene.vertices, scene.triangles, stores
     if earlier and all(np.array_equal(old, new) for old, new in zip(earlier[:3], mine, strict=True)):
         return earlier
-    low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
-    centre = 0.5 * (low.astype(np.float64) + high)
+    triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
+    centre = _middle(scene.vertices, triangles)
     vertices = (scene.vertices - centre).astype(np.float32)
-    place, triangles = _places(vertices), np.ascontiguousarray(scene.triangles, dtype=np.int32)
-    kept = _distinct(triangles, place)
+    place = _places(vertices)
+    corners = vertices[triangles]
+    first, extended = _distinct(triangles, place), areas(corners) > 0.0
+    twice = np.count_nonzero(extended & ~first)
+    if twice:
+        log.warning("%d triangles lie exactly on others and are left out", twice)
+    kept = np.flatnonzero(first & extended)
+    if len(kept) == 0:
+        raise SceneError("No triangle of the scene has an area")
     if len(kept) < len(triangles):
-        log.warning("%d triangles lie exactly on others and are left out", len(triangles) - len(kept))
-        triangles = triangles[kept]
-    corners, neighbours = vertices[triangles], _neighbours(triangles, place)
+        triangles, corners = triangles[kept], corners[kept]
+    neighbours = _neighbours(triangles, place)
     neighbours[stores[kept][neighbours >> 1] != stores[kept][:, None]] = -1
     plane = _planes(corners)
     sheet = _sheets(plane, neighbours)
@@ -150,6 +143,15 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         leaf_triangle=leaf_triangle,
         plane=plane,
     )
+
+
+def _middle(vertices, triangles):
+    """The middle (3,) float64, m, of the box around the vertices that triangles have."""
+    used = np.zeros(len(vertices), np.bool_)
+    used[triangles] = True
+    if not used.all():
+        vertices = vertices[used]
+    return 0.5 * (vertices.min(axis=0).astype(np.float64) + vertices.max(axis=0))
 
 
 def build_surfaces(
@@ -184,7 +186,7 @@ def _fill_leaves(corners, sheet, leaf_triangle, leaves):
         leaves[leaf, 0, slot], leaves[leaf, 1, slot], leaves[leaf, 2, slot] = centroid(corners, t)
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = nx, ny, nz
         leaves[leaf, 6, slot] = 0.5 * double_area
-        # float32 tells labels apart up to 2^24; beyond, a sheet may share its label with a neighbour in number
+        # float32 tells 2^24 labels apart; of more sheets, which only loose triangles are, two count as one here
         leaves[leaf, 7, slot], leaves[leaf, 8, slot] = sheet[t, 0], sheet[t, 1]
         leaves[leaf, _LONGEST, slot] = longest_edge(corners, t)
 
@@ -376,7 +378,8 @@ def _hash(a, b, c):
 
 @njit(cache=True, nogil=True)
 def _places(vertices):
-    """(n,) int32, the first vertex in the place of each: split normals, UV seams and separate objects still join."""
+    """(n,) int32, the first vertex in the place of each, by a hash as in _distinct: split normals, UV seams and
+    separate objects still join."""
     bits, hashes = (vertices + np.float32(0.0)).view(np.uint32), np.empty(vertices.shape[0], np.uint64)  # -0 is 0
     for i in range(hashes.size):
         hashes[i] = _hash(bits[i, 0], bits[i, 1], bits[i, 2])
@@ -385,13 +388,14 @@ def _places(vertices):
 
 @njit(cache=True, nogil=True)
 def _distinct(triangles, place):
-    """Ascending numbers of the first of all triangles (m, 3) int32 with the same three corners."""
+    """(m,) bool, which triangles (m, 3) int32 are the first with their three corners, by a hash of 64 bits: two of ten
+    million that differ share one with a chance of 3e-6."""
     hashes = np.empty(triangles.shape[0], np.uint64)
     for t in range(hashes.size):
         a, b, c = place[triangles[t, 0]], place[triangles[t, 1]], place[triangles[t, 2]]
         low, high = min(a, b, c), max(a, b, c)
         hashes[t] = _hash(low, a ^ b ^ c ^ low ^ high, high)
-    return np.flatnonzero(first_alike(hashes) == np.arange(hashes.size))
+    return first_alike(hashes) == np.arange(hashes.size)
 
 
 @njit(cache=True, nogil=True)
@@ -574,7 +578,8 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, wall, patch):
 
     Walks from t over shared edges to the triangles that reach into the ball and face the same way. Fills patch
     (PATCH_LIMIT,) int32 with codes 2 t + side and returns their number and their area inside the ball on this side of a
-    wall, m2. A mesh too fine for that returns 0 members: there `region_area` measures.
+    wall, m2. A mesh that is too fine for that, or may be, as triangle t and its neighbours are small and none of its
+    edges is a rim, returns 0 members: there `region_area` measures.
     """
     nx, ny, nz, around = normal(corners, t)
     if side == 1:
@@ -586,10 +591,14 @@ def patch_in_ball(corners, neighbours, t, side, x, y, z, r2, wall, patch):
         crossed |= _edge_distance2(corners, t, i, x, y, z) < r2
     if not crossed:
         return 1, disk
+    rim = False
     for i in range(3):
+        rim |= neighbours[t, i] < 0
         if neighbours[t, i] >= 0:
-            around += normal(corners, neighbours[t, i] >> 1)[3]
-    if math.pi * r2 > _TOO_FINE * around:  # do not walk PATCH_LIMIT triangles only to find that they are too many
+            mx, my, mz, double_area = normal(corners, neighbours[t, i] >> 1)
+            rim |= abs(nx * mx + ny * my + nz * mz) < SAME_SURFACE
+            around += double_area
+    if not rim and math.pi * r2 > _TOO_FINE * around:  # do not walk PATCH_LIMIT triangles to find them too many
         return 0, disk
     count, done, area = 1, 0, 0.0
     while done < count:
@@ -634,14 +643,18 @@ def in_slab(height, disk2):
 
 
 @njit(**FAST_KERNEL)
-def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, wall, walk):
-    """Area (m2) inside the ball, on this side of a wall, of the triangles of one sheet that face the normal's way.
+def region_area(surfaces, t, side, x, y, z, r2, wall, walk):
+    """Area (m2) inside the ball around a point of triangle t, on this side of a wall, of the triangles of the side's
+    sheet that face the same way.
 
     Most are small here and count as a whole if their centroid is inside: that errs by a few percent at random, not in
-    the mean. Of larger ones the part inside is exact. walk: room, see Walk.
+    the mean. Of larger ones the part inside is exact. It is no less than what triangle t has inside. walk: room, see
+    Walk.
     """
     tree, near = surfaces.mesh, walk.near
     place = (x, y, z, r2, wall)
+    nx, ny, nz = unit_normal(surfaces, t, side)
+    sheet, least = surfaces.sheet[t, side], abs(area_in_ball(surfaces.corners, t, *place))
     x, y, z, r2 = np.float32(x), np.float32(y), np.float32(z), np.float32(r2)
     nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
     sheet, facing = np.float32(sheet), np.float32(SAME_SURFACE)
@@ -669,4 +682,4 @@ def region_area(surfaces, sheet, x, y, z, nx, ny, nz, r2, wall, walk):
             for j in range(WIDTH if large else 0):
                 if near[j]:
                     total += area_in_ball(surfaces.corners, np.int64(surfaces.leaf_triangle[leaf * WIDTH + j]), *place)
-    return max(total, 1e-3 * math.pi * r2)
+    return max(total, least)

@@ -9,7 +9,7 @@ from numba import njit
 from .emission import LIT_BY_LAMP, LIT_BY_LIGHT, Emitters, emit, empty_wave
 from .kernels import FAST_KERNEL
 from .photon_map import Photons, photon_arrays
-from .radiometry import Radiometry
+from .radiometry import ALL, STRAIGHT, Radiometry
 from .rng import path_key, uniform
 from .sampling import cosine_direction, mirror, reflect_in_lobe, to_world
 from .surfaces import Surfaces, Tracer, point, put_ray, unit_normal
@@ -109,7 +109,8 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
         if not reflected > 0.0:
             continue
         straight = wave.chain[i] == LIT_BY_LIGHT and alpha > 0.0
-        if (specular < 1.0 or straight) and not wave.direct[i]:
+        stores = radiometry.stores[material]
+        if (stores == ALL or (straight and stores == STRAIGHT)) and not wave.direct[i]:
             stored.position[kept, 0], stored.position[kept, 1], stored.position[kept, 2] = x, y, z
             stored.surface[kept] = 2 * t + side
             for b in range(bands):

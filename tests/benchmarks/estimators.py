@@ -37,7 +37,7 @@ from addon.solver import Settings, render  # noqa: E402
 from addon.solver.final_gather import choose_splits  # noqa: E402
 from addon.solver.free_space import unlimited  # noqa: E402
 from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
-from addon.solver.point_tree import morton_ranks  # noqa: E402
+from addon.solver.point_tree import morton_order  # noqa: E402
 
 WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
 
@@ -79,13 +79,13 @@ VARIANTS = {
     "no lamps": {"lamps._TOGETHER": 1e9},
     "everything a lamp": {"lamps._MOST": 10**6, "lamps._COMPACT": 1e9, "lamps._MATTERS": 0.0, "lamps._TOGETHER": -1.0},
     "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},
-    "lamps in mesh order": {"lamps.morton_ranks": lambda points: np.arange(len(points))},
+    "lamps in mesh order": {"lamps.morton_order": lambda points: np.arange(len(points))},
     "photons alone": {"eye_paths.choose_splits": split_none},
     "32 rays everywhere": {"eye_paths.choose_splits": split_all},
     "rays not shared": {"splitting._SHARING": 1e-12},
     "at most 64 rays": {"splitting._MOST": 64},
     "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
-    "cache in Morton order": {"irradiance_cache.kd_order": lambda points: np.argsort(morton_ranks(points))},
+    "cache in Morton order": {"irradiance_cache.kd_order": morton_order},
     "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
     "no roulette on gathers": {"eye_paths._LITTLE": 1e-30},
     "no sky rays": {"pilot._OPEN": 2.0},
