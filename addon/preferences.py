@@ -12,6 +12,8 @@ from .interface import redraw
 from .self_check import run_checks
 from .version import version
 
+THREAD = "Infrared Photons check"
+
 _lines: list[tuple[str, str]] = []  # results of the last check, see run_checks
 
 
@@ -21,11 +23,11 @@ class INFRARED_OT_self_check(Operator):
     bl_idname = "infrared.self_check"
     bl_label = "Self-Test"
 
-    _running: threading.Thread | None = None
+    _thread: threading.Thread | None = None  # the last one; it goes on if its window closes or another file opens
 
     @classmethod
     def poll(cls, _context):
-        return INFRARED_OT_self_check._running is None
+        return not is_running()
 
     def execute(self, _context):
         """Without a window: wait for the result."""
@@ -33,27 +35,36 @@ class INFRARED_OT_self_check(Operator):
         return self._end()
 
     def invoke(self, context, _event):
-        INFRARED_OT_self_check._running = threading.Thread(target=_check, name="Infrared Photons check", daemon=True)
-        self._running.start()
+        INFRARED_OT_self_check._thread = thread = threading.Thread(target=_check, name=THREAD, daemon=True)
+        thread.start()
         self._timer = context.window_manager.event_timer_add(0.2, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        if event.type != "TIMER" or self._running.is_alive():
+        if event.type != "TIMER" or is_running():
             return {"PASS_THROUGH"}
-        context.window_manager.event_timer_remove(self._timer)
+        self.cancel(context)
         redraw()
         return self._end()
 
+    def cancel(self, context):
+        """Nobody waits for the result any more; the preferences show it all the same."""
+        context.window_manager.event_timer_remove(self._timer)
+
     def _end(self):
-        INFRARED_OT_self_check._running = None
         problems = [f"{what}: {problem}" for what, problem in _lines if problem]
         if problems:
             self.report({"ERROR"}, "Self-test failed. " + "; ".join(problems))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Self-test passed: {len(_lines)} checks")
         return {"FINISHED"}
+
+
+def is_running() -> bool:
+    """Whether the check goes on in the background."""
+    thread = INFRARED_OT_self_check._thread
+    return thread is not None and thread.is_alive()
 
 
 def _check() -> None:
@@ -70,8 +81,7 @@ class InfraredPreferences(AddonPreferences):
     def draw(self, _context):
         layout = self.layout
         layout.label(text=f"Infrared Photons {version()}")
-        running = INFRARED_OT_self_check._running is not None
-        layout.operator("infrared.self_check", text="Testing..." if running else "Self-Test", icon="CHECKMARK")
+        layout.operator("infrared.self_check", text="Testing..." if is_running() else "Self-Test", icon="CHECKMARK")
         for what, problem in _lines:
             layout.label(text=f"{what}: {problem}" if problem else what, icon="ERROR" if problem else "CHECKMARK")
 
