@@ -125,6 +125,16 @@ def paint(film: Film, request: Request, step: int, origin: tuple[int, int]) -> P
     return Picture(pixels, step, origin, temperature, noise, scale)
 
 
+def explain(error: Exception, known: str = "") -> str:
+    """What users read of an error. The details of a mistake of ours go to the log, unless this is what they know."""
+    if isinstance(error, SceneError | MemoryError):
+        return str(error) or "Out of memory"
+    message = f"The solver failed: {error!r}; the system console has the details"
+    if message != known:
+        log.error("The viewport failed", exc_info=error)
+    return message
+
+
 class ViewportRender:
     """Renders the newest request in the background: first coarsely, then finer, then pass by pass.
 
@@ -165,11 +175,8 @@ class ViewportRender:
         try:
             self._geometry = build_geometry(request.scene, self._geometry)
             self._refine(request, self._geometry)
-        except (SceneError, MemoryError) as error:
-            self._fail(request, str(error) or "Out of memory")
-        except Exception as error:  # a mistake of ours: the next request has its own thread
-            log.exception("The viewport's solver failed")
-            self._fail(request, f"The solver failed: {error!r}; the system console has the details")
+        except Exception as error:  # the next request has its own thread
+            self._fail(request, explain(error))
         finally:
             with self._changed:
                 self._working -= 1
@@ -239,8 +246,8 @@ class Viewport:
             if not same(wanted, self._wanted):  # a selection changes nothing
                 self._wanted = wanted
             self._problem = ""
-        except SceneError as error:
-            self._wanted, self._problem = None, str(error)
+        except Exception as error:  # Blender would print each of them, and leave an old picture as if it were true
+            self._wanted, self._problem = None, explain(error, self._problem)
         self._meshes = surfaces.kept
 
     def draw(self, engine, context, depsgraph) -> None:

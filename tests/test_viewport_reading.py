@@ -175,3 +175,22 @@ def test_a_render_of_what_was_read_is_that_of_the_reader(objects, live):
     scene, _ = scene_reader.read_scene(bpy.context.evaluated_depsgraph_get())
     assert viewport.same(after.scene, dataclasses.replace(scene, camera=after.scene.camera))
     assert np.ptp(scene.vertices[:, 2]) > 1.5  # m: the cube that was moved is where it is now
+
+
+@pytest.mark.parametrize("error", [MemoryError(), KeyError("a mistake of ours")])
+def test_whatever_reading_raises_is_told_in_place_of_the_picture(objects, live, monkeypatch, caplog, error):
+    before, _ = wanted(live)
+
+    def fail(*_):
+        raise error
+
+    with monkeypatch.context() as patched:
+        patched.setattr(viewport, "read_settings", fail)
+        for obj in objects:
+            heat(obj)
+            assert wanted(live)[0] is None
+    expected = "Out of memory" if isinstance(error, MemoryError) else f"The solver failed: {error!r}"
+    assert live.viewport._problem.startswith(expected)
+    assert caplog.text.count("Traceback") == isinstance(error, KeyError)  # once, not at every update
+    heat(objects[0])
+    assert wanted(live)[0] is not None and live.viewport._problem == "" and before is not None
