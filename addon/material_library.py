@@ -295,10 +295,11 @@ class INFRARED_OT_spectrum_import(MaterialOperator, Operator, ImportHelper):
         from .solver import library
         from .spectra import SpectrumError, read_spectrum
 
+        path = Path(bpy.path.abspath(self.filepath))
         wavelengths = Path(bpy.path.abspath(self.wavelengths)) if self.wavelengths else None
         material = active_material(context)
         try:
-            spectrum = read_spectrum(Path(self.filepath), self.quantity, self.unit, wavelengths)
+            spectrum = read_spectrum(path, self.quantity, self.unit, wavelengths)
             if self.keep:
                 name = " ".join((self.name or spectrum.name).split())
                 remark = f" ({spectrum.remark})" if spectrum.remark else ""

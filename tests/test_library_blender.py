@@ -146,6 +146,16 @@ def test_spectra_are_imported_as_points_or_into_the_library(paint, own_file, tmp
     assert paint["emissivity"] == "oak"
 
 
+@pytest.mark.filterwarnings("ignore:.*blend relative")  # which Blender's base of such operators does not announce
+def test_a_spectrum_beside_the_blend_file_is_found(tmp_path):
+    (tmp_path / "oak.csv").write_text("um,emissivity\n8,0.9\n14,0.8\n")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    paint = material()
+    with bpy.context.temp_override(material=paint):
+        assert operators.spectrum_import(filepath="//oak.csv") == {"FINISHED"}
+    np.testing.assert_allclose(paint["emissivity"].to_list(), CURVE, rtol=0, atol=1e-12)
+
+
 def test_without_the_add_on_as_extension_the_environment_names_the_file(own_file):
     assert library.user_file() == own_file
 
