@@ -19,6 +19,7 @@ from mathutils import Color
 
 from .camera_effects import CameraEffects, read_detector
 from .heat_settings import read_scale
+from .last_render import forget_last_render
 from .output.description import FurtherImage, how_rendered
 from .output.formats import FORMATS, numbered, without_extension, write_file
 from .output.temperature_scale import TemperatureScale
@@ -54,6 +55,7 @@ class FinishedFrame:
 DEFAULT_SCALE = TemperatureScale()
 REC709 = np.eye(3, dtype=np.float32)
 
+# What the last render left; last_render.TABLES lists these tables.
 finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last finished render
 finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
 finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
@@ -114,9 +116,8 @@ def render_view_layer(engine, depsgraph) -> None:
     layer = view_layer.name
     layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # the evaluated one puts its own first
     if layer in layers[:1] or layer not in layers:  # the first of this render, or a single one
-        finished_layers.clear()
-        finished_frames.clear()
-        finished_groups.clear()
+        forget_last_render()
+    check_paths(scene.infrared)
     settings, edges = read_settings(scene.infrared), read_band_edges(scene.infrared)
     passes, further = render_passes(scene, view_layer), further_passes(scene, view_layer)
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
@@ -419,6 +420,16 @@ def write_groups(path: Path, layer: str, film) -> None:
     write_group_exr(path, layered_image(film), finished_layers[layer]["metadata"])
     finished_groups[layer] = path
     log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)
+
+
+def check_paths(infrared) -> None:
+    """Raise SceneError if a file is to lie beside a blend file that was never saved.
+
+    Blender takes such a path for one in the folder that it happened to be started in.
+    """
+    for path in (infrared.band_exr_path, infrared.group_exr_path, infrared.checkpoint_path):
+        if path.startswith("//") and not bpy.data.filepath:
+            raise SceneError(f"Save the file first: '{path}' starts at its folder")
 
 
 def file_path(scene, layer: str, animation: bool, file_format: str = "BAND_EXR") -> Path:

@@ -33,7 +33,7 @@ CUSTOM_PROPERTIES = {
         "soft_max": 2000.0,
         "step": 100.0,
         "precision": TEMPERATURE_DIGITS,
-        "description": "Temperature in kelvin. A mesh attribute named 'temperature' wins over it",
+        "description": "Temperature in kelvin",
     },
     "emissivity": {
         "subtype": "FACTOR",
@@ -88,7 +88,10 @@ def initial_value(id_block, key: str, scene) -> float | str:
 def add_custom_property(id_block, key: str, value: float | str) -> None:
     """Set the custom property `key` to a number or a text, with its unit and tooltip."""
     id_block[key] = value if isinstance(value, str) else float(value)
-    id_block.id_properties_ui(key).update(default=id_block[key], **CUSTOM_PROPERTIES[key])
+    shown = dict(CUSTOM_PROPERTIES[key])
+    if key == "temperature" and isinstance(id_block, bpy.types.Object) and id_block.type != "LIGHT":
+        shown["description"] += ". A mesh attribute named 'temperature' wins over it"
+    id_block.id_properties_ui(key).update(default=id_block[key], **shown)
     id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
@@ -188,6 +191,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
             ("CUSTOM", "Custom", "Bands between the edges you list", 1),
         ),
         default="UNIFORM",
+        update=show_passes,
     )
     wavelength_min: FloatProperty(
         name="Shortest (µm)",
@@ -196,6 +200,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         soft_min=0.1,
         soft_max=100.0,
         precision=3,
+        update=show_passes,
     )
     wavelength_max: FloatProperty(
         name="Longest (µm)",
@@ -204,6 +209,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         soft_min=0.1,
         soft_max=1_000.0,
         precision=3,
+        update=show_passes,
     )
     band_count: IntProperty(
         name="Band Count",
@@ -211,6 +217,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         default=16,
         min=1,
         soft_max=256,
+        update=show_passes,
     )
     band_tolerance: FloatProperty(
         name="Tolerance (K)",
@@ -220,11 +227,13 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         min=0.0,
         soft_max=1.0,
         precision=3,
+        update=show_passes,
     )
     band_edges: StringProperty(
         name="Edges (µm)",
         description="Band edges in micrometres, ascending, separated by commas",
         default="3, 5, 8, 10, 12, 14",
+        update=show_passes,
     )
     sensor: EnumProperty(
         name="Sensor",

@@ -12,7 +12,7 @@ from bpy.props import FloatVectorProperty, IntProperty
 from bpy.types import Operator
 
 from .heat_settings import PICTURE_EDITORS, redraw_pictures
-from .last_render import last_render
+from .last_render import forget_last_render, last_render
 
 HELP = "Spot Meter    LMB in an Image Editor: Place Spot, or Remove the One There    Esc: Leave"
 REACH = 8  # pixels: a click so near to a spot means that spot
@@ -187,9 +187,15 @@ class INFRARED_OT_spot_meter(Operator):
 def stop(context) -> None:
     """End the spot meter, if one runs."""
     Cursor.meter, Cursor.area = None, 0
-    if context.workspace is not None:
-        context.workspace.status_text_set(None)
+    clear_status(context)
     redraw_pictures()
+
+
+def clear_status(context) -> None:
+    """Take the help out of the status bar. Each workspace has its own, and the window may show another by now."""
+    for workspace in bpy.data.workspaces:
+        with context.temp_override(workspace=workspace):  # Blender asks the context for it, not the workspace
+            workspace.status_text_set(None)
 
 
 class INFRARED_OT_spot_add(Operator):
@@ -232,7 +238,7 @@ class INFRARED_OT_spot_remove(Operator):
 @persistent
 def forget_render(*_):
     """Another file is open: its render result is empty, and Blender has ended the operators."""
-    finished()[1].clear()
+    forget_last_render()
     Cursor.meter, Cursor.area = None, 0
 
 
@@ -247,6 +253,6 @@ def register():
 
 def unregister():
     bpy.app.handlers.load_post.remove(forget_render)
-    Cursor.meter, Cursor.area = None, 0
+    forget_render()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -21,6 +21,7 @@ bpy = pytest.importorskip("bpy")
 from blender_helpers import camera, cube_mesh, link, material, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
 
 from addon import final_render, spot_meter, temperature_groups  # noqa: E402
+from addon.last_render import forget_last_render  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
 from addon.solver.spectrum import band_names, band_radiance  # noqa: E402
 
@@ -183,6 +184,36 @@ def test_pass_ranges_add_up(tmp_path):
         images[passes, offset] = render_to_exr(tmp_path)["ViewLayer"]["Radiance"]
     assert not np.array_equal(images[2, 0], images[2, 2])
     np.testing.assert_allclose(images[4, 0], 0.5 * (images[2, 0] + images[2, 2]), rtol=FLOAT32)
+
+
+def compositor_tree(scene):
+    """The scene's new compositor."""
+    if hasattr(scene, "compositing_node_group"):  # Blender 5
+        scene.compositing_node_group = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
+        return scene.compositing_node_group
+    scene.use_nodes = True
+    return scene.node_tree
+
+
+def test_the_compositor_shows_the_bands_that_are_set():
+    """At once, without a render."""
+    wall(300.0)
+    scene, infrared = bpy.context.scene, bpy.context.scene.infrared
+    node = compositor_tree(scene).nodes.new("CompositorNodeRLayers")
+    scene.render.engine = "INFRARED_PHOTONS"
+    for name, value, expected in (
+        ("band_count", 2, ["7.50-10.75um", "10.75-14.00um"]),
+        ("wavelength_min", 8.0, ["8.00-11.00um", "11.00-14.00um"]),
+        ("wavelength_max", 7.0, []),  # which is no band
+        ("wavelength_max", 12.0, ["8.00-10.00um", "10.00-12.00um"]),
+        ("band_edges", "3, 4, 6", ["8.00-10.00um", "10.00-12.00um"]),
+        ("band_mode", "CUSTOM", ["3.00-4.00um", "4.00-6.00um"]),
+        ("band_edges", "3, 4", ["3.00-4.00um"]),
+        ("band_mode", "ADAPTIVE", ["8.00-10.00um", "10.00-12.00um"]),
+        ("band_tolerance", 0.1, ["8.00-12.00um"]),
+    ):
+        setattr(infrared, name, value)
+        assert [socket.name for socket in node.outputs if socket.name.endswith("um")] == expected, (name, value)
 
 
 # While it renders -----------------------------------------------------------------------------------------------------
@@ -410,6 +441,17 @@ def test_band_exr_paths(tmp_path):
         assert final_render.file_path(scene, layer, animation) == tmp_path / expected
 
 
+@pytest.mark.parametrize("name", ["band_exr_path", "group_exr_path", "checkpoint_path"])
+def test_a_path_beside_an_unsaved_file_is_an_error_before_the_first_pass(tmp_path, monkeypatch, name):
+    """Blender takes it for one in the folder that the process was started in."""
+    wall(300.0)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(final_render, "read_scene", lambda *_: pytest.fail("It is told too late"))
+    setattr(bpy.context.scene.infrared, name, "//bands")
+    assert "Save the file first: '//bands' starts at its folder" in failed_render(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_band_exr_of_several_view_layers(tmp_path):
     wall(300.0)
     bpy.context.scene.view_layers.new("Other")
@@ -425,7 +467,7 @@ def test_unwritable_band_exr_is_an_error(tmp_path):
 
 
 def test_export_operator_writes_the_last_render(tmp_path):
-    final_render.finished_layers.clear()
+    forget_last_render()
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.infrared.export_bands(filepath=str(tmp_path / "export.exr"))
     wall(300.0)

@@ -18,6 +18,7 @@ from addon import final_render, spot_meter  # noqa: E402
 from addon.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
 from addon.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
 from addon.heat_settings import read_scale, scene_unit  # noqa: E402
+from addon.last_render import TABLES, forget_last_render, last_render  # noqa: E402
 from addon.output.colour_bar import INK, ColourBar  # noqa: E402
 from addon.output.palette import PALETTES, display  # noqa: E402
 from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale  # noqa: E402
@@ -31,8 +32,7 @@ def small_render(reset_blender):
     infrared = bpy.context.scene.infrared
     infrared.passes, infrared.photons_per_pass, infrared.band_count, infrared.threads = 2, 1000, 2, 1
     yield
-    final_render.finished_layers.clear()
-    final_render.finished_frames.clear()
+    forget_last_render()
 
 
 def walls(left=280.0, right=340.0):
@@ -354,8 +354,28 @@ def test_another_file_shows_nothing_of_the_last_render(tmp_path):
     walls()
     render_to_exr(tmp_path)
     assert spot_meter.shown_layer(editor(), bpy.context.scene)
+    final_render.finished_groups["ViewLayer"] = tmp_path / "groups.exr"
+    assert all(map(last_render, TABLES))
     bpy.ops.wm.read_homefile(use_empty=True)
     assert spot_meter.shown_layer(editor(), bpy.context.scene) is None
+    assert not any(map(last_render, TABLES))
+    assert not bpy.ops.infrared.export_bands.poll() and not bpy.ops.infrared.range_from_render.poll()
+
+
+def test_the_tables_of_the_last_render_are_all_there():
+    found = {name for name in vars(final_render) if name.startswith("finished_") and name != "finished_frame"}
+    assert found == set(TABLES)
+
+
+def test_the_meters_help_leaves_every_workspace(monkeypatch):
+    """Each has its own text, and the window may have moved on to another since the meter was started."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    texts = {}
+    monkeypatch.setattr(
+        bpy.types.WorkSpace, "status_text_set", lambda _self, text: texts.update({bpy.context.workspace.name: text})
+    )
+    spot_meter.stop(bpy.context)
+    assert len(texts) > 5 and set(texts) == set(bpy.data.workspaces.keys()) and set(texts.values()) == {None}
 
 
 def test_a_cancelled_or_new_render_forgets_the_last_one(tmp_path, monkeypatch):
