@@ -8,7 +8,7 @@ writes.
 from __future__ import annotations
 
 import bpy
-from bpy.props import FloatProperty, IntProperty
+from bpy.props import FloatProperty, IntProperty, StringProperty
 from bpy.types import Operator, Panel
 
 from . import curve_previews
@@ -31,6 +31,47 @@ def write_points(material, points: list[tuple[float, float]]) -> None:
     """Set material["emissivity"] to the points, in the order of their wavelengths."""
     material["emissivity"] = [float(number) for point in sorted(points) for number in point]
     announce(material)
+
+
+class INFRARED_OT_emissivity_curve(MaterialOperator, Operator):
+    """Give the emissivity at several wavelengths; it is linear between them and constant outside"""
+
+    bl_idname = "infrared.emissivity_curve"
+    bl_label = "Emissivity over Wavelength"
+
+    points: StringProperty(
+        name="µm, emissivity, ...",
+        description="Pairs of wavelength in micrometres and emissivity 0 to 1, separated by commas",
+        default="8, 0.95, 14, 0.90",
+    )
+
+    def invoke(self, context, _event):
+        points = point_list(active_material(context))
+        if points is not None:
+            self.points = as_text(points)
+        return context.window_manager.invoke_props_dialog(self, width=500)
+
+    def execute(self, context):
+        from .scene_reader import Material, SceneError, pair_points
+
+        material = active_material(context)
+        try:
+            numbers = [float(word) for word in self.points.split(",")]
+            points = sorted(map(tuple, pair_points(numbers, f"Material '{material.name}'").tolist()))
+            Material(name=material.name, emissivity=points)
+        except SceneError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except ValueError:
+            self.report({"ERROR"}, f"'{self.points}' is no list of numbers separated by commas")
+            return {"CANCELLED"}
+        write_points(material, points)
+        return {"FINISHED"}
+
+
+def as_text(points: list[tuple[float, float]]) -> str:
+    """The points as the dialog of all of them shows and takes them: 9 digits keep apart what measurements do."""
+    return ", ".join(f"{number:.9g}" for point in points for number in point)
 
 
 class PointOperator(MaterialOperator):
@@ -209,6 +250,7 @@ def draw_points(layout, points: list[tuple[float, float]], window_manager) -> No
 
 
 CLASSES = (
+    INFRARED_OT_emissivity_curve,
     INFRARED_OT_point_add,
     INFRARED_OT_point_edit,
     INFRARED_OT_point_remove,

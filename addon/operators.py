@@ -65,53 +65,6 @@ class INFRARED_OT_property_remove(CustomPropertyOperator, Operator):
         id_block.pop(self.key, None)
 
 
-class EmissivityOperator:
-    """Base of operators that set the active material's emissivity."""
-
-    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
-
-    @classmethod
-    def poll(cls, context):
-        material = getattr(context, "material", None)
-        return material is not None and material.is_editable
-
-
-class INFRARED_OT_emissivity_curve(EmissivityOperator, Operator):
-    """Give the emissivity at several wavelengths; it is linear between them and constant outside"""
-
-    bl_idname = "infrared.emissivity_curve"
-    bl_label = "Emissivity over Wavelength"
-
-    points: StringProperty(
-        name="µm, emissivity, ...",
-        description="Pairs of wavelength in micrometres and emissivity 0 to 1, separated by commas",
-        default="8, 0.95, 14, 0.90",
-    )
-
-    def invoke(self, context, _event):
-        value = context.material.get("emissivity")
-        if hasattr(value, "to_list"):
-            self.points = ", ".join(f"{number:g}" for number in value.to_list())
-        return context.window_manager.invoke_props_dialog(self, width=500)
-
-    def execute(self, context):
-        from .scene_reader import Material, SceneError, pair_points
-
-        material = context.material
-        try:
-            points = [float(word) for word in self.points.split(",")]
-            Material(name=material.name, emissivity=pair_points(points, f"Material '{material.name}'"))
-        except SceneError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except ValueError:
-            self.report({"ERROR"}, f"'{self.points}' is no list of numbers separated by commas")
-            return {"CANCELLED"}
-        material["emissivity"] = points
-        material.update_tag()
-        return {"FINISHED"}
-
-
 class INFRARED_OT_export_bands(Operator, ExportHelper):
     """Write the last render to a file, one for each view layer"""
 
@@ -149,7 +102,6 @@ register, unregister = bpy.utils.register_classes_factory(
     (
         INFRARED_OT_property_add,
         INFRARED_OT_property_remove,
-        INFRARED_OT_emissivity_curve,
         INFRARED_OT_export_bands,
     )
 )

@@ -573,7 +573,9 @@ def test_emissivity_operators():
     with bpy.context.temp_override(material=paint):
         bpy.ops.infrared.emissivity_curve(points="8, 0.9, 14, 0.7")
         assert paint["emissivity"].to_list() == [8.0, 0.9, 14.0, 0.7]
-        for wrong in ("8, high", "8", "8, 2", "8, 0.5, 7, 0.5"):
+        bpy.ops.infrared.emissivity_curve(points="14, 0.7, 8, 0.9")  # in the order of their wavelengths
+        assert paint["emissivity"].to_list() == [8.0, 0.9, 14.0, 0.7]
+        for wrong in ("8, high", "8", "8, 2", "8, 0.5, 8, 0.6", "8, 0.5, nan, 0.5"):
             with pytest.raises(RuntimeError):
                 bpy.ops.infrared.emissivity_curve(points=wrong)
             assert paint["emissivity"].to_list() == [8.0, 0.9, 14.0, 0.7]

@@ -146,6 +146,16 @@ def test_spectra_are_imported_as_points_or_into_the_library(paint, own_file, tmp
     assert paint["emissivity"] == "oak"
 
 
+def test_points_as_text_keep_apart_what_measurements_do(paint):
+    """Text that is shown and taken again changes nothing."""
+    points = [(8.1234567, 0.9), (8.1234569, 0.123456789), (14.0, 0.8)]
+    paint["emissivity"] = [number for point in points for number in point]
+    text = curve_points.as_text(curve_points.point_list(paint))
+    assert text == "8.1234567, 0.9, 8.1234569, 0.123456789, 14, 0.8"
+    assert operators.emissivity_curve(points=text) == {"FINISHED"}
+    assert curve_points.point_list(paint) == points
+
+
 @pytest.mark.filterwarnings("ignore:.*blend relative")  # which Blender's base of such operators does not announce
 def test_a_spectrum_beside_the_blend_file_is_found(tmp_path):
     (tmp_path / "oak.csv").write_text("um,emissivity\n8,0.9\n14,0.8\n")
