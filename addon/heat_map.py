@@ -21,6 +21,7 @@ from .temperature_fields import TemperatureError, check_kelvin
 NAME = "Infrared Heat Map"  # of the color attribute
 KEPT = "infrared_heat_map"  # custom property of screens and meshes: what to put back
 SHADING = {"type": "SOLID", "color_type": "VERTEX", "light": "FLAT"}  # flat: only then a colour is a temperature
+PLAIN = {"type": "SOLID", "color_type": "MATERIAL", "light": "STUDIO"}  # as in a new file
 
 
 def temperatures(obj, depsgraph, scene) -> tuple[str, np.ndarray]:
@@ -77,6 +78,18 @@ def viewports(screen):
             yield str(index), area.spaces.active.shading
 
 
+def area_types(screen) -> str:
+    """What the keys of its viewports depend on: after areas are split or joined, a key may mean another one."""
+    return " ".join(area.type for area in screen.areas)
+
+
+def shade(shading, values) -> None:
+    """Set the members of SHADING of a viewport."""
+    shading.type = "SOLID"  # color_type and light belong to this type
+    for member, value in reversed(list(zip(SHADING, values, strict=True))):
+        setattr(shading, member, value)
+
+
 def is_shown(screen) -> bool:
     """Whether a screen's viewports show the heat map."""
     return screen is not None and KEPT in screen
@@ -91,23 +104,24 @@ def show_in(screen, low: float, high: float) -> None:
     """Let the viewports of a screen show color attributes; remember how they were, and the range."""
     kept = screen[KEPT].to_dict() if KEPT in screen else {}
     kept["range"] = [low, high]
+    kept.setdefault("areas", area_types(screen))
     for key, shading in viewports(screen):
         kept.setdefault(key, [getattr(shading, member) for member in SHADING])
-        for member, value in SHADING.items():
-            setattr(shading, member, value)
+        shade(shading, SHADING.values())
     screen[KEPT] = kept
 
 
-def hide_in(screen) -> None:
-    """Shade the viewports of a screen as before."""
-    kept = screen[KEPT]
+def hide_in(screen) -> bool:
+    """Shade the viewports of a screen as before; plainly, and return False, if its areas are others than before."""
+    kept = screen[KEPT].to_dict()
+    same_areas = kept.get("areas", area_types(screen)) == area_types(screen)
     for key, shading in viewports(screen):
-        if key not in kept:
-            continue
-        shading.type = "SOLID"  # color_type and light belong to this type
-        for member, value in reversed(list(zip(SHADING, kept[key], strict=True))):
-            setattr(shading, member, value)
+        if not same_areas:
+            shade(shading, PLAIN.values())
+        elif key in kept:
+            shade(shading, kept[key])
     del screen[KEPT]
+    return same_areas
 
 
 class INFRARED_OT_heat_map_show(Operator):
@@ -193,9 +207,9 @@ class INFRARED_OT_heat_map_hide(Operator):
         for mesh in bpy.data.meshes:
             if mesh.is_editable and (KEPT in mesh or NAME in mesh.color_attributes):
                 clean(mesh)
-        for screen in bpy.data.screens:
-            if is_shown(screen):
-                hide_in(screen)
+        restored = [hide_in(screen) for screen in bpy.data.screens if is_shown(screen)]
+        if not all(restored):
+            self.report({"WARNING"}, "Editors were split or joined meanwhile: 3D viewports are in Solid mode now")
         return {"FINISHED"}
 
 

@@ -586,6 +586,24 @@ def test_heat_map_shows_temperatures_and_leaves_no_trace():
     assert plain.data.color_attributes.active_color_name == ""
 
 
+def test_heat_map_leaves_viewports_plain_if_editors_were_split_meanwhile():
+    """A viewport is known by its place among the editors only; another one must not get its shading."""
+    screen, shading = viewport()
+    shading.type = "RENDERED"
+    link("Plate", cube_mesh(), temperature=300.0)
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window, screen=screen):
+        infrared.heat_map_show()
+        area = next(area for area in screen.areas if area.type == "VIEW_3D")
+        with bpy.context.temp_override(window=window, screen=screen, area=area, region=area.regions[-1]):
+            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
+        infrared.heat_map_show()
+        assert infrared.heat_map_hide() == {"FINISHED"}
+    shadings = [area.spaces.active.shading for area in screen.areas if area.type == "VIEW_3D"]
+    assert len(shadings) > 1 and not heat_map.is_shown(screen)
+    assert all((s.type, s.light, s.color_type) == ("SOLID", "STUDIO", "MATERIAL") for s in shadings)
+
+
 def test_heat_map_shows_what_geometry_nodes_make():
     screen, _ = viewport()
     obj = link("Grid", grid_mesh())
