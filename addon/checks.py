@@ -7,17 +7,21 @@ Whether a value can be rendered, the scene's reader decides; nothing here judges
 from __future__ import annotations
 
 import textwrap
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 from bpy.types import Panel
 
-from .panels import SURFACE_TYPES, INFRARED_PT_light, INFRARED_PT_object, InfraredPanel, band_problem
+from .panels import SURFACE_TYPES, INFRARED_PT_light, INFRARED_PT_object, InfraredPanel
 
 LISTED = 8  # messages of a kind; more are counted
 LOST = 0.02  # share of a sensor's signal outside the bands that is worth a warning
 SLACK = 1e-4  # um: settings are float32, so 14 um may be 14.0000001
+SLOW = 0.01  # s: what takes longer is not done each time that a panel is drawn
 
 ICONS = {"ERROR": "ERROR", "WARNING": "QUESTION", "HINT": "INFO"}
 
@@ -28,6 +32,24 @@ class Check:
 
     level: str
     text: str
+
+
+def problems(read: Callable, *arguments) -> list[Check]:
+    """The error with which a render stops where it reads something in the same way, if there is one."""
+    from .scene_reader import SceneError
+
+    try:
+        read(*arguments)
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    return []
+
+
+def settings_checks(infrared) -> list[Check]:
+    """What is to be said of the solver's settings."""
+    from .scene_reader import read_settings
+
+    return problems(read_settings, infrared)
 
 
 def material_checks(material, infrared) -> list[Check]:
@@ -82,22 +104,24 @@ def sensor_checks(infrared) -> list[Check]:
 
 
 def detector_checks(scene) -> list[Check]:
-    """What is to be said of the camera effects; of the camera itself, the render says it."""
+    """What is to be said of the camera effects; of the camera itself, `camera_checks` says it."""
     from .camera_effects import read_detector
-    from .scene_reader import SceneError, read_band_edges, read_response
-    from .solver.scene import check_response
 
     if not scene.infrared.use_detector or scene.camera is None or scene.camera.type != "CAMERA":
         return []
-    try:
-        check_response(read_response(scene.infrared), read_band_edges(scene.infrared))
-    except SceneError:
-        return []  # reported for the bands and the sensor
-    try:
-        read_detector(scene, scene.camera)
-    except SceneError as error:
-        return [Check("ERROR", str(error))]
-    return []
+    if any(check.level == "ERROR" for check in sensor_checks(scene.infrared)):
+        return []  # the bands' weights make no sense
+    return problems(read_detector, scene, scene.camera)
+
+
+def camera_checks(scene, depsgraph) -> list[Check]:
+    """What is to be said of the scene's camera."""
+    from .camera_reader import read_camera
+    from .scene_reader import Warnings
+
+    warnings = Warnings()
+    found = problems(read_camera, depsgraph, scene.camera, warnings)
+    return found + [Check("WARNING", message) for message in warnings.messages()]
 
 
 def object_checks(obj, infrared) -> list[Check]:
@@ -119,91 +143,75 @@ def _owner(obj) -> str:
 
 
 def _temperature_checks(obj, infrared) -> list[Check]:
-    if obj.type == "MESH" and "temperature" in obj.data.attributes:
-        problem = attribute_problem(obj.data, obj.name)
-        return [Check("ERROR", problem)] if problem else []
-    if obj.type not in SURFACE_TYPES and obj.type != "LIGHT":
-        return []
-    temperature = obj.get("temperature")
-    if temperature is not None:
-        return _number_checks(obj, _owner(obj))
+    from .scene_reader import object_temperatures, read_light, usable_attribute
+
     if obj.type == "LIGHT":
+        return problems(read_light, obj, np.array(obj.matrix_world, dtype=np.float64))
+    if obj.type not in SURFACE_TYPES:
         return []
-    ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
-    return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
-
-
-def _number_checks(id_block, owner: str) -> list[Check]:
-    from .scene_reader import SceneError, read_temperature
-
-    try:
-        read_temperature(id_block, 0.0, owner)
-    except SceneError as error:
-        return [Check("ERROR", str(error))]
-    return []
+    if obj.get("temperature") is None and not (obj.type == "MESH" and usable_attribute(obj.data)):
+        ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
+        return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
+    return problems(object_temperatures, obj, 0.0)
 
 
 def scene_checks(scene, view_layer) -> list[Check]:
     """All of a scene, in the order of their weight: errors, warnings, hints. What is not rendered is passed over."""
+    from . import scene_reader as reader
+    from .final_render import check_paths
+    from .render_passes import render_passes
     from .solver import library
 
     infrared = scene.infrared
-    objects = [obj for obj in view_layer.objects if not obj.hide_render]
+    depsgraph = view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
+    objects = reader.rendered_objects(reader.layer_objects(view_layer.layer_collection))
     override = view_layer.material_override
     slots = (slot.material for obj in objects if obj.type in SURFACE_TYPES for slot in obj.material_slots)
     materials = [override] if override else dict.fromkeys(material for material in slots if material is not None)
-    found = [Check("ERROR", problem) for problem in [band_problem(infrared)] if problem]
+    found = problems(check_paths, infrared)
+    found += settings_checks(infrared)
+    found += problems(reader.read_defaults, infrared)
+    found += problems(render_passes, scene, view_layer)
     found += sensor_checks(infrared)
     found += detector_checks(scene)
+    found += camera_checks(scene, depsgraph)
+    found += problems(reader.check_faces, view_layer, any(map(reader.may_have_faces, objects)))
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
-    if scene.world is not None:
-        found += _number_checks(scene.world, f"World '{scene.world.name}'")
+    found += problems(reader.world_temperature, scene.world)
     for material in materials:
         found += material_checks(material, infrared)
     for obj in objects:
         found += object_checks(obj, infrared)
-    return sorted(found, key=lambda check: list(ICONS).index(check.level))
+    if infrared.group_exr_path:
+        found += problems(reader.read_group_temperatures, scene, objects)
+    return sorted(dict.fromkeys(found), key=lambda check: list(ICONS).index(check.level))
 
 
-# The attribute `temperature` ------------------------------------------------------------------------------------------
+# What panels show -----------------------------------------------------------------------------------------------------
 
-_problems = {}  # session_uid of a mesh -> why its attribute cannot be rendered, or an empty text
-
-
-def attribute_problem(mesh, owner: str) -> str:
-    """Why the mesh's attribute `temperature` cannot be rendered, or an empty text. Read once after each change."""
-    import numpy as np
-
-    from .scene_reader import SceneError, check_temperature
-
-    if mesh.session_uid not in _problems:
-        attribute, problem = mesh.attributes["temperature"], ""
-        if attribute.data_type == "FLOAT" and len(attribute.data):  # else the object's temperature counts
-            values = np.empty(len(attribute.data), dtype=np.float32)
-            attribute.data.foreach_get("value", values)
-            try:
-                for value in (values.min(), values.max()):  # NaN is both
-                    check_temperature(value, f"Attribute 'temperature' of object '{owner}'")
-            except SceneError as error:
-                problem = str(error)
-        _problems[mesh.session_uid] = problem
-    return _problems[mesh.session_uid]
+_kept = {}  # what was found in a scene, if it took long: until the next change
 
 
-@persistent
-def forget_changed(_scene, depsgraph):
-    """After an edit: read the attributes of the meshes that it changed again."""
-    for update in depsgraph.updates:
-        if update.is_updated_geometry:
-            data = update.id.data if isinstance(update.id, bpy.types.Object) else update.id
-            if isinstance(data, bpy.types.Mesh):
-                _problems.pop(data.original.session_uid, None)
+def kept(scene, what: str, find: Callable):
+    """What find() gives: looked for again after each change of the scene, or at once if that is quick.
+
+    what: its name among the things found in a scene. While an animation plays its frames do not count as changes.
+    """
+    playing = bpy.context.screen is not None and bpy.context.screen.is_animation_playing
+    key = scene.session_uid, what, None if playing else scene.frame_current
+    if key in _kept:
+        return _kept[key]
+    begin = time.perf_counter()
+    result = find()
+    if time.perf_counter() - begin > SLOW:
+        _kept[key] = result
+    return result
 
 
 @persistent
-def forget_all(*_):
-    """After another file or a step of undo."""
-    _problems.clear()
+def forget(*_):
+    """After an edit, another file or a step of undo."""
+    _kept.clear()
 
 
 # Panels ---------------------------------------------------------------------------------------------------------------
@@ -213,7 +221,8 @@ class INFRARED_PT_checks(InfraredPanel, Panel):
     bl_label = "Checks"
 
     def draw(self, context):
-        checks = scene_checks(context.scene, context.view_layer)
+        scene, layer = context.scene, context.view_layer
+        checks = kept(scene, f"checks of {layer.name}", lambda: scene_checks(scene, layer))
         for level in ICONS:
             of_level = [check for check in checks if check.level == level]
             draw_checks(self.layout, of_level[:LISTED], context.region)
@@ -225,8 +234,10 @@ class INFRARED_PT_checks(InfraredPanel, Panel):
 
 def draw_object_checks(self, context):
     """Under the object's temperature."""
-    if context.object is not None:
-        draw_problems(self.layout, object_checks(context.object, context.scene.infrared), context.region)
+    obj, scene = context.object, context.scene
+    if obj is not None:
+        checks = kept(scene, f"checks of {obj.session_uid}", lambda: object_checks(obj, scene.infrared))
+        draw_problems(self.layout, checks, context.region)
 
 
 def draw_problems(layout, checks: list[Check], region) -> None:
@@ -247,10 +258,10 @@ def draw_checks(layout, checks: list[Check], region) -> None:
 
 
 HANDLERS = {
-    "depsgraph_update_post": forget_changed,
-    "load_post": forget_all,
-    "undo_post": forget_all,
-    "redo_post": forget_all,
+    "depsgraph_update_post": forget,
+    "load_post": forget,
+    "undo_post": forget,
+    "redo_post": forget,
 }
 
 
@@ -268,4 +279,4 @@ def unregister():
     for panel in (INFRARED_PT_object, INFRARED_PT_light):
         panel.remove(draw_object_checks)
     bpy.utils.unregister_class(INFRARED_PT_checks)
-    _problems.clear()
+    forget()

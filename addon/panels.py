@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 from bpy.types import Panel
 
 from . import heat_map
-from .properties import property_label
+from .properties import initial_value, property_label
 from .surface_temperature import DOMAINS, SURFACE_TYPES, in_scene_unit, temperature_source, usable_attribute
 
 ENGINE = "INFRARED_PHOTONS"
@@ -54,14 +56,15 @@ class INFRARED_PT_photons(RenderSettingsPanel, Panel):
     bl_label = "Photons"
 
     def draw_settings(self, column, infrared):
+        from .checks import draw_problems, settings_checks
+
         column.prop(infrared, "passes")
         column.prop(infrared, "photons_per_pass")
         column.prop(infrared, "neighbours")
         column.separator()
         column.prop(infrared, "time_limit")
         column.prop(infrared, "target_noise")
-        if infrared.passes == 0 and infrared.time_limit == 0 and infrared.target_noise == 0:
-            column.label(text="Nothing stops this render", icon="ERROR")
+        draw_problems(column, settings_checks(infrared), bpy.context.region)
 
 
 class INFRARED_PT_photons_advanced(RenderSettingsPanel, Panel):
@@ -256,7 +259,8 @@ class INFRARED_PT_world(InfraredPanel, Panel):
 
     def draw(self, context):
         column = self.column()
-        draw_custom_property(column, context.world, "WORLD", "temperature", "0 K (no radiation)")
+        none = f"{in_scene_unit(0.0, context.scene)} (no radiation)"
+        draw_custom_property(column, context.world, "WORLD", "temperature", none)
         draw_group(column, context.world, "WORLD", context.scene)
 
 
@@ -287,7 +291,7 @@ class INFRARED_PT_light(InfraredPanel, Panel):
             if two_sizes:
                 size.prop(light, "size_y", text="Y")
         if context.object is not None:  # the temperature is the object's, a pinned light has none
-            default = "5772 K" if light.type == "SUN" else "2856 K"
+            default = in_scene_unit(initial_value(context.object, "temperature", context.scene), context.scene)
             draw_custom_property(column, context.object, "OBJECT", "temperature", f"{default} (default)")
 
 
@@ -317,11 +321,23 @@ def draw_custom_property(column, id_block, owner: str, key: str, without: str) -
     row = column.row(align=True)
     present = key in id_block
     if present:
-        row.prop(id_block, f'["{key}"]', text=property_label(key))
+        row.prop(id_block, f'["{key}"]', text=shown_label(id_block, key))
         operator = row.operator("infrared.property_remove", text="", icon="X")
     else:
         operator = draw_text(row, key, without).operator("infrared.property_add", text="", icon="ADD")
     operator.owner, operator.key = owner, key
+
+
+def shown_label(id_block, key: str) -> str:
+    """A custom property's name, with the unit of a temperature that Blender shows as a mere number.
+
+    Scripts set those. To give it Blender's unit is to change the file, which a panel must not do while it is drawn.
+    """
+    value = id_block[key]
+    plain = key == "temperature" and isinstance(value, float | int) and not isinstance(value, bool)
+    if plain and id_block.id_properties_ui(key).as_dict().get("subtype") != "TEMPERATURE":
+        return "Temperature (K)"
+    return property_label(key)
 
 
 def draw_group(column, id_block, owner: str, scene) -> None:
@@ -356,12 +372,11 @@ def draw_spectrum(column, emissivity) -> None:
 
 def draw_chosen_bands(column, infrared) -> None:
     """The edges of adaptive bands, the error foreseen, and a button to keep them; or why there are none."""
-    from .scene_reader import SceneError, read_adaptive_bands
+    from .checks import kept
 
-    try:
-        edges, error = read_adaptive_bands(infrared)
-    except SceneError as problem:
-        column.label(text=str(problem), icon="ERROR")
+    edges, error, problem = kept(infrared.id_data, "adaptive bands", lambda: find_bands(infrared))
+    if problem:
+        column.label(text=problem, icon="ERROR")
         return
     box = column.box().column(align=True)
     box.label(text=f"{len(edges) - 1} bands, error about {error:.1g} K")
@@ -373,6 +388,16 @@ def draw_chosen_bands(column, infrared) -> None:
     if len(lines) > EDGE_LINES:
         box.label(text=f"and {len(words) - EDGE_LINES * EDGES_A_LINE} more")
     column.operator("infrared.bands_keep", icon="PINNED")
+
+
+def find_bands(infrared) -> tuple[Sequence[float], float, str]:
+    """The edges (um) of adaptive bands, the error (K) foreseen, and why there are none, or an empty text."""
+    from .scene_reader import SceneError, read_adaptive_bands
+
+    try:
+        return *read_adaptive_bands(infrared), ""
+    except SceneError as problem:
+        return (), 0.0, str(problem)
 
 
 def band_problem(infrared) -> str:

@@ -6,8 +6,9 @@ Units: metres (one Blender unit, whatever the display units), kelvin, micrometre
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -36,7 +37,7 @@ from .solver.scene import (
 from .solver.sensors import BUILT_IN
 from .solver.settings import Settings
 from .solver.spectrum import uniform_edges
-from .surface_temperature import SURFACE_TYPES, usable_attribute
+from .surface_temperature import NAME, SURFACE_TYPES, read_values, usable_attribute
 
 UNSUPPORTED = {
     "CURVES": "hair curves",
@@ -92,7 +93,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
     Raises SceneError as read_scene does.
     """
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-    check_temperature(scene.infrared.ambient_temperature, "Ambient")
+    surfaces.ambient_temperature, surfaces.default = read_defaults(scene.infrared)
     warnings, lights, known = surfaces.warnings, [], set()
     for instance in depsgraph.object_instances:
         obj = instance.object
@@ -112,23 +113,52 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
                 warnings.add(obj.name, "temperature groups are for surfaces; the light stays as it is")
         elif obj.type in UNSUPPORTED:
             warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
-    if not surfaces.triangles:
-        raise SceneError(f"View layer '{layer.name}' has nothing to render: no visible object has faces")
+    check_faces(layer, bool(surfaces.triangles))
     return surfaces.arrays(scene.world) | {
         "band_edges": read_band_edges(scene.infrared),
-        "world_temperature": _world_temperature(scene.world),
+        "world_temperature": world_temperature(scene.world),
         "lights": tuple(lights),
         "response": read_response(scene.infrared),
     }
 
 
+def check_faces(layer, found: bool) -> None:
+    """Raise SceneError unless there are faces to render in a view layer."""
+    if not found:
+        raise SceneError(f"View layer '{layer.name}' has nothing to render: no visible object has faces")
+
+
+def may_have_faces(obj) -> bool:
+    """False if an object shows no face whatever is made of it: there is no need to make it."""
+    if obj.type not in SURFACE_TYPES or len(obj.modifiers):
+        return len(obj.modifiers) > 0
+    return obj.type != "MESH" or len(obj.data.polygons) > 0 or obj.data.is_editmode
+
+
+# Settings -------------------------------------------------------------------------------------------------------------
+
+DEFAULTS = "Where Nothing Is Set"  # label of the panel with these settings
+SENSOR_SETTINGS = {"assumed_emissivity", "reflected_temperature"}
+
+
 def read_settings(infrared) -> Settings:
-    """The solver's settings from scene.infrared. Raises SceneError if nothing would stop the render."""
+    """The solver's settings from scene.infrared. Raises SceneError, with the names that the interface shows, if nothing
+    would stop the render or a value makes no sense.
+    """
+    names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name)]
     try:
-        names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name)]
         return Settings(**{name: as_typed(getattr(infrared, name)) for name in names})
     except ValueError as error:
-        raise SceneError(str(error)) from error
+        labels = {name: infrared.bl_rna.properties[name].name for name in names}
+        words = re.findall(r"\w+|\W+", str(error))
+        panel = "Spectrum > Sensor" if SENSOR_SETTINGS.intersection(words) else "Photons"
+        raise SceneError(f"Panel '{panel}': {''.join(labels.get(word, word) for word in words)}") from error
+
+
+def read_defaults(infrared) -> tuple[float, Material]:
+    """Temperature (K) and material of what has none of its own. Raises SceneError, naming their panel."""
+    check_temperature(infrared.ambient_temperature, f"Panel '{DEFAULTS}'")
+    return infrared.ambient_temperature, Material(name=DEFAULTS, emissivity=infrared.default_emissivity)
 
 
 def as_typed(value):
@@ -203,12 +233,12 @@ def read_adaptive_bands(infrared) -> Partition:
     materials = {layer.material_override for layer in scene.view_layers}
     curves, temperatures, lights = set(), [], set()
     with suppress(SceneError):
-        temperatures.append(_world_temperature(scene.world))
-    for obj in _rendered_objects(scene):
+        temperatures.append(world_temperature(scene.world))
+    for obj in rendered_objects(scene.objects):
         with suppress(SceneError):
             if obj.type in SURFACE_TYPES:
                 materials.update(slot.material for slot in obj.material_slots)
-                temperatures += _extremes(obj, infrared.ambient_temperature)
+                temperatures += object_temperatures(obj, infrared.ambient_temperature)
             elif obj.type == "LIGHT" and obj.data.energy > 0:
                 lights.add(light_temperature(obj))
     for material in materials - {None}:
@@ -235,40 +265,49 @@ def _choose_bands(low, high, curves: tuple[bytes, ...], temperatures, lights, co
     return choose_bands(low, high, [unpacked(curve) for curve in curves], temperatures, lights, count, tolerance, seen)
 
 
-def _rendered_objects(scene) -> set:
-    """The objects in a scene's collections and in those that they instance, but for those that no render shows."""
-    found, new = set(), set(scene.objects)
+def layer_objects(layer_collection) -> Iterator:
+    """The objects in a view layer's collection and those inside it, but for collections hidden from renders."""
+    if not layer_collection.collection.hide_render:
+        if not layer_collection.exclude:
+            yield from layer_collection.collection.objects
+        for child in layer_collection.children:
+            yield from layer_objects(child)
+
+
+def rendered_objects(objects: Iterable) -> dict:
+    """These objects and those in collections that they instance, once and in order (keys): but for hidden ones."""
+    found, new = {}, objects
     while new:
-        found |= new
-        collections = {obj.instance_collection for obj in new if obj.instance_type == "COLLECTION"} - {None}
-        new = {obj for collection in collections for obj in collection.all_objects} - found
-    return {obj for obj in found if not obj.hide_render}
+        shown = {obj: None for obj in new if not obj.hide_render}
+        found |= shown
+        collections = {obj.instance_collection: None for obj in shown if obj.instance_type == "COLLECTION"}
+        collections.pop(None, None)
+        new = [obj for collection in collections for obj in collection.all_objects if obj not in found]
+    return found
 
 
-def _extremes(obj, ambient: float) -> list[float]:
-    """Lowest and highest temperature (K) of an object itself, not of what modifiers make of it."""
-    attribute = usable_attribute(obj.data) if obj.type == "MESH" else None
-    if attribute is None or len(attribute.data) == 0:  # in Edit Mode there is nothing to read
+def object_temperatures(obj, ambient: float) -> list[float]:
+    """All, or the lowest and the highest temperature (K) of an object itself, not of what modifiers make of it."""
+    values = attribute_temperatures(obj.data, obj.name) if obj.type == "MESH" else None
+    if values is None:
         return [read_temperature(obj, ambient, f"Object '{obj.name}'")]
-    values = _read(attribute, "value", np.float32)
-    extremes = [float(values.min()), float(values.max())]
-    for value in extremes:
-        check_temperature(value, f"Attribute 'temperature' of object '{obj.name}'")
-    return extremes
+    return [float(values.min()), float(values.max())]
 
 
-def read_group_temperatures(scene) -> dict[str, float]:
+def read_group_temperatures(scene, objects: Iterable | None = None) -> dict[str, float]:
     """The temperature (K) of each group that a scene's objects and world are in now, as the interface shows them.
 
+    objects: those that are rendered; None is all of the scene that are not hidden.
     Raises SceneError if a temperature makes no sense, or differs within a group.
     """
     groups = GroupReader()
-    for obj in sorted(_rendered_objects(scene), key=lambda obj: obj.name_full):
+    objects = rendered_objects(scene.objects) if objects is None else objects
+    for obj in sorted(objects, key=lambda obj: obj.name_full):
         if obj.type in SURFACE_TYPES and read_group(obj, f"Object '{obj.name}'"):
-            kelvin = _extremes(obj, scene.infrared.ambient_temperature)
+            kelvin = object_temperatures(obj, scene.infrared.ambient_temperature)
             groups.number(obj, f"Object '{obj.name}'", np.float32(kelvin))
     if scene.world is not None:
-        kelvin = _world_temperature(scene.world)
+        kelvin = world_temperature(scene.world)
         groups.number(scene.world, f"World '{scene.world.name}'", np.float32([kelvin]))
     return groups.temperatures
 
@@ -334,7 +373,7 @@ def read_temperature(id_block, default: float, owner: str) -> float:
     return temperature
 
 
-def _world_temperature(world) -> float:
+def world_temperature(world) -> float:
     """What rays that leave the scene see, K; without the property, or without a world, that is 0 K."""
     return 0.0 if world is None else read_temperature(world, 0.0, f"World '{world.name}'")
 
@@ -407,47 +446,46 @@ def read_mesh(mesh, owner: str, warnings: Warnings) -> MeshData:
     count = len(mesh.loop_triangles)
     if count == 0:
         return MeshData(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), None)
-    corner_vertices = _read(mesh.attributes[".corner_vert"], "value", np.int32)
+    corner_vertices = read_values(mesh.attributes[".corner_vert"].data, "value", np.int32)
     corners = np.empty(3 * count, dtype=np.int32)
     mesh.loop_triangles.foreach_get("loops", corners)
     faces = np.empty(count, dtype=np.int32)
     mesh.loop_triangle_polygons.foreach_get("value", faces)
     slots = mesh.attributes.get("material_index")
     return MeshData(
-        vertices=_read(mesh.attributes["position"], "vector", np.float32, 3).astype(np.float64),
+        vertices=read_values(mesh.attributes["position"].data, "vector", np.float32, 3).astype(np.float64),
         triangles=corner_vertices[corners].reshape(-1, 3),
-        slot=np.zeros(count, np.int32) if slots is None else _read(slots, "value", np.int32)[faces],
-        temperature=_read_temperature(mesh, corner_vertices, corners, faces, owner, warnings),
+        slot=np.zeros(count, np.int32) if slots is None else read_values(slots.data, "value", np.int32)[faces],
+        temperature=_triangle_temperatures(mesh, corner_vertices, corners, faces, owner, warnings),
     )
 
 
-def _read(attribute, member: str, dtype, width: int = 1) -> np.ndarray:
-    """All of a mesh attribute, (n,) or (n, width); a dtype other than its own would be slow."""
-    values = np.empty(len(attribute.data) * width, dtype=dtype)
-    attribute.data.foreach_get(member, values)
-    return values if width == 1 else values.reshape(-1, width)
+def attribute_temperatures(mesh, owner: str) -> np.ndarray | None:
+    """The mesh attribute `temperature`, (n,) float32 K on its domain; None without one that counts.
 
-
-def _read_temperature(mesh, corner_vertices, corners, faces, owner, warnings) -> np.ndarray | None:
-    """The mesh attribute `temperature` per triangle (m,) or per triangle corner (m, 3), float32 K; None without one."""
-    attribute = mesh.attributes.get("temperature")
-    if attribute is None:
+    owner: name of the mesh's object. Raises SceneError if a value cannot be rendered.
+    """
+    attribute = usable_attribute(mesh)
+    if attribute is None or len(attribute.data) == 0:  # in Edit Mode there is nothing to read
         return None
-    if attribute.data_type != "FLOAT" or attribute.domain not in ("POINT", "CORNER", "FACE"):
-        warnings.add(
-            owner,
-            f"the attribute 'temperature' ({attribute.data_type.lower()} on {attribute.domain.lower()}s) is no float "
-            "on points, corners or faces; using the object's temperature",
-        )
-        return None
-    values = _read(attribute, "value", np.float32)
-    if attribute.domain == "FACE":
-        values = values[faces]
-    else:
-        values = values[corner_vertices[corners] if attribute.domain == "POINT" else corners].reshape(-1, 3)
+    values = read_values(attribute.data, "value", np.float32)
     for value in (values.min(), values.max()):  # NaN is both
-        check_temperature(value, f"Attribute 'temperature' of object '{owner}'")
+        check_temperature(value, f"Attribute '{NAME}' of object '{owner}'")
     return values
+
+
+def _triangle_temperatures(mesh, corner_vertices, corners, faces, owner, warnings) -> np.ndarray | None:
+    """The mesh attribute `temperature` per triangle (m,) or per triangle corner (m, 3), float32 K; None without one."""
+    values, attribute = attribute_temperatures(mesh, owner), mesh.attributes.get(NAME)
+    if values is None:
+        if attribute is not None:
+            kind = f"{attribute.data_type.lower()} on {attribute.domain.lower()}s"
+            message = f"the attribute '{NAME}' ({kind}) is no float on points, corners or faces"
+            warnings.add(owner, f"{message}; using the object's temperature")
+        return None
+    if attribute.domain == "FACE":
+        return values[faces]
+    return values[corner_vertices[corners] if attribute.domain == "POINT" else corners].reshape(-1, 3)
 
 
 class SurfaceReader:
@@ -462,9 +500,7 @@ class SurfaceReader:
     ):
         """kept: meshes that did not change since an earlier read, from its `kept`; None reads all. groups: None if
         temperature groups do not matter."""
-        infrared = depsgraph.scene_eval.infrared
-        self.ambient_temperature = infrared.ambient_temperature
-        self.default = Material(name="(scene default)", emissivity=infrared.default_emissivity)
+        self.ambient_temperature, self.default = 0.0, Material()  # where nothing is set: read_contents reads them
         self.override, self.warnings = depsgraph.view_layer_eval.material_override, warnings
         self.meshes = {}  # address of the evaluated mesh -> MeshData
         self.kept = {}  # the same meshes, by the first object that has it, too: an address may be used once more
@@ -545,7 +581,7 @@ class SurfaceReader:
             return {}
         of_world = -1
         if world is not None:
-            of_world = self.groups.number(world, f"World '{world.name}'", np.float32([_world_temperature(world)]))
+            of_world = self.groups.number(world, f"World '{world.name}'", np.float32([world_temperature(world)]))
         if not self.groups.names:
             return {}
         return {"groups": self.groups.names, "group": np.concatenate(self.group_numbers), "world_group": of_world}

@@ -43,14 +43,12 @@ def own_temperature(obj, scene) -> float:
 
     Raises TemperatureError if that is no temperature.
     """
-    value = obj.get(NAME)
-    if value is None:
-        value = scene.infrared.ambient_temperature
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TemperatureError(f"Object '{obj.name}': its temperature is no number")
-    if not 0.0 <= value < np.inf:  # NaN is neither
-        raise TemperatureError(f"Object '{obj.name}': temperature {value:g} K; it has to be finite and at least 0 K")
-    return float(value)
+    from .scene_reader import SceneError, read_temperature
+
+    try:
+        return read_temperature(obj, scene.infrared.ambient_temperature, f"Object '{obj.name}'")
+    except SceneError as error:
+        raise TemperatureError(str(error)) from None
 
 
 def in_scene_unit(kelvin: float, scene) -> str:

@@ -30,14 +30,14 @@ def spread(shares: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def check_kelvin(values: np.ndarray, owner: str) -> None:
-    """Raise TemperatureError, with counts, unless all values are finite and at least 0 K; owner names their source."""
-    with np.errstate(invalid="ignore"):
-        wrong = {"NaN": np.isnan(values), "infinite": np.isinf(values), "below 0 K": np.isfinite(values) & (values < 0)}
-    counts = [f"{np.count_nonzero(where)} are {what}" for what, where in wrong.items() if where.any()]
-    if counts:
-        below = values[wrong["below 0 K"]]
-        lowest = f" (down to {below.min():g} K)" if below.size else ""
-        raise TemperatureError(f"{owner}: of {values.size} temperatures {', '.join(counts)}{lowest}")
+    """Raise TemperatureError unless the engine can render all values (K); owner names their source."""
+    from .solver.scene import SceneError, check_temperature  # loads numba
+
+    try:
+        for value in (values.min(), values.max()) if values.size else ():  # NaN is both
+            check_temperature(value, owner)
+    except SceneError as error:
+        raise TemperatureError(str(error)) from None
 
 
 def pick_channel(colours: np.ndarray, channel: str) -> np.ndarray:

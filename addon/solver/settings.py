@@ -61,7 +61,7 @@ class Settings:
         for name in ("time_limit", "target_noise", "reference_temperature", "reflected_temperature"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < math.inf:
-                raise ValueError(f"{name} is {value}, expected a finite number of 0 or more")
+                raise ValueError(f"{name} is {value:g}, expected a finite number of 0 or more")
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed is {self.seed}, expected 0 to 2^63 - 1")
         if self.passes == 0 and self.time_limit <= 0 and self.target_noise <= 0:
