@@ -158,8 +158,8 @@ def _temperature_checks(obj, infrared) -> list[Check]:
 def scene_checks(scene, view_layer) -> list[Check]:
     """All of a scene, in the order of their weight: errors, warnings, hints. What is not rendered is passed over."""
     from . import scene_reader as reader
-    from .final_render import check_paths
     from .render_passes import render_passes
+    from .render_paths import check_paths
     from .solver import library
 
     infrared = scene.infrared

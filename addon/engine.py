@@ -10,10 +10,10 @@ import logging
 import bpy
 
 from .panels import ENGINE
+from .solver.scene import SceneError
+from .solver.spectrum import LIBRARY_MISSING
 
 log = logging.getLogger(__name__)
-
-LIBRARY_MISSING = "A library of the solver is missing: {}. Install the extension from its zip file again"
 
 
 class InfraredPhotonsEngine(bpy.types.RenderEngine):
@@ -38,16 +38,14 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell Blender, and so the compositor's sockets, which passes this engine fills."""
-        try:
-            from .final_render import register_passes
-        except ImportError:
-            return  # the render reports it
+        from .render_passes import register_passes
+
         register_passes(self, scene, renderlayer)
 
     def render(self, depsgraph):
         """Render one view layer; Blender calls this for each."""
         try:
-            from .final_render import SceneError, render_view_layer
+            from .final_render import render_view_layer
         except ImportError as error:
             self._fail(LIBRARY_MISSING.format(error))
             return

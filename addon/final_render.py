@@ -21,10 +21,11 @@ from .camera_effects import CameraEffects, read_detector
 from .heat_settings import read_scale
 from .last_render import forget_last_render
 from .output.description import FurtherImage, how_rendered
-from .output.formats import FORMATS, numbered, without_extension, write_file
+from .output.formats import FORMATS, write_file
 from .output.temperature_scale import TemperatureScale
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
-from .scene_reader import SceneError, read_band_edges, read_scene, read_settings, render_reader
+from .render_paths import check_paths, checkpoint_path, file_path, group_path
+from .scene_reader import read_band_edges, read_scene, read_settings, render_reader
 from .solver import first_hit_images, layered_image, render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from .solver.memory import check_memory, memory_beforehand
@@ -93,16 +94,6 @@ def working_primaries() -> np.ndarray:
     """(3, 3) float32: the primaries of Rec.709 in the working space of the open file. On Blender's thread only."""
     primaries = [Color(primary).from_rec709_linear_to_scene_linear() for primary in np.eye(3)]
     return np.round(primaries, 4).astype(np.float32)  # Blender rounds alike: Rec.709 in Rec.709 is not quite itself
-
-
-def register_passes(engine, scene, view_layer) -> None:
-    """Register the passes of the scene's bands; none if the bands are wrong, which panel and render report."""
-    try:
-        passes = render_passes(scene, view_layer)
-    except SceneError:
-        return
-    for each in passes:
-        engine.register_pass(scene, view_layer, each.name, len(each.channels), each.channels, each.kind)
 
 
 def render_view_layer(engine, depsgraph) -> None:
@@ -420,35 +411,3 @@ def write_groups(path: Path, layer: str, film) -> None:
     write_group_exr(path, layered_image(film), finished_layers[layer]["metadata"])
     finished_groups[layer] = path
     log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)
-
-
-def check_paths(infrared) -> None:
-    """Raise SceneError if a file is to lie beside a blend file that was never saved.
-
-    Blender takes such a path for one in the folder that it happened to be started in.
-    """
-    for path in (infrared.band_exr_path, infrared.group_exr_path, infrared.checkpoint_path):
-        if path.startswith("//") and not bpy.data.filepath:
-            raise SceneError(f"Save the file first: '{path}' starts at its folder")
-
-
-def file_path(scene, layer: str, animation: bool, file_format: str = "BAND_EXR") -> Path:
-    """File of this frame in a format (a key of FORMATS); layer: as `_output_path` has it."""
-    path = without_extension(scene.infrared.band_exr_path)
-    return _output_path(scene, path, FORMATS[file_format].ending, layer, animation)
-
-
-def group_path(scene, layer: str, animation: bool) -> Path:
-    """File of this frame's temperature groups; layer: as `_output_path` has it."""
-    return _output_path(scene, scene.infrared.group_exr_path, ".exr", layer, animation)
-
-
-def checkpoint_path(scene, layer: str, animation: bool) -> Path:
-    """File of this frame's finished passes; layer: as `_output_path` has it."""
-    return _output_path(scene, scene.infrared.checkpoint_path, ".npz", layer, animation)
-
-
-def _output_path(scene, path: str, extension: str, layer: str, animation: bool) -> Path:
-    """File of this frame: '//' and '####' resolved, the layer's name added if it is given, the extension at the end."""
-    file = numbered(bpy.path.abspath(path), extension, scene.frame_current, animation)
-    return file.with_name(f"{file.stem}_{bpy.path.clean_name(layer)}{extension}") if layer else file

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 
 from .output.description import BAND_UNIT
-from .scene_reader import read_band_edges
+from .scene_reader import SceneError, read_band_edges
 from .solver.spectrum import band_names
 
 
@@ -57,6 +57,16 @@ def render_passes(scene, view_layer) -> list[RenderPass]:
         RenderPass("Noise", unit="K"),
         *further_passes(scene, view_layer),
     ]
+
+
+def register_passes(engine, scene, view_layer) -> None:
+    """Register the passes of the scene's bands; none if the bands are wrong, which panel and render report."""
+    try:
+        passes = render_passes(scene, view_layer)
+    except SceneError:
+        return
+    for each in passes:
+        engine.register_pass(scene, view_layer, each.name, len(each.channels), each.channels, each.kind)
 
 
 def further_passes(scene, view_layer) -> list[RenderPass]:

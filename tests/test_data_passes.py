@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 from blender_helpers import camera, cube_mesh, link, material, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
 
 from addon import final_render  # noqa: E402
-from addon.render_passes import LAYER_SWITCHES, SCENE_SWITCHES  # noqa: E402
+from addon.render_passes import LAYER_SWITCHES, SCENE_SWITCHES, register_passes  # noqa: E402
 from addon.sensor_image import compositor_tree  # noqa: E402
 
 SWITCHES = LAYER_SWITCHES | SCENE_SWITCHES
@@ -140,7 +140,7 @@ def registered():
             self.append((name, channels))
 
     recorder = Recorder()
-    final_render.register_passes(recorder, bpy.context.scene, bpy.context.view_layer)
+    register_passes(recorder, bpy.context.scene, bpy.context.view_layer)
     return recorder
 
 

@@ -491,6 +491,37 @@ def test_registering_is_light_and_the_interpreter_exits():
     assert "registered" in done.stdout and done.returncode == 0, done.stderr
 
 
+MISSING_LIBRARIES = """
+import sys
+sys.modules["numba"] = sys.modules["embreex"] = None
+import bpy, addon
+bpy.ops.wm.read_factory_settings()
+addon.register()
+from addon import checks, panels
+scene = bpy.context.scene
+scene.render.engine = "INFRARED_PHOTONS"
+assert panels.band_problem(scene.infrared) == ""
+levels = {check.level for check in checks.scene_checks(scene, bpy.context.view_layer)}
+assert "ERROR" not in levels, levels
+scene.infrared.band_mode = "ADAPTIVE"
+assert "A library of the solver is missing" in panels.band_problem(scene.infrared)
+scene.infrared.band_mode = "UNIFORM"
+try:
+    bpy.ops.render.render()
+except RuntimeError as error:
+    assert "A library of the solver is missing" in str(error), error
+    print("told")
+addon.unregister()
+"""
+
+
+def test_panels_are_drawn_and_the_render_tells_it_if_a_library_is_missing():
+    done = subprocess.run(
+        [sys.executable, "-c", MISSING_LIBRARIES], cwd=ROOT, capture_output=True, text=True, timeout=90
+    )
+    assert "told" in done.stdout and done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+
+
 def test_windows_are_drawn_while_the_solver_is_loaded(monkeypatch):
     """By the thread of a first render: its module is there already, and has nothing in it yet."""
     monkeypatch.setitem(sys.modules, "addon.final_render", ModuleType("addon.final_render"))

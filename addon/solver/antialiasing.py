@@ -10,10 +10,9 @@ from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit
 
 from .camera import Eye, empty_eye_rays, eye_rays
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .radiometry import Radiometry, excess
 from .splitting import Splitting
 from .surfaces import Surfaces, Tracer, facing_side, sheet_count, temperature_at

@@ -5,9 +5,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .low_discrepancy import scrambled
 from .rng import path_key
 from .sampling import triangle_point, turn

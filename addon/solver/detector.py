@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .film import Correction
+from .correction import Correction
 from .scene import Camera, SceneError
 from .spectrum import apparent_temperature, sensor_radiance
 

@@ -5,10 +5,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .guide import DIMENSIONS, Guide, even_guide
-from .kernels import FAST_KERNEL
+from .kernels import FAST_KERNEL, njit
 from .radiometry import Radiometry, excess
 from .rng import path_key, uniform
 from .sampling import basis, cone_direction, cosine_direction, to_world, triangle_point, turn

@@ -6,14 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .antialiasing import MOST
 from .camera import eye_rays
 from .final_gather import carried_by, choose_splits, largest_throughput, open_finals, share
 from .free_space import free_space, largest_disk, unlimited
 from .irradiance_cache import recalled
-from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
+from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
 from .lamps import CANDIDATES, SKY_RAYS, add_unshadowed, empty_shadows, send_shadow, send_sky
 from .low_discrepancy import lattice_point
 from .photon_map import gather, irradiance, neighbours_room

@@ -6,39 +6,18 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import KERNEL
+from .correction import Correction
+from .kernels import KERNEL, njit
 from .layers import SINGLE, Layer, from_json, layer_factors, to_json
 from .radiometry import reference_radiance
 from .scene import check_band_edges
-from .spectrum import apparent_temperature, band_names, sensor_radiance
+from .spectrum import apparent_temperature, band_names
 
 _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
 _ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares")
-
-
-class Correction(NamedTuple):
-    """How a camera's user turns the apparent temperature of a surface into its own.
-
-    A surface of this emissivity, in surroundings that look like a blackbody at reflected_temperature (K), sends the
-    radiance L = emissivity L(T) + (1 - emissivity) L(reflected_temperature), which is solved for T. Emissivity 1
-    corrects nothing. (M. Vollmer, K.-P. Moellmann, Infrared Thermal Imaging, 2nd edition 2018, chapter 3.)
-    """
-
-    emissivity: float = 1.0
-    reflected_temperature: float = 293.15  # K
-
-    def object_radiance(self, radiance, edges: np.ndarray, weights: np.ndarray):
-        """What a blackbody at the surface's own temperature would send, W m-2 sr-1; below 0 is possible.
-
-        radiance: what was seen, any shape, which the result has. edges: (b + 1,) um. weights: (b,) response.
-        """
-        reflection = (1.0 - self.emissivity) * sensor_radiance(edges, weights, self.reflected_temperature)
-        return (radiance - reflection) / self.emissivity
 
 
 class Film:

@@ -11,10 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .free_space import LEAST_FREE
-from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL
+from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
 from .splitting import disk_area, rays_alone, rays_beside, shared_area
 from .surfaces import NO_WALL, PATCH_LIMIT, patch_in_ball, unit_normal
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from .camera import build_eye, empty_eye_rays, middle_rays
+from .kernels import njit
 from .radiometry import Radiometry, build_radiometry, excess
 from .scene import Material, Scene
 from .sensors import band_weights

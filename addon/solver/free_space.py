@@ -11,9 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .sampling import to_world, turn
 from .surfaces import Surfaces, Tracer, facing_side, point, put_ray, unit_normal
 

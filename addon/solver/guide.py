@@ -13,9 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, empty_walk, morton_order, open_node, start_walk
 from .radiometry import NONE
 from .surfaces import SAME_SURFACE, point, unit_normal

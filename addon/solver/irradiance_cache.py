@@ -11,10 +11,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .free_space import FreeSpace, largest_disk
-from .kernels import FAST_KERNEL, KERNEL
+from .kernels import FAST_KERNEL, KERNEL, njit
 from .photon_map import PhotonMap, gather, irradiance, neighbours_room
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, kd_order, open_node, start_walk
 from .rng import path_key, uniform

@@ -15,8 +15,6 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-import numba
-
 FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep them instead of beside the sources
 _PREFIX = "infrared-photons-"
 _HERE = Path(__file__).parent
@@ -28,12 +26,9 @@ def source_digest() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(_HERE.glob("*.py")))).hexdigest()[:16]
 
 
-@contextmanager
-def kept_kernels() -> Iterator[Path]:
-    """Kernels defined in this context are kept in the folder for this version of the solver.
-
-    Folders of other versions are removed. Numba's own setting is as before afterwards.
-    """
+@cache
+def kernel_folder() -> Path:
+    """The folder for this version of the solver, which exists now. Folders of other versions are removed."""
     folder = Path(os.environ.get(FOLDER_VARIABLE) or _HERE / "__pycache__") / (_PREFIX + source_digest())
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -44,8 +39,16 @@ def kept_kernels() -> Iterator[Path]:
     for other in folder.parent.iterdir():
         if other != folder and re.fullmatch(_PREFIX + "[0-9a-f]{16}", other.name):
             shutil.rmtree(other, ignore_errors=True)
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+    return folder
+
+
+@contextmanager
+def kept_kernels() -> Iterator[None]:
+    """Kernels defined in this context are kept in kernel_folder(). Numba's own setting is as before afterwards."""
+    import numba  # here, so that those who only ask for source_digest() do not load it
+
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(kernel_folder())
     try:
-        yield folder
+        yield
     finally:
         numba.config.CACHE_DIR = before

@@ -8,6 +8,23 @@ them; it refuses to compile what allocates after all. Functions that make arrays
 compiled with Numba's own settings.
 """
 
+from collections.abc import Callable
+
+import numba
+
+from .kernel_cache import kept_kernels
+
+
+def njit(**options) -> Callable:
+    """Numba's, for all kernels here: what it compiles is kept where kernel_cache says."""
+
+    def decorate(function: Callable) -> Callable:
+        with kept_kernels():
+            return numba.njit(**options)(function)
+
+    return decorate
+
+
 # Lets LLVM vectorise sums over bands. Unlike full fast-math it keeps NaN and infinity, and the compiled code, so the
 # order of every sum, is the same in every thread.
 FAST = {"reassoc", "contract", "arcp", "nsz"}

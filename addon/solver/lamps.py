@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .emission import (
     ELLIPSE,
@@ -22,7 +21,7 @@ from .emission import (
     area_light_point,
     spot_brightness,
 )
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .point_tree import morton_order
 from .radiometry import excess
 from .rng import path_key, uniform

@@ -4,9 +4,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
-from .kernels import INLINED, KERNEL
+from .kernels import INLINED, KERNEL, njit
 from .rng import uniform
 
 # Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).

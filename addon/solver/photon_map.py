@@ -5,9 +5,8 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import FAST_KERNEL, KERNEL
+from .kernels import FAST_KERNEL, KERNEL, njit
 from .point_tree import (
     FAR,
     WIDTH,

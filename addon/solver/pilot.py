@@ -8,10 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .camera import Eye, empty_eye_rays, eye_rays
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .lamps import SKY_RAYS
 from .rng import PILOT, pass_key, path_key, uniform
 from .sampling import cosine_direction, mirror, triangle_point

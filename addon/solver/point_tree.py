@@ -11,9 +11,8 @@ search for the nearest point then opens fewer leaves (docs/estimators.md).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import FAST_INLINED, KERNEL
+from .kernels import FAST_INLINED, KERNEL, njit
 from .sorting import radix_sort
 
 WIDTH = 16  # points in a leaf, children of a node: one vector register of float32

@@ -10,12 +10,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import FAST_INLINED
+from .kernels import FAST_INLINED, njit
 from .sampling import ALBEDO_NODES, interpolate_albedo, lobe_albedo
 from .scene import Material
-from .spectrum import band_radiance, faintest
+from .spectrum import band_emissivity, band_radiance, faintest
 
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
@@ -130,15 +129,6 @@ def reference_radiance(edges: np.ndarray, temperature: float) -> np.ndarray:
     0 K, and adding the same number again must give exactly 0.
     """
     return band_radiance(edges, temperature).astype(np.float32).astype(np.float64)
-
-
-def band_emissivity(edges: np.ndarray, temperature: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """(b,) emissivity of each band, weighted with a blackbody's spectrum at temperature (K).
-
-    A temperature so low that the band holds no radiance in float64 is raised to where x = c2 / (lambda T) is 300.
-    """
-    temperature = max(temperature, faintest(float(edges[0])))
-    return band_radiance(edges, temperature, curve) / band_radiance(edges, temperature)
 
 
 def excess_emissivity(edges: np.ndarray, one: float, other: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:

@@ -8,10 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from .film import Correction, Film
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .layers import Layer, group_temperatures, layer_factors
 from .radiometry import reference_radiance
 from .scene import SceneError

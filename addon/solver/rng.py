@@ -2,9 +2,8 @@
 """Random numbers as a function of (seed, pass, path, dimension): no state, so threads and order do not matter."""
 
 import numpy as np
-from numba import njit
 
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _TO_UNIT = 2.0**-53

@@ -4,9 +4,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
-from .kernels import INLINED
+from .kernels import INLINED, njit
 
 _HALF_SQRT2 = 0.7071067811865476
 

@@ -19,9 +19,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .radiometry import band_emissivity
 from .scene import Response
-from .spectrum import band_radiance, faintest
+from .spectrum import band_emissivity, band_radiance, faintest
 
 WEIGHTING = 300.0  # K: blackbody whose spectrum averages a response over a band
 

@@ -7,7 +7,7 @@ import math
 import os
 from dataclasses import dataclass
 
-from .film import Correction
+from .correction import Correction
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 """Sorting of 64-bit keys in linear time, several times as fast as numpy's stable sort, and what is alike."""
 
 import numpy as np
-from numba import njit
+
+from .kernels import njit
 
 _DIGIT = 11  # bits that one round looks at: the ends of its 2048 buckets stay in the first cache
 _ROUNDS = (64 + _DIGIT - 1) // _DIGIT

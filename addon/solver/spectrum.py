@@ -5,17 +5,18 @@ With x = c2 / (lambda T) the radiance of a blackbody between two wavelengths is
     L = C1 T^4 / C2^4  *  integral of x^3 / (e^x - 1) dx
 (Modest, Radiative Heat Transfer, eq. 1.21-1.25). The integrand is analytic but for poles at multiples of 2 pi i, so
 Gauss-Legendre panels of bounded width in x reach machine precision for every band and temperature.
+
+The loops are in spectrum_kernels, which is loaded when a function here first needs it: Numba is large, and Blender's
+panels ask for no more than the bands.
 """
 
 from __future__ import annotations
 
-import math
-from functools import lru_cache
+from functools import cache, lru_cache
+from types import ModuleType
 
 import numpy as np
-from numba import njit
 
-from .kernels import KERNEL
 from .scene import SceneError, check_band_edges
 
 # CODATA 2018: h and c and k are exact, so these are rounded only by float64.
@@ -23,10 +24,7 @@ _H, _C, _K = 6.62607015e-34, 299792458.0, 1.380649e-23
 C1 = 2.0 * _H * _C**2 * 1e24  # 2 h c^2 in W um^4 m^-2 sr^-1
 C2 = _H * _C / _K * 1e6  # h c / k in um K
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on 0..1
-_REACH = 50.0  # e^-50: what lies further up in x is below float64's resolution of the integral
-_PANEL = 6.25  # width in x at which 16 nodes err below 1e-16 (nearest pole 2 pi away)
+LIBRARY_MISSING = "A library of the solver is missing: {}. Install the extension from its zip file again"
 
 MAX_PASS_NAME = 63  # characters Blender keeps of a render pass name (4.5 and 5.2; a 64th is cut off)
 
@@ -42,41 +40,14 @@ def faintest(wavelength: float) -> float:
     return C2 / (300.0 * wavelength)
 
 
-@njit(**KERNEL)
-def _add_segment(low, high, at_low, at_high, temperature, derivative, result):
-    """Add to result (n,) the integral over low..high um of eps(lambda) B(lambda, T), eps linear between its ends.
-
-    temperature: (n,) K > 0. derivative: of d/d(ln T) of it instead; d B / d ln T = B x / (1 - e^-x).
-    """
-    slope = (at_high - at_low) / (high - low)
-    for i in range(temperature.size):
-        kelvin = temperature[i]
-        start = C2 / (high * kelvin)  # x at the long end
-        span = min(C2 * (high - low) / (high * low) / kelvin, _REACH)
-        panels = max(1, math.ceil(span / _PANEL))
-        integral = 0.0
-        for panel in range(panels):
-            for node in range(_NODES.size):
-                above = span * ((panel + _NODES[node]) / panels)  # x - start: keeps narrow bands exact
-                x = start + above
-                emissivity = at_high - slope * (high - C2 / (x * kelvin))
-                rest = -math.expm1(-x)
-                value = emissivity * x * x * x * math.exp(-above) / rest
-                integral += _WEIGHTS[node] * (value * x / rest if derivative else value)
-        integral *= span / panels * (C1 / C2**4) * kelvin**4
-        if integral > 0.0:  # e^-start joins the logarithm so that the product is exact down to the smallest float64
-            result[i] += math.exp(math.log(integral) - start)
-
-
-@njit(**KERNEL)
-def _integrate(points, emissivity, band, temperature, derivative, result):
-    """Add to result (b, n) the integrals of eps(lambda) B(lambda, T) between neighbouring points (um), for each T.
-
-    emissivity: at the points, linear between them. band: row of the result for each pair of neighbours.
-    """
-    for i in range(band.size):
-        ends = points[i], points[i + 1], emissivity[i], emissivity[i + 1]
-        _add_segment(*ends, temperature, derivative, result[band[i]])
+@cache
+def _kernels() -> ModuleType:
+    """spectrum_kernels. Raises SceneError without Numba, so that whoever asks is told in plain words."""
+    try:
+        from . import spectrum_kernels
+    except ImportError as error:
+        raise SceneError(LIBRARY_MISSING.format(error)) from error
+    return spectrum_kernels
 
 
 def band_radiance(
@@ -103,9 +74,18 @@ def band_radiance(
         points = np.union1d(edges, inner)
         emissivity = np.interp(points, wavelengths, values)
         band = np.searchsorted(edges, points[:-1], side="right") - 1
-        _integrate(points, emissivity, band, kelvin, derivative, integrals)
+        _kernels().integrate(points, emissivity, band, kelvin, derivative, integrals)
         result[:, warm] = integrals
     return np.ascontiguousarray(result.T).reshape(np.shape(temperature) + (edges.size - 1,))
+
+
+def band_emissivity(edges: np.ndarray, temperature: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(b,) emissivity of each band, weighted with a blackbody's spectrum at temperature (K).
+
+    A temperature so low that the band holds no radiance in float64 is raised to where x = c2 / (lambda T) is 300.
+    """
+    temperature = max(temperature, faintest(float(edges[0])))
+    return band_radiance(edges, temperature, curve) / band_radiance(edges, temperature)
 
 
 def sensor_radiance(
@@ -143,28 +123,8 @@ def apparent_temperature(radiance: np.ndarray, edges: np.ndarray, weights: np.nd
     change = np.flatnonzero(np.diff(weights)) + 1  # neighbours of one weight are one band
     calibration = _calibration(tuple(edges[[0, *change, -1]].tolist()), tuple(weights[[0, *change]].tolist()))
     result = np.empty_like(radiance)
-    _invert(radiance.ravel(), *calibration, result.ravel())
+    _kernels().invert(radiance.ravel(), *calibration, result.ravel())
     return result
-
-
-@njit(**KERNEL)
-def _invert(radiance, log_l, log_t, slope, temperature):
-    """Fill temperature (n,) by cubic Hermite interpolation of ln T over ln L, clamped to the table at its upper end."""
-    i = 0
-    for n in range(radiance.size):
-        if not radiance[n] > 0.0 or math.log(radiance[n]) <= log_l[0]:
-            temperature[n] = 0.0
-            continue
-        wanted = min(math.log(radiance[n]), log_l[-1])
-        if not log_l[i] < wanted <= log_l[i + 1]:  # neighbouring pixels mostly lie in one interval
-            i = min(max(np.searchsorted(log_l, wanted) - 1, 0), log_l.size - 2)
-        step = log_l[i + 1] - log_l[i]
-        t = (wanted - log_l[i]) / step
-        temperature[n] = math.exp(
-            (1 + 2 * t) * (1 - t) ** 2 * log_t[i]
-            + t**2 * (3 - 2 * t) * log_t[i + 1]
-            + step * (t * (1 - t) ** 2 * slope[i] + t**2 * (t - 1) * slope[i + 1])
-        )
 
 
 def uniform_edges(low: float, high: float, count: int) -> np.ndarray:

@@ -10,9 +10,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from .kernels import KERNEL
+from .kernels import KERNEL, njit
 from .pilot import Pilot
 from .point_tree import empty_walk
 from .radiometry import Radiometry, excess

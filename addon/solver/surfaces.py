@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from numba import njit
 
-from .kernels import FAST_KERNEL, INLINED, KERNEL
+from .kernels import FAST_KERNEL, INLINED, KERNEL, njit
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order, open_node, start_walk
 from .radiometry import stored_photons
 from .sampling import to_world

@@ -4,10 +4,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .emission import LIT_BY_LAMP, LIT_BY_LIGHT, Emitters, emit, empty_wave
-from .kernels import FAST_KERNEL
+from .kernels import FAST_KERNEL, njit
 from .photon_map import Photons, photon_arrays
 from .radiometry import ALL, STRAIGHT, Radiometry
 from .rng import path_key, uniform
