@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from numba import njit
-from scenes import box, cylinder, look, make_scene, sphere
+from scenes import box, cylinder, join, look, make_scene, sphere
 
 from addon.solver import Material, SceneError
 from addon.solver.sampling import cosine_direction, to_world, triangle_point
@@ -20,6 +20,7 @@ from addon.solver.surfaces import (
     offset,
     patch_in_ball,
     point,
+    sheet_count,
     temperature_at,
 )
 
@@ -257,6 +258,39 @@ def test_sheets_of_closed_and_open_surfaces():
     label = surfaces.sheet
     assert len(np.unique(label)) == 2  # a border does not join front and back
     assert label[0, 0] == label[1, 1] and label[0, 1] == label[1, 0]
+
+
+def test_sheets_are_numbered_without_gaps():
+    """Tables have one row a sheet, so that a number left out would be a row of nothing, and one too large none at all.
+
+    Balls, boxes, and triangles by themselves: what stands first in the mesh is not what has the first sheets.
+    """
+    rng = np.random.default_rng(10)
+    singles = rng.normal(size=(30, 3)), np.arange(30).reshape(-1, 3)
+    meshes = sphere(1), box(), singles, sphere(0), box((2.0, 1.0, 1.0))
+    parts = [(vertices + 5.0 * i, triangles, 300.0, 0) for i, (vertices, triangles) in enumerate(meshes)]
+    vertices, triangles, _, _ = join(*parts)
+    surfaces, _, _ = build(vertices, rng.permutation(triangles))
+    assert np.array_equal(np.unique(surfaces.sheet), np.arange(sheet_count(surfaces)))
+    # a ball of 80 faces has two sheets and a box twelve; faces of one of 20 bend by 42 degrees, so each is one, as the
+    # ten triangles are
+    assert sheet_count(surfaces) == 2 + 12 + 2 * 10 + 2 * 20 + 12
+
+
+def test_of_triangles_that_coincide_the_first_counts(caplog):
+    """Whatever their winding, their first corner, and whether they share vertices: it keeps its temperature and its
+    material, and the log says how many were left out."""
+    again = [(2, 0, 1), (2, 1, 0), (4, 5, 6), (6, 5, 4)]
+    triangles = np.array([(0, 1, 2), *again, (0, 2, 3), (3, 2, 0)], np.int32)
+    vertices = np.array([*QUAD, QUAD[0], (1, -1, -0.0), QUAD[2]], float)
+    scene = make_scene(
+        vertices, triangles, 300.0 + np.arange(7), [Material()] * 7, look((0, 0, 9), (0, 0, 0)), [8.0, 12.0], range(7)
+    )
+    surfaces, _, _ = build_surfaces(scene)
+    assert surfaces.temperature.ravel().tolist() == [300.0, 305.0]
+    assert surfaces.material.tolist() == [0, 5]
+    assert surfaces.neighbours[0].tolist() == [-1, -1, 2]  # what was left out does not make the edge one of three faces
+    assert [record.getMessage() for record in caplog.records] == ["5 triangles lie exactly on others and are left out"]
 
 
 @pytest.mark.parametrize("corners", [(0, 2, 2), (0, 4, 2)])  # two corners in one place; all three in one line
