@@ -4,7 +4,8 @@ window and the extension:
 
     blender docs/demo/demo.blend --python docs/shoot_panels.py
 
-Of the Properties editor only this engine's panels stay, all open, for as long as this Blender runs.
+Of the Properties editor only this engine's panels stay, in their order and all open but those that have a picture of
+their own, for as long as this Blender runs.
 """
 
 import subprocess
@@ -21,15 +22,15 @@ from story import tell  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
 OURS = "INFRARED_PT_"
-ORDER = {f"INFRARED_PT_{name}": place for place, name in enumerate(("photons", "spectrum", "defaults", "checks"))}
 KEPT = {"DATA_PT_lens"}  # one of ours is inside
-# Too long for one picture with the others: in pictures of their own, with what they are inside of.
+# Too long for one picture with the others, where they are closed: in pictures of their own, with what holds them.
 APART = {
     "heat-display": ("INFRARED_PT_heat_display",),
     "detector": ("INFRARED_PT_sensor", "INFRARED_PT_detector"),
 }
 TOGETHER = (("render",), ("object", "world", "light"), ("material", "output"))  # columns of README's picture
 MARGIN, EDGE = 6, 4  # pixels: around the panels in a picture; of an editor's own frame
+WIDTH = 380  # pixels of the editors that are shot: enough for the longest name
 
 
 def hide(panels):
@@ -38,24 +39,44 @@ def hide(panels):
         bpy.utils.unregister_class(cls)
 
 
-def show_open(panels):
-    """Register panels, not closed at first, those that hold others first."""
+def show(panels, closed=()):
+    """Register panels, those that hold others first. In an editor that is new to them all are open but `closed`."""
     for cls in sorted(panels, key=lambda cls: hasattr(cls, "bl_parent_id")):
-        cls.bl_options = set(getattr(cls, "bl_options", ())) - {"DEFAULT_CLOSED"}
+        options = set(getattr(cls, "bl_options", ())) - {"DEFAULT_CLOSED"}
+        cls.bl_options = options | ({"DEFAULT_CLOSED"} if cls in closed else set())
         bpy.utils.register_class(cls)
 
 
 def leave_only_our_panels():
-    """In the Properties editor and in the Image Editor's sidebar, all open; returns them."""
+    """In the Properties editor and in the Image Editor's sidebar; returns them, in their order, and those apart."""
     addon_utils.disable("cycles")  # it would miss its panels when Blender quits
     registered = [getattr(bpy.types, name) for name in dir(bpy.types)]
     panels = [cls for cls in registered if isinstance(cls, type) and issubclass(cls, bpy.types.Panel)]
     panels = [cls for cls in panels if getattr(cls, "bl_space_type", "") in ("PROPERTIES", "IMAGE_EDITOR")]
     panels = [cls for cls in panels if getattr(cls, "bl_region_type", "") in ("WINDOW", "UI")]
     hide(cls for cls in panels if cls.__name__ not in KEPT)
-    ours = sorted((cls for cls in panels if cls.__name__.startswith(OURS)), key=lambda cls: ORDER.get(cls.__name__, 9))
-    show_open(ours)
-    return ours
+    defined = bpy.types.Panel.__subclasses__()  # in the order in which the add-on registers them
+    ours = sorted((cls for cls in panels if cls.__name__.startswith(OURS)), key=defined.index)
+    apart = [cls for cls in ours if any(cls.__name__ in names for names in APART.values())]
+    show(ours, closed=apart)
+    return ours, apart
+
+
+def screenshot():
+    """The whole screen, as PNG."""
+    return subprocess.run(["import", "-window", "root", "png:-"], check=True, capture_output=True).stdout
+
+
+def cropping(region, edge=EDGE):
+    """ImageMagick's options that keep a region, or an area, of a screenshot."""
+    top = bpy.context.window.height - region.y - region.height
+    part = f"{region.width - 2 * edge}x{region.height - 2 * edge}+{region.x + edge}+{top + edge}"
+    return ["-crop", part, "+repage"]
+
+
+def keep(picture, name, *steps):
+    """Write a screenshot, changed by ImageMagick's options."""
+    subprocess.run(["convert", "png:-", *steps, IMAGES / f"{name}.png"], check=True, input=picture)
 
 
 def shoot(name, area, kind="WINDOW"):
@@ -63,25 +84,21 @@ def shoot(name, area, kind="WINDOW"):
     area.tag_redraw()
     yield 1.0
     region = next(region for region in area.regions if region.type == kind)
-    top = bpy.context.window.height - region.y - region.height
-    part = f"{region.width - 2 * EDGE}x{region.height - 2 * EDGE}+{region.x + EDGE}+{top + EDGE}"
-    screen = subprocess.run(["import", "-window", "root", "png:-"], check=True, capture_output=True).stdout
-    steps = (
-        "-crop",
-        part,
-        "+repage",
-        "-fuzz",
-        "2%",
-        "-trim",
-        "+repage",
-        "-bordercolor",
-        "#303030",
-        "-border",
-        str(MARGIN),
-    )
-    subprocess.run(
-        ["convert", "png:-", *steps, "+dither", "-colors", "64", IMAGES / f"panel-{name}.png"], check=True, input=screen
-    )
+    frame = ("-bordercolor", "#303030", "-border", str(MARGIN))
+    few = ("+dither", "-colors", "64")
+    keep(screenshot(), f"panel-{name}", *cropping(region), "-fuzz", "2%", "-trim", "+repage", *frame, *few)
+
+
+def split_off(area):
+    """Cut a new Properties editor from the right of an area; a generator that returns it and what is left."""
+    before = set(bpy.context.screen.areas) - {area}
+    with bpy.context.temp_override(area=area):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=1.0 - WIDTH / area.width)
+    yield 0.5  # until they know where they are
+    rest, right = sorted(set(bpy.context.screen.areas) - before, key=lambda area: area.x)
+    right.type = "PROPERTIES"
+    yield 0.5
+    return right, rest
 
 
 def put_together():
@@ -94,18 +111,21 @@ def put_together():
 def work():
     """A generator that yields how many seconds to wait."""
     scene = bpy.context.scene
-    scene.render.resolution_percentage, scene.infrared.passes, scene.infrared.photons_per_pass = 50, 4, 20_000
-    with bpy.context.temp_override(area=area_of("OUTLINER")):
-        bpy.ops.screen.area_close()
-    yield 0.5
-    scene.infrared.use_isotherm = True
+    infrared, picture = scene.infrared, scene.render
+    as_saved = infrared.passes, infrared.photons_per_pass
+    picture.resolution_percentage, infrared.passes, infrared.photons_per_pass = 50, 4, 20_000
+    infrared.use_isotherm = True
+    bpy.context.window.cursor_warp(2, 2)  # where it is over nothing that tells what it is
     bpy.ops.render.render()
-    properties, viewport = area_of("PROPERTIES"), area_of("VIEW_3D")
-    ours = leave_only_our_panels()
+    infrared.passes, infrared.photons_per_pass = as_saved
+    for kind in ("OUTLINER", "PROPERTIES", "DOPESHEET_EDITOR"):
+        with bpy.context.temp_override(area=area_of(kind)):
+            bpy.ops.screen.area_close()
+        yield 0.5
+    ours, apart = leave_only_our_panels()
+    properties, viewport = yield from split_off(area_of("VIEW_3D"))
     ring, heater, camera = (bpy.data.objects[name] for name in ("Ring", "Heater", "Camera"))
     camera.data.type = "PANO"
-    apart = [cls for cls in ours if any(cls.__name__ in names for names in APART.values())]
-    hide(apart)
     for name, tab, shown in (
         ("render", "RENDER", ring),
         ("output", "OUTPUT", ring),
@@ -119,26 +139,28 @@ def work():
         yield 0.5
         properties.spaces.active.context = tab
         yield from shoot(name, properties)
-    others = [cls for cls in ours if getattr(cls, "bl_context", "") == "render" and cls not in apart]
+    others = [cls for cls in ours if getattr(cls, "bl_context", "") == "render"]
     hide(others)
-    scene.infrared.use_detector = True
+    properties, viewport = yield from split_off(viewport)  # in the other one the panels stay closed
+    infrared.use_detector = True
     properties.spaces.active.context = "RENDER"
     for name, panels in APART.items():
         parents = {getattr(cls, "bl_parent_id", "") for cls in ours if cls.__name__ in panels}
         shown = [cls for cls in ours if cls.__name__ in parents.union(panels)]
-        show_open(shown)
+        show(shown)
         yield from shoot(name, properties)
         hide(shown)
     for position in ((0.5, 0.5), (0.3, 0.6)):
-        scene.infrared.spots.add().position = position
+        infrared.spots.add().position = position
     viewport.type = "IMAGE_EDITOR"
     editor = viewport.spaces.active
     editor.image, editor.show_region_ui = bpy.data.images["Render Result"], True
     yield 1.0
     yield from shoot("sidebar", viewport, "UI")
     put_together()
-    show_open(others + apart)  # the add-on looks for them when Blender quits
+    show(others)  # the add-on looks for them when Blender quits
 
 
-bpy.context.preferences.view.show_splash = False
-tell(work())
+if __name__ == "__main__":
+    bpy.context.preferences.view.show_splash = False
+    tell(work())
