@@ -115,6 +115,7 @@ def work():
     as_saved = infrared.passes, infrared.photons_per_pass
     picture.resolution_percentage, infrared.passes, infrared.photons_per_pass = 50, 4, 20_000
     infrared.use_isotherm = True
+    bpy.context.preferences.system.use_region_overlap = False  # nothing shines through the sidebar
     bpy.context.window.cursor_warp(2, 2)  # where it is over nothing that tells what it is
     bpy.ops.render.render()
     infrared.passes, infrared.photons_per_pass = as_saved
@@ -125,7 +126,6 @@ def work():
     ours, apart = leave_only_our_panels()
     properties, viewport = yield from split_off(area_of("VIEW_3D"))
     ring, heater, camera = (bpy.data.objects[name] for name in ("Ring", "Heater", "Camera"))
-    camera.data.type = "PANO"
     for name, tab, shown in (
         ("render", "RENDER", ring),
         ("output", "OUTPUT", ring),
@@ -136,6 +136,7 @@ def work():
         ("panorama", "DATA", camera),
     ):
         bpy.context.view_layer.objects.active = shown
+        camera.data.type = "PANO" if name == "panorama" else "PERSP"  # Checks has something to say about it
         yield 0.5
         properties.spaces.active.context = tab
         yield from shoot(name, properties)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make the pictures of Blender's window in README, docs/tutorial.md, docs/viewport.md and docs/materials.md. Needs what
-shoot_panels.py needs:
+shoot_panels.py needs, and xdotool:
 
-    blender --enable-event-simulate --python docs/shoot_windows.py -- NAME ...
+    blender --python docs/shoot_windows.py -- NAME ...
 
 NAME: first, checks, tutorial, viewport; without one, all of them. Begin with Blender's own start-up file.
 """
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import bpy
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests" / "real_blender")]
-from hands import area_of, press, region_of  # noqa: E402
+from hands import area_of, region_of  # noqa: E402
 from shoot_panels import cropping, keep, screenshot  # noqa: E402
 from story import tell  # noqa: E402
 
@@ -80,8 +81,9 @@ def first():
         bpy.ops.image.view_all(fit_view=True)
     yield DRAWN
     keep(screenshot(), "first", *WHOLE)
+    subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)
     while bpy.app.is_job_running("RENDER"):
-        yield from press("ESC")
+        yield 0.5
 
 
 def checks():
