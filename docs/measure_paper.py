@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Repeat the results of the paper (docs/method.md names it): write the tables of docs/paper.md and draw its pictures.
 
-python docs/measure_paper.py [PART ...]        (needs matplotlib)
-python docs/measure_paper.py thousand-million [--folder FOLDER] [--passes N]        (needs bpy too)
+python docs/measure_paper.py [PART ...]
+python docs/measure_paper.py thousand-million [--folder FOLDER] [--passes N]
 
 Parts are tube, times, passes, noise, estimators and blur; without any, all of these.
 
 Times are processor time of one thread: other work on the machine then hardly counts. thousand-million can be stopped
-at any time and goes on where it was.
+at any time and goes on where it was. Needs the environment of run.py.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 
 DOCS = Path(__file__).resolve().parent
-sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests")]
+sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests"), str(DOCS)]
 
+from pages import write_blocks  # noqa: E402
+from paper_estimator import PAPER, changed, papers_estimator  # noqa: E402
 from scenes import join, look, make_scene, quad  # noqa: E402
 
 from addon.output.exr import channel_name  # noqa: E402
@@ -37,7 +38,7 @@ from addon.solver import Film, Material, PointLight, Scene, Settings, render  # 
 from addon.solver.spectrum import apparent_temperature  # noqa: E402
 
 PAGE, IMAGES = DOCS / "paper.md", DOCS / "images"
-START, END = "<!-- {}: written by docs/measure_paper.py -->", "<!-- end of {} -->"
+SCRIPT = "docs/measure_paper.py"
 
 SIZE = 256  # pixels on each side of a picture, as in the paper
 PHOTONS = 30_000_000  # thrown in all, of which about a tenth is stored: the paper's 3,000,000
@@ -109,65 +110,19 @@ def tube_scene() -> Scene:
     return make_scene(vertices, triangles, 340.0, [tube], camera, BANDS, world_temperature=0.0)
 
 
-# The paper's estimator ------------------------------------------------------------------------------------------------
-
-PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}  # of Settings
-
-
-@contextmanager
-def photons_alone() -> Iterator[None]:
-    """Switch off what the paper does not have: then all reflected light is the density of photons, thrown in proportion
-    to power. What stays is named in docs/paper.md.
-    """
-    solver = {name: importlib.import_module(f"addon.solver.{name}") for name in ("render", "eye_paths", "transport")}
-    pilot = importlib.import_module("addon.solver.pilot")
-    build_lamps, emit = solver["render"].build_lamps, solver["transport"].emit
-
-    def no_lamps(*arguments):
-        lamps = build_lamps(*arguments)
-        return lamps._replace(power=0.0, shines=np.zeros_like(lamps.shines))
-
-    def emit_all(*arguments):
-        emit(*arguments)
-        wave = arguments[-1]
-        wave.direct[:] = False  # direct light is stored too
-
-    def no_walls(tracer, surfaces, reach2, place, *_):
-        return np.full(len(place), reach2, np.float32)
-
-    changes = (
-        (solver["eye_paths"], "choose_splits", lambda *_: 0),  # no final gathers
-        (solver["render"], "cache_points", lambda *_: 1),  # nobody asks the irradiance cache then
-        (solver["render"], "build_lamps", no_lamps),  # no shadow rays
-        (solver["transport"], "emit", emit_all),
-        (solver["render"], "learn_guide", lambda tracer, surfaces, radiometry, emitters, *_: emitters),
-        (pilot, "_density", lambda count, sheet, area, matters: np.where(matters, 1.0, pilot.DEFENSIVE)),
-        # disks as wide as the k-th neighbour is far: their limit holds k even where only 1 % of the photons are stored
-        (solver["render"], "gather_reach", lambda area, pilot, n, k: 100.0 * k * float(area.sum()) / (math.pi * n)),
-        (
-            solver["eye_paths"],
-            "free_space",
-            lambda tracer, surfaces, reach2, place, *_: np.full(len(place), reach2, "f"),
-        ),
-    )
-    with patched(changes):
-        yield
-
-
-@contextmanager
-def patched(changes: tuple) -> Iterator[None]:
-    """Replace names of modules for a while: (module, name, value) each."""
-    with ExitStack() as stack:
-        for module, name, value in changes:
-            stack.enter_context(patch.object(module, name, value))
-        yield
+# Both estimators ------------------------------------------------------------------------------------------------------
 
 
 def papers(scene: Scene, on_pass: Callable[[Film], None] | None = None, **settings) -> Film:
     """Render with the paper's estimator in one thread. neighbours: photons that count; the engine asks for one more."""
     settings["neighbours"] += 1
-    with photons_alone():
+    with papers_estimator():
         return render(scene, Settings(threads=1, **PAPER | settings), on_pass)
+
+
+def ours(scene: Scene, on_pass: Callable[[Film], None] | None = None, **settings) -> Film:
+    """Render with the engine's estimator, as it is by default, in one thread if not told otherwise."""
+    return render(scene, Settings(**{"threads": 1} | settings), on_pass)
 
 
 @dataclass
@@ -218,12 +173,12 @@ class Phases:
             self.rendering += now - self._end
             self._end = now
 
-        changes = (
-            (module, "prepare", after_prepare),
-            (module, "build_photon_map", timed_build),
-            (eye_paths, "reflect", timed_reflect),
-        )
-        with patched(changes):
+        changes = {
+            "render.prepare": after_prepare,
+            "render.build_photon_map": timed_build,
+            "eye_paths.reflect": timed_reflect,
+        }
+        with changed(changes):
             yield on_pass
 
 
@@ -236,23 +191,28 @@ def table(head: tuple, *rows: tuple) -> str:
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
-def draw(name: str, panels: list[tuple[str, np.ndarray]], unit: str, columns: int = 2) -> None:
-    """Images (h, w), row 0 at the bottom, beside each other in images/, with the colours of the last one's range."""
+Panels = list[tuple[str, np.ndarray]]  # a row of images (h, w), row 0 at the bottom, and their titles
+
+
+def draw(name: str, rows: list[Panels], unit: str) -> None:
+    """Rows of images in images/, with the colours of the very last one's range."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
     from matplotlib.colors import ListedColormap
 
-    low, high = robust_range(panels[-1][1])
+    low, high = robust_range(rows[-1][-1][1])
     colours = ListedColormap(display(thermal(np.linspace(0, 1, 256), 0, 1)) / 255)
-    rows = math.ceil(len(panels) / columns)
-    size = (3.6 * columns + 0.8, 3.8 * rows)
-    figure, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
-    for axis, (title, image) in zip(axes.flat, panels, strict=True):
-        shown = axis.imshow(image, colours, vmin=low, vmax=high, origin="lower", interpolation="nearest")
-        axis.set_title(title, fontsize=10)
+    columns = max(map(len, rows))
+    size = (3.6 * columns + 0.8, 3.8 * len(rows))
+    figure, axes = plt.subplots(len(rows), columns, figsize=size, layout="constrained", squeeze=False)
+    for axis in axes.flat:
         axis.axis("off")
+    for row, panels in zip(axes, rows, strict=True):
+        for axis, (title, image) in zip(row, panels, strict=False):  # a row may be shorter
+            axis.set_title(title, fontsize=10)
+            shown = axis.imshow(image, colours, vmin=low, vmax=high, origin="lower", interpolation="nearest")
     figure.colorbar(shown, ax=axes, shrink=0.7, label=unit)
     figure.savefig(IMAGES / f"paper-{name}.png", dpi=80)
     plt.close(figure)
@@ -283,48 +243,71 @@ class Blocks:
         return float(np.sqrt(np.var(self.images[size], axis=0, ddof=1).mean()))
 
 
+def keep(counts: tuple[int, ...], who: str, panels: Panels) -> Callable[[Film], None]:
+    """To be called after every pass: add the images after so many passes to the panels."""
+
+    def on_pass(film: Film) -> None:
+        if film.passes in counts:
+            panels.append((f"{who}, {film.passes} pass{'es' * (film.passes > 1)}", film.radiance()))
+
+    return on_pass
+
+
+def ours_after(counts: tuple[int, ...], scene: Scene, photons: int) -> Panels:
+    """Images of the engine's estimator after so many passes, each of so many photons."""
+    panels = []
+    ours(scene, keep(counts, "here", panels), passes=counts[-1], photons_per_pass=photons, threads=0)
+    return panels
+
+
 def tube() -> str:
     """Figure 1: few and many photons."""
-    phases, blocks, few = Phases(), Blocks((1, TUBE_PASSES // 2)), []
+    counts, scene, phases, blocks = (1, TUBE_PASSES), tube_scene(), Phases(), Blocks((1, TUBE_PASSES // 2))
+    stored, theirs = [], []
+    keep_theirs = keep(counts, "paper", theirs)
     with phases.watch() as add_times:
 
         def on_pass(film):
             add_times(film)
             blocks.add(film)
-            if film.passes == 1:
-                few.extend((film.radiance(), phases.stored))
+            keep_theirs(film)
+            stored.append(phases.stored)
 
-        film = papers(tube_scene(), on_pass, passes=TUBE_PASSES, photons_per_pass=TUBE_PHOTONS, neighbours=50)
-    image, stored = few
-    draw("tube", [(f"{stored:,} photons", image), (f"{phases.stored:,} photons", film.radiance())], RADIANCE)
+        papers(scene, on_pass, passes=TUBE_PASSES, photons_per_pass=TUBE_PHOTONS, neighbours=50)
+    draw("tube", [theirs, ours_after(counts, scene, TUBE_PHOTONS)], RADIANCE)
     return table(
         ("passes", "photons stored", "paper: photons in the map", "noise, W m-2 sr-1"),
-        (1, f"{stored:,}", "1,000,000", f"{blocks.noise(1):.3f}"),
-        (TUBE_PASSES // 2, f"{phases.stored // 2:,}", "", f"{blocks.noise(TUBE_PASSES // 2):.3f}"),
-        (TUBE_PASSES, f"{phases.stored:,}", "about 100,000,000", ""),
+        (1, f"{stored[0]:,}", "1,000,000", f"{blocks.noise(1):.3f}"),
+        (TUBE_PASSES // 2, f"{stored[-1] // 2:,}", "", f"{blocks.noise(TUBE_PASSES // 2):.3f}"),
+        (TUBE_PASSES, f"{stored[-1]:,}", "about 100,000,000", ""),
     )
 
 
 def times() -> str:
     """Figure 2: the same photons in more and more passes."""
-    scene, measured = ring_scene(), {}
+    scene, theirs, here = ring_scene(), {}, {}
     papers(scene, passes=1, photons_per_pass=1000, neighbours=10)  # loads the kernels
+    ours(scene, passes=1, photons_per_pass=1000)
     for passes in TIMED:
-        measured[passes] = Phases()
-        with measured[passes].watch() as on_pass:
-            papers(scene, on_pass, passes=passes, photons_per_pass=PHOTONS // passes, neighbours=GATHERED // passes)
-    draw_times(measured)
+        settings = {"passes": passes, "photons_per_pass": PHOTONS // passes}
+        theirs[passes], here[passes] = Phases(), Phases()
+        with theirs[passes].watch() as on_pass:
+            papers(scene, on_pass, neighbours=GATHERED // passes, **settings)
+        with here[passes].watch() as on_pass:
+            ours(scene, on_pass, **settings)
+    draw_times(theirs, here)
     head = ("tracing", "sorting", "rendering", "of it gathers", "of it camera rays", "all", "all but camera rays")
     rows = []
-    for m, p in measured.items():
+    for m, p in theirs.items():
         camera = p.rendering - p.gathering
-        spent = (p.tracing, p.sorting, p.rendering, p.gathering, camera, p.total, p.total - camera)
+        spent = (p.tracing, p.sorting, p.rendering, p.gathering, camera, p.total, p.total - camera, here[m].total)
         rows.append((m, f"{p.stored:,}", GATHERED // m, *(f"{seconds:.1f}" for seconds in spent)))
-    return table(("passes", "photons stored", "neighbours", *(f"{name}, s" for name in head)), *rows)
+    seconds = (f"{name}, s" for name in (*head, "our estimator, all"))
+    return table(("passes", "photons stored", "neighbours", *seconds), *rows)
 
 
-def draw_times(measured: dict[int, Phases]) -> None:
-    """Times against passes in images/."""
+def draw_times(theirs: dict[int, Phases], here: dict[int, Phases]) -> None:
+    """Times of the paper's estimator and of ours against passes in images/."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -332,7 +315,8 @@ def draw_times(measured: dict[int, Phases]) -> None:
 
     figure, axis = plt.subplots(figsize=(7, 4), layout="constrained")
     for name in ("tracing", "sorting", "rendering", "gathering", "total"):
-        axis.plot(list(measured), [getattr(phases, name) for phases in measured.values()], "o-", label=name)
+        axis.plot(list(theirs), [getattr(phases, name) for phases in theirs.values()], "o-", label=name)
+    axis.plot(list(here), [phases.total for phases in here.values()], "k--", label="our estimator, total")
     axis.set(xlabel="passes", ylabel="processor time of one thread, s", ylim=(0, None), xlim=(0, None))
     axis.grid(color="0.9")
     axis.legend()
@@ -341,19 +325,24 @@ def draw_times(measured: dict[int, Phases]) -> None:
 
 
 def passes() -> str:
-    """Figure 3: one pass against thirty, with the neighbours of section 4.3 and with those of the figure."""
+    """Figure 3: one pass against thirty, with the neighbours of section 4.3, with those of the figure, and ours."""
     scene = ring_scene()
-    cases = {"1 pass, 600 neighbours": (1, 600), "30 passes, 20": (30, 20), "30 passes, 50": (30, 50)}
+    cases = {
+        "1 pass, 600 neighbours": (papers, 1, {"neighbours": 600}),
+        "30 passes, 20": (papers, 30, {"neighbours": 20}),
+        "30 passes, 50": (papers, 30, {"neighbours": 50}),
+        "here, 1 pass": (ours, 1, {}),
+        "here, 30 passes": (ours, 30, {}),
+    }
     images = {
         name: [
-            papers(
-                scene, passes=m, photons_per_pass=PHOTONS // m, neighbours=neighbours, seed=seed
-            ).radiance().astype(float)
+            draw_it(scene, passes=m, photons_per_pass=PHOTONS // m, seed=seed, **settings).radiance().astype(float)
             for seed in range(SEEDS)
         ]
-        for name, (m, neighbours) in cases.items()
-    }  # fmt: skip
-    draw("passes", [(name, images[name][0]) for name in cases], RADIANCE, columns=3)
+        for name, (draw_it, m, settings) in cases.items()
+    }
+    panels = [(name, images[name][0]) for name in cases]
+    draw("passes", [panels[:3], panels[3:]], RADIANCE)
     statistics = {}
     for name, of_seeds in images.items():
         mean, deviation = np.mean(of_seeds, axis=(1, 2)), np.std(of_seeds, axis=(1, 2))
@@ -371,8 +360,8 @@ def passes() -> str:
         ("", *cases, "paper: 1 pass", "paper: 30 passes"),
         ("mean", *(cell(mean) for mean, _ in statistics.values()), "1.39736", "1.39929"),
         ("standard deviation", *(cell(deviation) for _, deviation in statistics.values()), "1.19078", "1.19402"),
-        ("mean, against 1 pass", "", *(change(other[0], one[0]) for other in many), "", "+0.138%"),
-        ("standard deviation, against 1 pass", "", *(change(other[1], one[1]) for other in many), "", "+0.272%"),
+        ("mean, against the first", "", *(change(other[0], one[0]) for other in many), "", "+0.138%"),
+        ("standard deviation, against the first", "", *(change(other[1], one[1]) for other in many), "", "+0.272%"),
     )
 
 
@@ -380,15 +369,15 @@ def noise() -> str:
     """Figure 4: more and more passes."""
     most = NOISE_PASSES[-1]
     sizes = (*NOISE_PASSES[:-1], 2 * NOISE_PASSES[1], 2 * NOISE_PASSES[2], most // 2)
-    blocks, shown = Blocks(tuple(sorted(sizes))), []
+    scene, blocks, theirs = ring_scene(), Blocks(tuple(sorted(sizes))), []
+    keep_theirs = keep(NOISE_PASSES, "paper", theirs)
 
     def on_pass(film):
         blocks.add(film)
-        if film.passes in NOISE_PASSES:
-            shown.append((f"{film.passes} pass{'es' * (film.passes > 1)}", film.radiance()))
+        keep_theirs(film)
 
-    papers(ring_scene(), on_pass, passes=most, photons_per_pass=NOISE_PHOTONS, neighbours=NOISE_NEIGHBOURS)
-    draw("noise", shown, RADIANCE)
+    papers(scene, on_pass, passes=most, photons_per_pass=NOISE_PHOTONS, neighbours=NOISE_NEIGHBOURS)
+    draw("noise", [theirs, ours_after(NOISE_PASSES, scene, NOISE_PHOTONS)], RADIANCE)
     one = blocks.noise(1)
     return table(
         ("passes", "blocks", "noise, W m-2 sr-1", "over that of 1 pass", "1 / root of the passes", "paper: 1 / passes"),
@@ -405,7 +394,7 @@ def estimators() -> str:
     truth = render(scene, TRUTH)
     exact = apparent_temperature(truth.radiance().astype(float), BANDS)
     own = float(np.sqrt(np.mean(truth.noise() ** 2)))
-    render(scene, Settings(passes=1, photons_per_pass=1000, threads=1))  # loads the kernels, as above
+    ours(scene, passes=1, photons_per_pass=1000)  # loads the kernels, as above
     papers(scene, passes=1, photons_per_pass=1000, neighbours=10)
     rows, shown = [], []
 
@@ -431,7 +420,7 @@ def estimators() -> str:
 
     values = {name: getattr(COMPARED, name) for name in ("passes", "photons_per_pass")}
     spent = measure("paper", lambda on_pass: papers(scene, on_pass, neighbours=COMPARED.neighbours - 1, **values))
-    measure("here, same photons", lambda on_pass: render(scene, Settings(threads=1, **values), on_pass))
+    measure("here, same photons", lambda on_pass: ours(scene, on_pass, **values))
     limit = time.process_time() + spent
     measure(
         "here, same time",
@@ -439,7 +428,7 @@ def estimators() -> str:
             scene, Settings(threads=1, passes=10**6), on_pass, cancelled=lambda: time.process_time() > limit
         ),
     )
-    draw("estimators", [*shown, ("truth", exact)], "apparent temperature, K")
+    draw("estimators", [shown[:2], [shown[2], ("truth", exact)]], "apparent temperature, K")
     head = ("estimator", "passes", "photons thrown", "processor time, s", "mean, W m-2 sr-1", "error, K", "median, K")
     last = f"Truth: {truth.passes} passes of {TRUTH.photons_per_pass:,} photons of another seed, mean "
     last += f"{truth.radiance().mean(dtype=float):.3f} W m-2 sr-1, noise {own:.3f} K (root mean square)."
@@ -541,7 +530,7 @@ def thousand_million(folder: Path, passes: int) -> str:
     with OpenEXR.File(str(folder / "image.exr")) as file:
         channels, photons = file.channels(), int(file.header()["photons"])
         radiance, noise = (channels[channel_name(name)].pixels[::-1] for name in ("Radiance", "Noise"))
-    draw("thousand-million", [(f"{photons:,} photons", apparent_temperature(radiance, BANDS))], "K", columns=1)
+    draw("thousand-million", [[(f"{photons:,} photons", apparent_temperature(radiance, BANDS))]], "K")
     alone = memory_of_blender(list(channels))
     return table(
         ("", "here", "wanted"),
@@ -564,13 +553,6 @@ def thousand_million(folder: Path, passes: int) -> str:
 PARTS = {"tube": tube, "times": times, "passes": passes, "noise": noise, "estimators": estimators, "blur": blur}
 
 
-def write(page: Path, name: str, text: str) -> None:
-    """Replace what stands between the marks of this name in the page."""
-    start, end = START.format(name), END.format(name)
-    before, after = page.read_text(encoding="utf-8").split(start)
-    page.write_text(f"{before}{start}\n{text}\n{end}{after.split(end)[1]}", encoding="utf-8")
-
-
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)} or thousand-million")
@@ -582,7 +564,7 @@ def main(arguments: list[str] | None = None) -> None:
         if name not in parts:
             parser.error(f"there is no part '{name}'")
         text = parts[name]()
-        write(PAGE, name, text)
+        write_blocks(PAGE, SCRIPT, {name: text})
         print(f"{name}\n\n{text}\n", flush=True)
 
 

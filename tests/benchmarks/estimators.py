@@ -30,12 +30,12 @@ import numpy as np
 
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
+from paper_estimator import by_power_alone, no_final_gathers, no_walls  # noqa: E402
 from speed_scenes import SCENES  # noqa: E402
 from speed_vs_error import load_reference, user_cache  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
 from addon.solver.final_gather import choose_splits  # noqa: E402
-from addon.solver.free_space import unlimited  # noqa: E402
 from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
 from addon.solver.point_tree import morton_order  # noqa: E402
 
@@ -47,19 +47,6 @@ def split_all(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
     choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
     gathers.rays[:] = np.where(rays.gathered[gathers.ray], 0, 32)
     return int(gathers.rays.sum())
-
-
-def split_none(*_):
-    return 0
-
-
-def no_walls(tracer, surfaces, reach2, place, code, turns):
-    return unlimited(len(code), reach2)
-
-
-def by_area(count, sheet, area, matters):
-    """Every side that matters emits by its power alone."""
-    return np.where(matters, 1.0, 1.0 / 64.0)
 
 
 def camera_samples(count):
@@ -80,7 +67,7 @@ VARIANTS = {
     "everything a lamp": {"lamps._MOST": 10**6, "lamps._COMPACT": 1e9, "lamps._MATTERS": 0.0, "lamps._TOGETHER": -1.0},
     "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},
     "lamps in mesh order": {"lamps.morton_order": lambda points: np.arange(len(points))},
-    "photons alone": {"eye_paths.choose_splits": split_none},
+    "no final gathers": {"eye_paths.choose_splits": no_final_gathers},
     "32 rays everywhere": {"eye_paths.choose_splits": split_all},
     "rays not shared": {"splitting._SHARING": 1e-12},
     "at most 64 rays": {"splitting._MOST": 64},
@@ -92,7 +79,7 @@ VARIANTS = {
     "sky rays everywhere": _OPEN,
     "no guide": {"render._ENOUGH": -1.0},
     "guide always": {"render._ENOUGH": 2.0, "render._WORTHWHILE": 0.0},
-    "emission by power alone": {"pilot._density": by_area},
+    "emission by power alone": {"pilot._density": by_power_alone},
     "no feelers": {"eye_paths.free_space": no_walls, "render.free_space": no_walls},
     "20 neighbours": {"neighbours": 20},
     "150 neighbours": {"neighbours": 150},

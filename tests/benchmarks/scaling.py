@@ -28,7 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 ROOT = Path(__file__).absolute().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "docs")]
+from pages import MADE_AT  # noqa: E402
 from scenes import box, look, sphere  # noqa: E402
 from speed_scenes import Parts  # noqa: E402
 
@@ -232,6 +233,7 @@ def main():
     results = {name: measure_series(name, options.passes) for name in options.only or SERIES}
     for name, (sizes, costs) in results.items():
         print(f"\n### {name.capitalize()}\n\n{table(name, sizes, costs)}")
+    print(f"\n{MADE_AT}")
     if not options.only:
         draw(results, ROOT / "docs" / "images" / "scaling.png")
 

@@ -22,25 +22,24 @@ import argparse
 import contextlib
 import functools
 import hashlib
-import importlib
-import math
 import os
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 
 HERE = Path(__file__).absolute().parent
-sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent)]
+sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
+from pages import MADE_AT  # noqa: E402
+from paper_estimator import PAPER, photons_alone  # noqa: E402
 from peers.__main__ import CLOCKS, ENGINES  # noqa: E402
 from peers.problem import build_problem  # noqa: E402
 from speed_scenes import SCENES  # noqa: E402
 
-from addon.solver import Settings, eye_paths, lamps, pilot, render  # noqa: E402
+from addon.solver import Settings, render  # noqa: E402
 from addon.solver.spectrum import apparent_temperature  # noqa: E402
 
 TARGETS = {"room": (200, 20), "ring": (10, 10), "cavity": (10, 10), "engine": (10, 10)}  # trimmed, all pixels
@@ -58,25 +57,8 @@ KEPT = 0.98  # share of the pixels in the trimmed error
 PEER_SECONDS = (1.0, 3.0)  # of a peer's curve, before the point that counts
 
 
-@contextlib.contextmanager
-def photons_alone():
-    """All light from the photon map, as in section 4.3 of the paper: no final gathers (nor the cache that they recall
-    from), no shadow rays, no rays to the sky."""
-    pass_loop = importlib.import_module("addon.solver.render")  # addon.solver.render is the function
-    with (
-        mock.patch.object(eye_paths, "choose_splits", lambda *_: 0),
-        mock.patch.object(pass_loop, "cache_points", lambda *_: 1),
-        mock.patch.object(lamps, "_TOGETHER", math.inf),
-        mock.patch.object(pilot, "_OPEN", 1.0),
-    ):
-        yield
-
-
-# Our modes: settings and what else changes. The paper is Boudet et al. 2004.
-MODES = {
-    "ours": ({}, contextlib.nullcontext),
-    "paper": ({"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}, photons_alone),
-}
+# Our modes: settings and what else changes. The paper is Boudet et al. 2004; + are our guide and feelers.
+MODES = {"ours": ({}, contextlib.nullcontext), "paper+": (PAPER, photons_alone)}
 
 
 def user_cache() -> Path:
@@ -199,7 +181,7 @@ def compare(name, options):
     best = [min(marks, key=lambda mark, at=at: mark[at] * np.sqrt(mark[1])) for at in (2, 3)]
     enough = [best[which][2 + which] for which in (0, 1)]
     rows = []
-    for mode in ("ours", "paper") if options.paper else ("ours",):
+    for mode in MODES if options.paper else ("ours",):
         ours = our_curves(scene, mode, reference.errors, enough, options)
         curves[mode] = ours[0][1:]
         for which, label in enumerate(("trimmed", "all")):
@@ -334,7 +316,7 @@ def plot(curves, path):
     for row, (name, engines) in zip(axes, curves.items(), strict=True):
         for which, (axis, label) in enumerate(zip(row, ("trimmed", "all pixels"), strict=True)):
             for engine, (seconds, errors) in engines.items():
-                colour = {"ours": "black", "paper": "0.6"}.get(engine)
+                colour = {"ours": "black", "paper+": "0.6"}.get(engine)
                 style = {"color": colour, "linewidth": 2} if colour else {"marker": "o"}
                 axis.loglog(seconds, errors[:, which], label=engine, **style)
             axis.set(title=f"{name}, {label}", xlabel="time, s", ylabel="error, K")
@@ -361,7 +343,7 @@ def parse_options():
     parser.add_argument("--repeats", type=int, default=3, help="of the peers at those seconds (%(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="of ours (%(default)s)")
     parser.add_argument("--photons", type=int, help="of ours in a pass (the engine's default)")
-    parser.add_argument("--paper", action="store_true", help="also ours with the estimator of Boudet et al. 2004")
+    parser.add_argument("--paper", action="store_true", help="also paper+, see docs/benchmarks.md")
     parser.add_argument("--slope", type=int, metavar="PASSES", help="only print our error from 1 to PASSES passes")
     parser.add_argument("--check", action="store_true", help="only compare the long-run images of all engines")
     parser.add_argument("--references", action="store_true", help="only render the references that are missing")
@@ -389,6 +371,7 @@ def main():
         print_peers(curves)
         options.out.mkdir(parents=True, exist_ok=True)
         plot(curves, options.out / "speed_vs_error.png")
+    print(f"\n{MADE_AT}")
 
 
 if __name__ == "__main__":

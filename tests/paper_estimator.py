@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The estimator of the paper (docs/method.md names it), made of the engine: what the paper does not have, switched off.
+
+Two steps, both with the settings PAPER:
+
+- photons_alone: all reflected light is the density of photons. docs/benchmarks.md calls it paper+, because the engine
+  still knows which photons matter and how far a disk may reach.
+- papers_estimator: that is off, too. docs/paper.md repeats the paper's results with it, and says what stays.
+"""
+
+import importlib
+import math
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from unittest import mock
+
+import numpy as np
+
+from addon.solver.emission import emit
+from addon.solver.free_space import unlimited
+from addon.solver.lamps import build_lamps
+from addon.solver.pilot import DEFENSIVE
+
+PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}  # of Settings
+
+
+def no_final_gathers(*_):
+    return 0
+
+
+def no_lamps(*arguments):
+    """Nothing that shadow rays are sent to."""
+    lamps = build_lamps(*arguments)
+    return lamps._replace(power=0.0, shines=np.zeros_like(lamps.shines))
+
+
+def emit_all(*arguments):
+    """Emit photons whose direct light counts: no shadow rays bring it."""
+    emit(*arguments)
+    wave = arguments[-1]
+    wave.direct[:] = False
+
+
+def by_power_alone(count, sheet, area, matters):
+    """Every side that matters emits by its power alone."""
+    return np.where(matters, 1.0, DEFENSIVE)
+
+
+def no_walls(tracer, surfaces, reach2, place, code, turns):
+    return unlimited(len(place), reach2)
+
+
+def any_reach(area, pilot, photons, neighbours):
+    """Disks as wide as the k-th neighbour is far: their limit holds k even where only 1 % of the photons are stored."""
+    return 100.0 * neighbours * float(area.sum()) / (math.pi * photons)
+
+
+# What changes: "module.name" in addon.solver
+PHOTONS_ALONE = {
+    "eye_paths.choose_splits": no_final_gathers,
+    "render.cache_points": lambda *_: 1,  # nobody asks the irradiance cache then
+    "render.build_lamps": no_lamps,
+    "transport.emit": emit_all,
+    "pilot._OPEN": 1.0,  # no rays to the surroundings
+}
+PAPERS_ESTIMATOR = PHOTONS_ALONE | {
+    "render.learn_guide": lambda tracer, surfaces, radiometry, emitters, *_: emitters,
+    "pilot._density": by_power_alone,
+    "render.gather_reach": any_reach,
+    "eye_paths.free_space": no_walls,
+}
+
+
+@contextmanager
+def changed(changes: dict[str, object]) -> Iterator[None]:
+    """Change the solver's constants and functions, each a "module.name", for a while."""
+    with ExitStack() as stack:
+        for target, value in changes.items():
+            module, name = target.split(".")
+            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.render is the function
+            stack.enter_context(mock.patch.object(module, name, value))
+        yield
+
+
+def photons_alone():
+    """All reflected light from the photon map, as in section 4.3 of the paper: no final gathers, no cache that they
+    recall from, no shadow rays, no rays to the surroundings."""
+    return changed(PHOTONS_ALONE)
+
+
+def papers_estimator():
+    """Photons alone, thrown in proportion to power, and as many neighbours as asked for, however far they are."""
+    return changed(PAPERS_ESTIMATOR)
