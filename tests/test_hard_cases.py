@@ -5,22 +5,27 @@ Every image of every render here must be finite, in each case. Most scenes are c
 are black at it whatever they look like (Kirchhoff). With the right reference that is exact by construction, so the
 cases are also rendered without the subtraction, and from a wrong reference.
 
-Statistical tests ask for 4 standard errors, from the spread of the passes: with 15 degrees of freedom a sound engine
-misses that in one of 860 comparisons, and there are some sixty here.
+Statistical tests ask for 3 standard errors, of the spread of the passes and with the quantile of Student's t for their
+number: a sound engine misses that in one of 370 comparisons. What misses is rendered again, with another seed and four
+times the passes: only one of 137,000 misses twice, and there are some ninety here.
 """
 
 import dataclasses
 import importlib
+import math
 
 import numpy as np
 import pytest
 import scenes
-from scenes import box, cylinder, join, look, make_scene, mean_and_error, pass_means, quad, sphere
+from scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere
+from scipy import stats
 
-from addon.solver import Camera, Film, Material, PointLight, Settings, SunLight, render
+from addon.solver import Camera, Film, Material, PointLight, SceneError, Settings, SpotLight, SunLight, render
 from addon.solver.emission import light_spectrum
 from addon.solver.spectrum import apparent_temperature, band_radiance
-from addon.solver.surfaces import areas
+from addon.solver.surfaces import CLEAR, areas
+
+solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
 
 EDGES = np.array([8.0, 9.0, 12.0])
 QUICK = Settings(passes=16, photons_per_pass=5000)
@@ -30,6 +35,7 @@ SUBTRACTION = [
     pytest.param({"reference_subtraction": False}, id="no-subtraction"),
 ]
 ROUNDING = 5e-7  # of images: float32 keeps 6e-8, and differences to a reference a few of that
+CHANCE = 2 * stats.norm.sf(3.0)  # of more than 3 standard errors
 
 
 def black(edges, kelvin):
@@ -63,24 +69,35 @@ def closed(vertices, triangles, eye, material=GREY, kelvin=300.0, edges=EDGES, s
     return make_scene(vertices, triangles, kelvin, [material], camera, edges, **options)
 
 
-def expect(scene, truth, settings=QUICK, **change):
-    """The mean of the image is the truth (W m-2 sr-1) within 4 standard errors, or rounding."""
-    settings = dataclasses.replace(settings, **change)
-    mean, error = mean_and_error(scene, settings)
-    print(f"{mean / truth - 1:+.2e} +- {error / truth:.1e}")
-    assert error < 0.05 * truth  # else it would say little
-    assert abs(mean - truth) <= 4 * error + ROUNDING * truth
+def expect(scene, truth, settings=QUICK, precision=0.005, allowance=ROUNDING, **change):
+    """The mean of the image is the truth (W m-2 sr-1, over all bands or in each) within 3 standard errors, see above.
+
+    precision: relative standard error that it must have, as a larger one would say little. allowance: relative
+    deviation that is not noise.
+    """
+    settings, truth = dataclasses.replace(settings, **change), np.asarray(truth)
+    for again in (0, 1):
+        run = dataclasses.replace(settings, seed=settings.seed + again, passes=4**again * settings.passes)
+        passes = pass_means(scene, run) if truth.ndim else pass_means(scene, run).sum(axis=1)
+        deviation = passes.mean(axis=0) / truth - 1.0
+        error = passes.std(axis=0, ddof=1) / math.sqrt(run.passes) / truth
+        print(f"deviation {deviation}, standard error {error}")
+        assert np.all(error < precision)
+        level = stats.t.isf(CHANCE / 2 / deviation.size, run.passes - 1)
+        if np.all(np.abs(deviation) <= level * error + allowance):
+            return
+    pytest.fail(f"deviation {deviation}, standard error {error}, and beyond chance before")
 
 
-def expect_black(scene, kelvin=300.0, settings=QUICK):
+def expect_black(scene, kelvin=300.0, settings=QUICK, precision=0.005):
     """Black at its temperature: every pixel and band with the subtraction, the mean without it or with a wrong T0."""
     truth = band_radiance(scene.band_edges, kelvin)
     film = checked_render(scene, dataclasses.replace(settings, passes=2))
     pixels = film.bands() * np.diff(scene.band_edges)[:, None, None]
     np.testing.assert_allclose(pixels, np.broadcast_to(truth[:, None, None], pixels.shape), rtol=ROUNDING)
     assert np.all(film.noise() == 0)
-    expect(scene, truth.sum(), settings, reference_subtraction=False)
-    expect(scene, truth.sum(), settings, reference_temperature=1.05 * kelvin)
+    expect(scene, truth.sum(), settings, precision, reference_subtraction=False)
+    expect(scene, truth.sum(), settings, precision, reference_temperature=1.05 * kelvin)
 
 
 # Temperatures
@@ -88,8 +105,8 @@ def expect_black(scene, kelvin=300.0, settings=QUICK):
 
 @pytest.mark.parametrize("kelvin", [40.0, 3000.0, 1e5, 1e6])
 def test_rooms_of_any_temperature_are_black(kelvin):
-    """At 40 K bands at 10 um hold 1e-12 of what they hold at 300 K."""
-    expect_black(room(kelvin=kelvin), kelvin)
+    """At 40 K bands at 10 um hold 1e-12 of what they hold at 300 K, and 42 K, the wrong reference, is 6 times that."""
+    expect_black(room(kelvin=kelvin), kelvin, precision=0.01)
 
 
 @pytest.mark.parametrize("settings", SUBTRACTION)
@@ -108,28 +125,58 @@ def test_three_kelvin_in_the_far_infrared(settings):
     expect(scene, 0.5 * black(edges, 3.0), **settings)
 
 
+FILAMENT = np.array([3.0, 3.01, 5.0])  # um: in the first band 3000 K is 2.2e6 times as bright as 300 K, in both 6e4
+
+
 @pytest.mark.parametrize("settings", SUBTRACTION)
 def test_filament_beside_walls(settings):
-    """A sphere at 3000 K in one at 300 K, 3-5 um, radiances 1 to 3e4: concentric diffuse spheres have a closed form.
+    """A sphere at 3000 K in one at 300 K: concentric diffuse spheres have a closed form.
 
     J1 = e1 B1 + (1 - e1) J2 on the inner sphere, which sees the outer one alone; that one sees the inner one by the
     share f = A1 / A2, and itself: J2 = e2 B2 + (1 - e2) (f J1 + (1 - f) J2) (Modest, Radiative Heat Transfer, chapter
     5). The camera looks from near the inner sphere at the outer one. The inner one is a lamp in the middle of the
     scene, where shadow rays are long against its coordinates. f is that of the meshes' areas; 0.3 %: their facets.
     """
-    edges = np.array([3.0, 5.0])
     inner, outer = sphere(3, 0.1), sphere(4, 1.0)
-    e1, e2, b1, b2 = 0.4, 0.8, black(edges, 3000.0), black(edges, 300.0)
-    assert b1 / b2 > 1e4
+    e1, e2, b1, b2 = 0.4, 0.8, band_radiance(FILAMENT, 3000.0), band_radiance(FILAMENT, 300.0)
     f = np.divide(*(areas(points[corners].astype(np.float32)).sum() for points, corners in (inner, outer)))
-    j2 = np.linalg.solve([[1.0, e1 - 1.0], [(e2 - 1.0) * f, 1.0 - (1.0 - e2) * (1.0 - f)]], [e1 * b1, e2 * b2])[1]
+    equations = [[1.0, e1 - 1.0], [(e2 - 1.0) * f, 1.0 - (1.0 - e2) * (1.0 - f)]]
+    j2 = np.linalg.solve(equations, [e1 * b1, e2 * b2])[1]
     vertices, triangles, kelvin, material = join((*inner, 3000.0, 0), (*outer, 300.0, 1))
     camera = look((0.0, 0.0, 0.3), (0.0, 0.0, 1.0), 8, 6, 0.5)
-    scene = make_scene(vertices, triangles, kelvin, [Material("", e1), Material("", e2)], camera, edges, material)
-    mean, error = mean_and_error(scene, dataclasses.replace(QUICK, passes=64, **settings))
-    print(f"{mean / j2 - 1:+.2e} +- {error / j2:.1e}")
-    assert error < 0.01 * j2
-    assert abs(mean - j2) < 4 * error + 0.003 * j2
+    scene = make_scene(vertices, triangles, kelvin, [Material("", e1), Material("", e2)], camera, FILAMENT, material)
+    expect(scene, j2, allowance=0.003, passes=64, **settings)
+
+
+@pytest.mark.parametrize("settings", SUBTRACTION)
+def test_filament_and_walls_in_one_picture(settings):
+    """1.7e6 between the brightest and the darkest pixel of a band, and both ends are right.
+
+    A screen hides a filament from a plate that reflects half. The room and the screen are black and at 300 K, so the
+    plate is, too: if a millionth of the filament's light came through, it would look twice as bright. The filament
+    reflects 300 K alone.
+    """
+    ball, triangles = sphere(2, 0.1)
+    *mesh, material = join(
+        (*box((2.0, 1.0, 1.0)), 300.0, 0),
+        (ball + (0.5, 0.5, 0.5), triangles, 3000.0, 1),
+        (*quad((1.0, 0.5, 0.35), (0, 0.5, 0), (0, 0, 0.35)), 300.0, 0),
+        (*quad((1.5, 0.5, 0.1), (0.3, 0, 0), (0, 0.3, 0)), 300.0, 2),
+    )
+    materials = [Material("black", 1.0), Material("filament", 0.8), Material("plate", 0.5)]
+    camera = look((1.0, 0.5, 0.95), (1.0, 0.5, 0.0), 48, 12, 1.2)
+    scene = make_scene(*mesh, materials, camera, FILAMENT, material)
+    film = checked_render(scene, dataclasses.replace(QUICK, **settings))
+    pixels = film.bands() * np.diff(FILAMENT)[:, None, None]
+    b1, b2 = band_radiance(FILAMENT, 3000.0), band_radiance(FILAMENT, 300.0)
+    filament = 0.8 * b1 + 0.2 * b2
+    assert filament[0] / b2[0] > 1e6
+    beside = np.broadcast_to(b2[:, None, None], pixels[:, :, 25:].shape)  # the screen's edge is in the middle
+    np.testing.assert_allclose(pixels[:, :, 25:], beside, rtol=ROUNDING)
+    inside = pixels[0] > 0.999 * filament[0]
+    assert np.count_nonzero(inside) >= 4
+    summed = 128 * 2.0**-24  # at most so many rays of a pixel, each alike and rounded alike in the sum
+    np.testing.assert_allclose(pixels[:, inside], np.broadcast_to(filament[:, None], (2, inside.sum())), rtol=summed)
 
 
 @pytest.mark.parametrize("settings", SUBTRACTION)
@@ -155,11 +202,7 @@ def test_temperature_that_runs_steeply_over_one_triangle(settings):
     camera = look((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), 8, 6, 0.02)
     scene = make_scene(vertices, triangles, 0.0, [Material("", 1.0), GREY], camera, edges, material)
     scene = dataclasses.replace(scene, temperature=kelvin.astype(np.float32))
-    truth = 0.5 * irradiance / np.pi
-    mean, error = mean_and_error(scene, dataclasses.replace(QUICK, passes=64, **settings))
-    print(f"{mean / truth - 1:+.2e} +- {error / truth:.1e}")
-    assert error < 0.02 * truth
-    assert abs(mean - truth) < 4 * error + 0.002 * truth
+    expect(scene, 0.5 * irradiance / np.pi, allowance=0.002, passes=64, **settings)
 
 
 def test_light_of_a_hundred_thousand_kelvin():
@@ -191,66 +234,134 @@ def test_perfect_absorber_and_perfect_reflector(specular, settings):
     np.testing.assert_allclose(film.radiance(), black(EDGES, 900.0), rtol=ROUNDING)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [*SUBTRACTION, pytest.param({"reference_temperature": 333.0}, id="wrong-T0")],
-)
-def test_hundreds_of_bounces(settings):
-    """Emissivity 0.008 and 0.004: photons bounce 200 times. E / pi = sum f e B / sum f e in a diffuse sphere."""
-    vertices, triangles = sphere(2)
+def diffuse_sphere(e_hot, e_cold, subdivisions=2):
+    """The cold part of a ball from its inside, hot above: the scene, and its radiance over all bands, W m-2 sr-1.
+
+    E / pi = sum f e B / sum f e everywhere, f the shares of the mesh's area (Modest, chapter 5).
+    """
+    vertices, triangles = sphere(subdivisions)
     hot = vertices[triangles].mean(axis=1)[:, 2] > 0.5
     area = areas(vertices[triangles].astype(np.float32))
-    share, e_hot, e_cold = area[hot].sum() / area.sum(), 0.008, 0.004
+    share = area[hot].sum() / area.sum()
     power = share * e_hot, (1 - share) * e_cold
     incident = (power[0] * black(EDGES, 400.0) + power[1] * black(EDGES, 300.0)) / sum(power)
     materials = [Material("hot", e_hot), Material("cold", e_cold)]
     camera = look((0, 0, 0), (0, 0, -1), 8, 6)
     scene = make_scene(vertices, triangles, np.where(hot, 400, 300), materials, camera, EDGES, np.where(hot, 0, 1))
-    truth = e_cold * black(EDGES, 300.0) + (1 - e_cold) * incident
-    expect(scene, truth, photons_per_pass=200, **settings)
+    return scene, e_cold * black(EDGES, 300.0) + (1 - e_cold) * incident
 
 
-def one_band(emissivity=0.01):
-    """A black room at 300 K, but for the second of four bands."""
+WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0")
+
+
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+def test_a_thousand_bounces(settings, monkeypatch):
+    """Emissivity 0.001: a share of 1e-4 that got lost at each bounce would be 10 % of the image.
+
+    4 %: one photon's time in the ball varies as much as its mean, so 1200 of them err by 3 %.
+    """
+    monkeypatch.setattr(solver, "_PLAN_PHOTONS", 512)  # 8192 that plan the render would take longer than the passes
+    scene, truth = diffuse_sphere(0.001, 0.001, 1)
+    expect(scene, truth, precision=0.04, passes=16, photons_per_pass=75, **settings)
+
+
+def test_photons_of_a_thousand_bounces_end(monkeypatch):
+    """How often a photon is reflected is a geometric variable: 1 / eps on average and nearly as much in its spread.
+
+    Energy is conserved if what is absorbed at all hits is what was emitted; both within 3 standard errors. The last of
+    the photons ends after ln(photons / chance) / eps bounces at the latest, but for that chance.
+    """
+    monkeypatch.setattr(solver, "_PLAN_PHOTONS", 512)
+    emissivity, count = 0.001, 1000
+    scene, _ = diffuse_sphere(emissivity, emissivity, 1)
+    model = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    batches = solver.trace_photons(
+        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, count, count
+    )
+    hits = sum(len(batch.surface) for batch in batches)
+    error = math.sqrt((1.0 - emissivity) / count)  # relative
+    print(f"{hits / count:.0f} bounces +- {error:.1%}, {len(batches)} at most")
+    assert abs(hits * emissivity / count - 1.0) < 3 * error
+    assert len(batches) < math.log(count / 1e-9) / emissivity
+    emitted = batches[0].power.sum(axis=0, dtype=float)
+    absorbed = emissivity * sum(batch.power.sum(axis=0, dtype=float) for batch in batches)
+    np.testing.assert_allclose(absorbed, emitted, rtol=3 * error)
+
+
+def one_band():
+    """A room that is black, but for the second of four bands, in which it reflects all; and a small black plate."""
     edges = np.array([8.0, 9.0, 10.0, 11.0, 12.0])
-    curve = np.array([[9.0, 1.0], [9.0 + 1e-6, emissivity], [10.0 - 1e-6, emissivity], [10.0, 1.0]])
-    return room(material=Material("one band", curve), edges=edges)
+    curve = np.array([[9.0 - 1e-6, 1.0], [9.0, 0.0], [10.0, 0.0], [10.0 + 1e-6, 1.0]])
+    *mesh, material = join(
+        (*box((1.0, 0.8, 0.6)), 300.0, 0), (*quad((0.5, 0.4, 0.3), (0.15, 0, 0), (0, 0.15, 0)), 300.0, 1)
+    )
+    camera = look((0.8, 0.6, 0.4), (0.1, 0.1, 0.1), 8, 6)
+    return make_scene(*mesh, [Material("one band", curve), Material("black", 1.0)], camera, edges, material)
 
 
 def test_error_where_one_band_reflects_all():
-    """Reflectance 0.95 in one band of four and 0 in the others: passes lie nearer to the truth than with the paper's
-    roulette, which survives with the mean reflectance, so that few photons of great weight have to carry the band.
-    Those are so rare that the spread of the passes does not show them; hence the root mean square from the truth."""
-    scene = one_band(0.05)
-    settings = dataclasses.replace(QUICK, photons_per_pass=10_000, reference_subtraction=False)
-    truth = black(scene.band_edges, 300.0)
-    passes = {
-        roulette: pass_means(scene, dataclasses.replace(settings, roulette=roulette)).sum(axis=1) / truth - 1
-        for roulette in ("POWER", "BAND_AVERAGE")
-    }
-    errors = {roulette: np.sqrt(np.mean(values**2)) for roulette, values in passes.items()}
+    """Reflectance 1 in one band of four and 0 in the others. All at one temperature, so the band is black as others
+    are, but all of its light comes from the plate, after twenty bounces on average (areas 3.76 and 0.18 m2).
+
+    The paper's roulette survives with the mean reflectance, 1 / 4: after five bounces a thousandth of the photons is
+    left to carry the band, so a pass holds less than a half of it, or far too much. With that of the power, passes lie
+    nearer to the truth by a factor of 8 (root mean square); 4: each is known to 1 / sqrt(2 * 16), 18 %, and 3 standard
+    errors of the factor's logarithm are as much.
+    """
+    scene = one_band()
+    settings = dataclasses.replace(QUICK, photons_per_pass=20_000, reference_subtraction=False)
+    truth = band_radiance(scene.band_edges, 300.0)
+    errors = {}
+    for roulette in ("POWER", "BAND_AVERAGE"):
+        passes = pass_means(scene, dataclasses.replace(settings, roulette=roulette))
+        errors[roulette] = np.sqrt(np.mean((passes[:, 1] / truth[1] - 1.0) ** 2))
     print(errors)
-    assert abs(passes["POWER"].mean()) < 4 * passes["POWER"].std(ddof=1) / np.sqrt(QUICK.passes)
-    assert errors["POWER"] < errors["BAND_AVERAGE"]
+    assert 4 * errors["POWER"] < errors["BAND_AVERAGE"]
+    expect(scene, truth.sum(), settings)
 
 
 @pytest.mark.parametrize("roulette, bounded", [("POWER", True), ("BAND_AVERAGE", False)])
 def test_weight_of_a_photon_is_bounded(roulette, bounded):
     """The power roulette never lets a photon weigh more over all bands than it left with, but for what the limit of
     the survival adds, 1 / 4096 a bounce; with the paper's its weight quadruples at a bounce, once it is in one band."""
-    solver = importlib.import_module("addon.solver.render")
     settings = dataclasses.replace(QUICK, reference_subtraction=False, roulette=roulette)
     model = solver.prepare(one_band(), settings)
     batches = solver.trace_photons(
-        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, 5000, 5000
+        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, 20_000, 20_000
     )
     weights = [batch.power.sum(axis=1, dtype=float).max() for batch in batches]
     growth = max(weights) / weights[0]
+    print(f"{growth:.3g} times the weight within {len(batches)} bounces")
     if bounded:
         assert len(batches) > 100  # they do bounce that often
         assert growth <= (1 + 1e-6) * (1 + 1 / 4095) ** len(batches)
     else:
         assert growth > 2
+
+
+@pytest.mark.parametrize("specular", [0.0, 0.5])
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+def test_room_in_which_nothing_absorbs(specular, settings):
+    """Emissivity 0 everywhere: walls emit nothing, so any radiance of the room would stay as it is, and the equations
+    leave it open. It is that of the reference: of the room's temperature, which is what a room of ever less emissivity
+    tends to, of a given one, and of none without the subtraction."""
+    scene = room(material=Material("perfect", 0.0, specular))
+    film = checked_render(scene, dataclasses.replace(QUICK, **settings))
+    kelvin = {"reference_subtraction": 0.0, "reference_temperature": 333.0}.get(*settings, 300.0) if settings else 300.0
+    assert film.reference_temperature == kelvin
+    np.testing.assert_allclose(film.radiance(), black(EDGES, kelvin), rtol=ROUNDING)
+    assert np.all(film.noise() == 0)
+
+
+@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("specular", [0.0, 1.0])
+def test_room_in_which_nothing_absorbs_ends(specular, settings, monkeypatch):
+    """With a lamp there is no steady state at all; between mirrors alone a camera path meets nothing that ends it. Both
+    end by roulette, after 4096 bounces on average, and leave an image of finite numbers."""
+    monkeypatch.setattr(solver, "_PLAN_PHOTONS", 64)
+    scene = room(material=Material("perfect", 0.0, specular), lights=(PointLight(np.array([0.5, 0.4, 0.3]), 100.0),))
+    scene = dataclasses.replace(scene, camera=look((0.8, 0.6, 0.4), (0.1, 0.1, 0.1), 2, 1))
+    checked_render(scene, dataclasses.replace(QUICK, passes=2, photons_per_pass=20, **settings))
 
 
 def test_emissivity_with_a_step_inside_a_band():
@@ -284,6 +395,47 @@ def test_scenes_of_any_size(size):
 def test_far_from_the_origin():
     """1e6 m away, where float32 resolves 0.06 m."""
     expect_black(room(shift=np.array([1e6, -1e6, 1e6])))
+
+
+def furnished(size=1.0, shift=0.0):
+    """A room with a warm floor, a hot plate, a mirror ball and a lamp, times a size and moved."""
+    ball, triangles = sphere(2, 0.12)
+    *mesh, material = join(
+        (*box((1.0, 0.8, 0.6)), 300.0, 0),
+        (ball + (0.3, 0.35, 0.2), triangles, 300.0, 1),
+        (*quad((0.6, 0.4, 0.05), (0.1, 0, 0), (0, 0.1, 0)), 400.0, 0),
+    )
+    vertices, triangles, kelvin = mesh
+    kelvin[8:10] = 330.0
+    lamp = PointLight(np.array([0.7, 0.5, 0.45]) * size + shift, 30.0 * size**2, 0.02 * size)
+    camera = look(np.array([0.8, 0.6, 0.4]) * size + shift, np.array([0.1, 0.1, 0.1]) * size + shift, 8, 6)
+    materials = [Material("paint", 0.7), Material("mirror", 0.1, specular=1.0)]
+    return make_scene(vertices * size + shift, triangles, kelvin, materials, camera, EDGES, material, lights=(lamp,))
+
+
+@pytest.mark.parametrize("size", [2.0**-20, 2.0**20])
+def test_size_of_a_furnished_room(size):
+    """Radiance does not depend on size, if lamps grow as areas do. Powers of two scale float numbers exactly, so every
+    bit stays."""
+    settings = dataclasses.replace(QUICK, passes=2)
+    film, scaled = (checked_render(furnished(factor), settings) for factor in (1.0, size))
+    assert np.array_equal(film.bands(), scaled.bands()) and np.array_equal(film.noise(), scaled.noise())
+
+
+@pytest.mark.parametrize(
+    "place", [(1e-6, 0.0), (1e6, 0.0), (1.0, np.array([1e6, -1e6, 1e6]))], ids=["1e-6", "1e6", "far"]
+)
+def test_place_of_a_furnished_room(place):
+    """Other sizes, and 1e6 m from the origin: coordinates are rounded otherwise. Passes share their random numbers with
+    those of the room as it is, so it is the spread of the differences that counts; most of them are rounding."""
+    passes, other = (
+        pass_means(scene, dataclasses.replace(QUICK, passes=8)) for scene in (furnished(), furnished(*place))
+    )
+    difference = (other - passes).sum(axis=1) / passes.sum(axis=1).mean()
+    error = difference.std(ddof=1) / math.sqrt(len(difference))
+    print(f"difference {difference.mean():+.1e} +- {error:.1e}")
+    assert error < 1e-5
+    assert abs(difference.mean()) <= stats.t.isf(CHANCE / 2, len(difference) - 1) * error + ROUNDING
 
 
 def distant_view(distance, tangent):
@@ -353,7 +505,7 @@ def test_long_thin_pipe():
     vertices, triangles = cylinder(32, radius, length)
     camera = look(*turned(np.array([(0.0, 0.0, 0.5 * length), (0.0, radius, 0.5 * length + radius)])), 8, 6, 1.0)
     scene = make_scene(turned(vertices), triangles, 300.0, [GREY], camera, EDGES)
-    expect_black(scene, settings=dataclasses.replace(QUICK, passes=32, photons_per_pass=40_000))
+    expect_black(scene, settings=dataclasses.replace(QUICK, passes=32, photons_per_pass=40_000), precision=0.01)
 
 
 def test_faces_without_area():
@@ -362,12 +514,11 @@ def test_faces_without_area():
     expect_black(closed(vertices, np.concatenate((triangles, none)), (0.8, 0.6, 0.4)))
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
-def test_only_faces_without_area(settings):
-    """Nothing to see but the surroundings."""
+def test_only_faces_without_area():
+    """Nothing to see is a clear error, not an image of the surroundings."""
     scene = closed(box()[0], np.array([(0, 1, 1), (2, 2, 2)], np.int32), (0.8, 0.6, 0.4), world_temperature=250.0)
-    film = checked_render(scene, dataclasses.replace(QUICK, **settings))
-    np.testing.assert_allclose(film.radiance(), black(EDGES, 250.0), rtol=ROUNDING)
+    with pytest.raises(SceneError, match="No triangle of the scene has an area"):
+        render(scene, QUICK)
 
 
 @pytest.mark.parametrize("flip", [False, True])
@@ -396,15 +547,11 @@ def test_flipped_normals():
 )
 def test_walls_of_which_a_half_stores_no_photons(other):
     """Each wall of a room is half diffuse and half of something that keeps no photons: what the photons of the diffuse
-    half are spread over is that half alone, though both lie in one plane. Isothermal, without the subtraction: black.
-    3.8 standard errors of 64 passes: one sound engine of 1000 fails in one of the three (Student's t)."""
+    half are spread over is that half alone, though both lie in one plane. At one temperature: black."""
     camera = look((0.5, 0.5, 0.5), (0.9, 0.6, 0.2), 16, 12, 0.9)
     scene = make_scene(*box(), 300.0, [Material("diffuse", 0.5), other], camera, EDGES, [0, 1] * 6)
     settings = Settings(passes=64, photons_per_pass=2000, reference_subtraction=False)
-    mean, error = mean_and_error(scene, settings)
-    truth = band_radiance(EDGES, 300.0).sum()
-    print(f"{other.name}: {100 * (mean / truth - 1):+.2f} % +- {100 * error / truth:.2f} %")
-    assert error < 0.002 * truth and abs(mean - truth) < 3.8 * error
+    expect(scene, black(EDGES, 300.0), settings, precision=0.002)
 
 
 @pytest.mark.parametrize("settings", SUBTRACTION)
@@ -425,19 +572,37 @@ def test_coplanar_faces_of_different_materials(settings):
     np.testing.assert_allclose(film.radiance()[:, 4:], right, rtol=ROUNDING)
 
 
+def rooms(gap, hot, left=400.0, right=300.0, material=GREY, tangent=0.5):
+    """Two closed rooms side by side, turned askew; the wall between them from inside the left (hot) or right one."""
+    box_left, box_right = box(), box()
+    vertices, triangles, kelvin, index = join(
+        (box_left[0] - (1.0 + gap, 0, 0), box_left[1], left, 0), (*box_right, right, 0)
+    )
+    eye = np.array([-0.8 - gap if hot else 0.8, 0.6, 0.4])
+    camera = look(turned(eye), turned(eye * (0, 1, 1)), 8, 6, tangent)
+    return make_scene(turned(vertices), triangles, kelvin, [material], camera, EDGES, index)
+
+
 @pytest.mark.parametrize("settings", SUBTRACTION)
 @pytest.mark.parametrize("hot", [True, False], ids=["hot room", "cold room"])
-def test_nothing_leaks_through_a_thin_wall(hot, settings):
-    """Two closed rooms at 400 K and 300 K, 0.1 mm apart: each is black at its own temperature."""
-    left, right = box(), box()
-    vertices, triangles, kelvin, material = join(
-        (left[0] - (1.0001, 0, 0), left[1], 400.0, 0), (right[0], right[1], 300.0, 0)
-    )
-    eye = np.array([-0.8001 if hot else 0.8, 0.6, 0.4])
-    camera = look(eye, eye * (0, 1, 1), 8, 6)
-    scene = make_scene(vertices, triangles, kelvin, [GREY], camera, EDGES)
-    truth = black(EDGES, 400.0 if hot else 300.0)
-    expect(scene, truth, **settings)
+@pytest.mark.parametrize("gap", [1e-4, 2 * CLEAR], ids=["0.1 mm", "2 um"])
+def test_nothing_leaks_through_a_thin_wall(gap, hot, settings):
+    """Two closed rooms at 400 K and 300 K: each is black at its own temperature, however near they are.
+
+    Rays start 1e-6 of the largest coordinate (1.2 m) from their surface, which float32 is sure to resolve (`offset`).
+    Walls that are nearer cannot be told apart: at half a micrometre each room is lit by the other.
+    """
+    expect(rooms(gap, hot), black(EDGES, 400.0 if hot else 300.0), **settings)
+
+
+@pytest.mark.parametrize("first", [400.0, 300.0])
+@pytest.mark.parametrize("seen_from", ["left", "right"])
+def test_walls_that_coincide(first, seen_from, caplog):
+    """Two rooms with a wall of each in one place: the log tells, and the wall of the first counts, on both sides."""
+    scene = rooms(0.0, seen_from == "left", first, 700.0 - first, Material("black", 1.0), 0.3)
+    film = checked_render(scene, dataclasses.replace(QUICK, passes=1))
+    assert "2 triangles lie exactly on others and are left out" in caplog.text
+    np.testing.assert_allclose(film.radiance(), black(EDGES, first), rtol=ROUNDING)
 
 
 # Views
@@ -453,6 +618,18 @@ def test_between_mirrors_that_absorb_little(settings):
     expect(scene, black(EDGES, 300.0), **settings)
 
 
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+def test_between_perfect_mirrors(settings):
+    """Two that face each other reflect all and emit nothing: whatever a path does, it ends at the surroundings."""
+    *mesh, material = join(
+        (*quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), 300.0, 0), (*quad((0, 0, 1), (5, 0, 0), (0, 5, 0)), 300.0, 0)
+    )
+    camera = look((0, 0, 0.5), (0, 0, 1), 8, 6)
+    mirrors = [Material("mirror", 0.0, specular=1.0)]
+    scene = make_scene(*mesh, mirrors, camera, EDGES, material, world_temperature=250.0)
+    expect(scene, black(EDGES, 250.0), **settings)
+
+
 @pytest.mark.parametrize("settings", SUBTRACTION)
 def test_room_of_mirrors_alone(settings):
     """No diffuse surface at all: no photon can be stored, and camera paths find everything."""
@@ -464,7 +641,6 @@ def test_room_of_mirrors_alone(settings):
 @pytest.mark.parametrize("roughness", [0.0, 0.5])
 def test_photons_that_could_never_be_stored_are_not_traced(emissivity, roughness):
     """Between perfect mirrors each would bounce 4096 times for nothing. Rough lobes store those from lights alone."""
-    solver = importlib.import_module("addon.solver.render")
     material = Material("mirror", emissivity, 1.0, roughness)
     scene = room(material=material, lights=(PointLight(np.array([0.5, 0.4, 0.3]), 100.0),))
     unlit = dataclasses.replace(scene, lights=())
@@ -483,7 +659,7 @@ def test_one_diffuse_wall_among_perfect_mirrors():
     wall = [0] * 8 + [1] * 2 + [0] * 2
     scene = make_scene(*box((1.0, 0.8, 0.6)), 0.0, materials, camera, EDGES, wall, lights=(lamp,))
     incident = power * light_spectrum(lamp, EDGES).sum() / (0.5 * floor)
-    expect(scene, 0.5 * incident / np.pi, photons_per_pass=1000)
+    expect(scene, 0.5 * incident / np.pi, precision=0.01, photons_per_pass=1000)
 
 
 @pytest.mark.parametrize("settings", SUBTRACTION)
@@ -500,13 +676,20 @@ def test_camera_inside_an_object(settings):
     "place", [(0.0, 0.4, 0.3), (0.0, 0.0, 0.0), (1e-9, 0.4, 0.3)], ids=["wall", "corner", "touching"]
 )
 def test_camera_on_a_surface(place, settings):
-    """Whether it then sees the wall it touches, from which side, or the room, is left open: all of it is between what
-    one side emits alone (0.5 of a blackbody; outside is 0 K) and a blackbody, but for noise."""
+    """A ray that starts on a wall, or so near that float32 cannot tell, meets it at once, and from behind, as it goes
+    into the room: what the outside emits, half of a blackbody, in every pixel. Outside is 0 K."""
     vertices, triangles = box((1.0, 0.8, 0.6))
     scene = make_scene(vertices, triangles, 300.0, [GREY], look(place, (0.6, 0.5, 0.3), 8, 6), EDGES)
-    mean, error = mean_and_error(scene, dataclasses.replace(QUICK, **settings))
-    truth = black(EDGES, 300.0)
-    assert 0.5 * truth * (1 - ROUNDING) - 4 * error <= mean <= truth * (1 + ROUNDING) + 4 * error
+    film = checked_render(scene, dataclasses.replace(QUICK, **settings))
+    np.testing.assert_allclose(film.radiance(), 0.5 * black(EDGES, 300.0), rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("settings", SUBTRACTION)
+def test_camera_close_to_a_surface(settings):
+    """As far from the wall as rays of the solver start: it sees the room."""
+    vertices, triangles = box((1.0, 0.8, 0.6))
+    camera = look((CLEAR, 0.4, 0.3), (0.6, 0.5, 0.3), 8, 6)
+    expect(make_scene(vertices, triangles, 300.0, [GREY], camera, EDGES), black(EDGES, 300.0), **settings)
 
 
 @pytest.mark.parametrize("specular, roughness", [(0.0, 0.0), (1.0, 0.0), (1.0, 0.5)])
@@ -536,16 +719,15 @@ def test_one_triangle_in_an_empty_world(world, material, settings):
 # Numbers of photons and passes
 
 
-@pytest.mark.parametrize("photons", [1, 2, 10])
+@pytest.mark.parametrize("photons, precision", [(1, 0.03), (2, 0.02), (10, 0.01)])
 @pytest.mark.parametrize("settings", SUBTRACTION)
-def test_fewer_photons_than_neighbours(photons, settings):
-    """All count, over the largest disk, and the mean is still that of many."""
-    hot = np.array([300.0] * 10 + [400.0] * 2)
-    scene = dataclasses.replace(room(), temperature=hot.astype(np.float32))
-    truth, truth_error = mean_and_error(scene, dataclasses.replace(QUICK, photons_per_pass=20_000))
-    mean, error = mean_and_error(scene, dataclasses.replace(QUICK, passes=256, photons_per_pass=photons, **settings))
-    print(f"{mean / truth - 1:+.2e} +- {np.hypot(error, truth_error) / truth:.1e}")
-    assert abs(mean - truth) < 4 * np.hypot(error, truth_error)
+def test_fewer_photons_than_neighbours(photons, precision, settings):
+    """All count, over the largest disk, and the mean is that of many: the closed form of a diffuse ball.
+
+    Their number in all, 256 to 2560, says how well it can be known.
+    """
+    scene, truth = diffuse_sphere(0.5, 0.5)
+    expect(scene, truth, precision=precision, passes=256, photons_per_pass=photons, **settings)
 
 
 @pytest.mark.parametrize("settings", SUBTRACTION)
@@ -562,16 +744,40 @@ def test_photons_that_reach_nothing(settings):
     np.testing.assert_allclose(film.radiance(), 0.0, atol=ROUNDING * black(EDGES, film.reference_temperature or 300.0))
 
 
-def test_photons_that_coincide():
-    """A spot of light smaller than float32 resolves: all its photons lie at one place, and the image stays finite."""
-    lamp = PointLight(np.array([0.0, 0.0, 1e-6]), 1.0)
-    mirror = Material("mirror", 0.0, specular=1.0)
-    vertices, triangles, kelvin, material = join(
-        (*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 0.0, 0), (*quad((0, 0, 2e-6), (1e-6, 0, 0), (0, 1e-6, 0)), 0.0, 1)
+def beam():
+    """A beam of light, turned down by a mirror onto a spot of a floor that is smaller than float32 resolves there; and
+    its radiance in the mean over the picture, W m-2 sr-1."""
+    at, power, half = np.array([12.3, 7.2, 0.0]), 1000.0, 3.0
+    *mesh, material = join(
+        (*quad((0, 0, 0), (16, 0, 0), (0, 16, 0)), 0.0, 0), (*quad(at + (0, 0, 1), (0, 0.1, 0), (-0.1, 0, 0.1)), 0.0, 1)
     )
-    camera = look((0, 0, 1), (0, 0, 0), 8, 6, 0.3)
-    scene = make_scene(vertices, triangles, kelvin, [GREY, mirror], camera, EDGES, material, lights=(lamp,))
-    checked_render(scene, QUICK)
+    lamp = SpotLight(at + (-0.8, 0.0, 1.0), np.array([1.0, 0.0, 0.0]), power, 1e-7)
+    matrix = look(at + (0, 0, 0.8), at).matrix
+    camera = Camera(16, 16, matrix, "ORTHOGRAPHIC", frame=(-half, half, -half, half))
+    materials = [GREY, Material("mirror", 0.0, specular=1.0)]
+    scene = make_scene(*mesh, materials, camera, EDGES, material, lights=(lamp,))
+    return scene, 0.5 * power * light_spectrum(lamp, EDGES).sum() / np.pi / (2 * half) ** 2
+
+
+@pytest.mark.parametrize("settings", SUBTRACTION)
+def test_photons_that_coincide(settings):
+    """40 photons in one place, fewer than the neighbours of an estimate: their light is spread over the largest disk,
+    and all of it is there."""
+    scene, truth = beam()
+    settings = dataclasses.replace(QUICK, passes=128, photons_per_pass=40, **settings)
+    model = solver.prepare(scene, settings)
+    batches = solver.trace_photons(
+        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, 40, 40
+    )
+    places = np.concatenate([batch.position for batch in batches])
+    assert len(places) == 40 and len(np.unique(places, axis=0)) == 1
+    expect(scene, truth, settings, precision=0.01)
+
+
+@pytest.mark.parametrize("settings", SUBTRACTION)
+def test_more_photons_coincide_than_are_neighbours(settings):
+    """The disk of an estimate then has no size of its own; the image stays finite."""
+    checked_render(beam()[0], dataclasses.replace(QUICK, **settings))
 
 
 def test_film_of_a_hundred_thousand_passes():
