@@ -129,7 +129,9 @@ def build_emitters(
     """
     surface_power = (power[:, None] * weight).ravel()
     surface = np.flatnonzero(surface_power > 0).astype(np.int32)
-    surroundings = band_radiance(scene.band_edges, world_temperature) - radiometry.reference
+    surroundings = np.zeros_like(radiometry.reference)
+    if world_temperature != radiometry.quiet:  # else rounding of the reference would be all that photons carry
+        surroundings = band_radiance(scene.band_edges, world_temperature) - radiometry.reference
     sky_flux = math.pi * np.abs(surroundings).sum()
     sky_area = (area[:, None] * arrival).ravel()
     sky = np.flatnonzero(sky_area > 0).astype(np.int32) if sky_flux > 0 else np.empty(0, np.int32)
