@@ -6,6 +6,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -18,6 +19,15 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.option.loadscopereorder = False  # files that share processes start in the order set below
+    # of test_properties.py, whose examples render for longer than hypothesis expects; the same in every run
+    hypothesis.settings.register_profile(
+        "enclosures",
+        max_examples=60 if config.getoption("--long") else 6,
+        deadline=None,
+        derandomize=True,
+        database=None,
+        suppress_health_check=list(hypothesis.HealthCheck),
+    )
 
 
 def pytest_collection_modifyitems(config, items):

@@ -11,7 +11,7 @@ from scenes import box, look, make_scene, mean_and_error
 
 from addon.solver import Material, Settings, SunLight, eye_paths, render
 from addon.solver.emission import chosen_numbers
-from addon.solver.guide import CELLS, DIMENSIONS, _count, build_gathers, build_guide, even_guide
+from addon.solver.guide import CELLS, DIMENSIONS, _count, build_gather_places, build_guide, even_guide
 from addon.solver.point_tree import empty_walk
 from addon.solver.rng import PHOTONS, pass_key
 
@@ -140,7 +140,7 @@ def test_gathers_are_those_within_reach_that_face_the_same_way():
     rng = np.random.default_rng(8)
     place, facing = rng.random((2000, 3)), rng.normal(size=(2000, 3))
     facing /= np.linalg.norm(facing, axis=1, keepdims=True)
-    gathers = build_gathers(place, facing, 0.04)
+    gathers = build_gather_places(place, facing, 0.04)
 
     @njit
     def count(gathers, x, n):

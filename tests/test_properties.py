@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Properties that hold in every closed enclosure, over random ones (hypothesis; the same in every run)."""
+"""Properties that hold in every closed enclosure, over random ones (hypothesis; the same in every run).
+
+How many: the profile in conftest.py.
+"""
 
 import dataclasses
 import importlib
@@ -7,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import box, look, make_scene, mean_and_error, sphere
 from scipy import stats
@@ -20,7 +23,7 @@ from addon.solver.surfaces import areas, unit_normal
 
 solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
 
-EXAMPLES = 6
+OVER = settings.get_profile("enclosures")
 PASSES = 16
 QUICK = Settings(passes=PASSES, photons_per_pass=4000)
 EDGES = np.array([8.0, 9.5, 12.0])
@@ -29,19 +32,9 @@ EDGES = np.array([8.0, 9.5, 12.0])
 MISTAKE = 1e-3
 
 
-def standard_errors(comparisons, passes=PASSES):
-    """Standard errors that a sound engine exceeds in one of a thousand runs of so many comparisons."""
-    return stats.t.ppf(1.0 - 0.5 * MISTAKE / comparisons, passes - 1)
-
-
-def over(*strategies, examples=EXAMPLES):
-    """Run a test over a few examples, the same in every run. A render takes longer than hypothesis expects."""
-
-    def decorate(test):
-        options = {"deadline": None, "derandomize": True, "max_examples": examples, "database": None}
-        return settings(suppress_health_check=list(HealthCheck), **options)(given(*strategies)(test))
-
-    return decorate
+def standard_errors(comparisons=OVER.max_examples):
+    """Standard errors that a sound engine exceeds in one of a thousand tests of so many comparisons."""
+    return stats.t.ppf(1.0 - 0.5 * MISTAKE / comparisons, PASSES - 1)
 
 
 @st.composite
@@ -50,7 +43,7 @@ def meshes(draw):
     from the origin still meets it once, so it stays closed and never meets itself."""
     vertices, triangles = draw(st.sampled_from([box(), sphere(0), sphere(1)]))
     vertices = vertices - vertices.mean(axis=0)
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     stretch = [draw(st.floats(0.5, 2.0)) for _ in range(3)]
     return vertices * stretch * rng.uniform(0.8, 1.2, (len(vertices), 1)), triangles
 
@@ -71,7 +64,7 @@ materials = st.builds(  # few values of the lobe, so that mirrors and rough ones
 def enclosures(draw, isothermal=False, walls=materials):
     """Scene of a closed enclosure seen from its middle: two materials and, unless isothermal, random temperatures."""
     vertices, triangles = draw(meshes())
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     kelvin = np.full(len(triangles), draw(st.sampled_from([77.0, 300.0, 1500.0])))
     if not isothermal:
         kelvin = rng.uniform(250.0, 400.0, len(triangles))
@@ -80,7 +73,8 @@ def enclosures(draw, isothermal=False, walls=materials):
     return make_scene(vertices, triangles, kelvin, pair, camera, EDGES, rng.integers(0, 2, len(triangles)))
 
 
-@over(enclosures(isothermal=True))
+@OVER
+@given(enclosures(isothermal=True))
 def test_isothermal_enclosures_are_black(scene):
     """Exactly so in every pixel with the right reference; without a reference within the noise."""
     kelvin = float(scene.temperature[0])
@@ -92,15 +86,16 @@ def test_isothermal_enclosures_are_black(scene):
     assert np.all(film.noise() == 0)
     mean, error = mean_and_error(scene, dataclasses.replace(QUICK, reference_subtraction=False))
     assert error < 0.1 * truth.sum()
-    assert abs(mean - truth.sum()) <= standard_errors(EXAMPLES) * error + 5e-7 * truth.sum()
+    assert abs(mean - truth.sum()) <= standard_errors() * error + 5e-7 * truth.sum()
 
 
-@over(enclosures())
+@OVER
+@given(enclosures())
 def test_the_reference_does_not_change_the_mean(scene):
     """The image with the subtraction and without is the same within the noise of both."""
     mean, error = mean_and_error(scene, QUICK)
     other, other_error = mean_and_error(scene, dataclasses.replace(QUICK, reference_subtraction=False))
-    assert abs(mean - other) <= standard_errors(EXAMPLES) * np.hypot(error, other_error)
+    assert abs(mean - other) <= standard_errors() * np.hypot(error, other_error)
 
 
 def inner_sides(surfaces):
@@ -124,7 +119,8 @@ def absorbed_inside(model, key):
     return absorbed
 
 
-@over(enclosures(walls=reflectors))
+@OVER
+@given(enclosures(walls=reflectors))
 def test_enclosures_absorb_what_they_emit(scene):
     """What photons leave at their hits, each a share eps, is what the walls emit inwards: pi A eps B(T), in every band.
 
@@ -139,7 +135,7 @@ def test_enclosures_absorb_what_they_emit(scene):
     absorbed = np.array([absorbed_inside(model, i) for i in range(PASSES)])
     error = absorbed.std(axis=0, ddof=1) / np.sqrt(PASSES)
     assert np.all(error < 0.05 * emitted)
-    assert np.all(np.abs(absorbed.mean(axis=0) - emitted) <= standard_errors(EXAMPLES * len(value)) * error)
+    assert np.all(np.abs(absorbed.mean(axis=0) - emitted) <= standard_errors(OVER.max_examples * len(value)) * error)
 
 
 def swapped(tables, *names):
@@ -147,7 +143,8 @@ def swapped(tables, *names):
     return tables._replace(**{name: np.ascontiguousarray(getattr(tables, name)[..., ::-1]) for name in names})
 
 
-@over(enclosures())
+@OVER
+@given(enclosures())
 def test_bands_are_alike(scene):
     """A pass of the model with its two bands swapped is the same image with its bands swapped: no band leads.
 
@@ -179,7 +176,8 @@ def moved(scene, vertices, matrix):
     return dataclasses.replace(scene, vertices=vertices, camera=dataclasses.replace(scene.camera, matrix=matrix))
 
 
-@over(enclosures(), st.integers(0, 2**32))
+@OVER
+@given(enclosures(), st.integers(0, 2**32 - 1))
 def test_rigid_motion_does_not_change_the_mean(scene, seed):
     """A random rotation and shift. Directions are sampled in other frames, so images agree within the noise."""
     rotation = stats.special_ortho_group.rvs(3, random_state=seed)
@@ -188,10 +186,11 @@ def test_rigid_motion_does_not_change_the_mean(scene, seed):
     matrix[:3] = np.column_stack((rotation @ scene.camera.matrix[:3, :3], shift))
     other = moved(scene, scene.vertices @ rotation.T + shift, matrix)
     (mean, error), (there, error_there) = (mean_and_error(s, QUICK) for s in (scene, other))
-    assert abs(mean - there) <= standard_errors(EXAMPLES) * np.hypot(error, error_there) + 5e-7 * mean
+    assert abs(mean - there) <= standard_errors() * np.hypot(error, error_there) + 5e-7 * mean
 
 
-@over(enclosures(), st.sampled_from([2.0**-20, 2.0**-3, 2.0**20]))
+@OVER
+@given(enclosures(), st.sampled_from([2.0**-20, 2.0**-3, 2.0**20]))
 def test_scale_changes_nothing(scene, factor):
     """Radiance does not depend on size. Powers of two scale float numbers exactly, so every bit stays."""
     matrix = scene.camera.matrix.copy()
@@ -202,7 +201,8 @@ def test_scale_changes_nothing(scene, factor):
     assert np.array_equal(film.noise(), scaled.noise())
 
 
-@over(enclosures())
+@OVER
+@given(enclosures())
 def test_threads_change_nothing(scene):
     settings = dataclasses.replace(QUICK, passes=2, photons_per_pass=40_000)  # several chunks of photons
     one, three = (render(scene, dataclasses.replace(settings, threads=threads)) for threads in (1, 3))

@@ -59,10 +59,16 @@ def test_emissivity_is_inside_the_integral():
 def test_reference_values():
     """Digits of an independent table of the blackbody fraction F(0 - lambda T) and B(lambda, T)."""
     sigma = 5.670374419e-8
-    for product, fraction in [(1000, 0.000321), (2897.772, 0.250055), (5000, 0.633726), (50000, 0.998904)]:
+    fractions = {
+        1000: 0.000321, 2000: 0.066730, 2897.772: 0.250055, 3000: 0.273229, 4000: 0.480865, 5000: 0.633726,
+        6000: 0.737789, 8000: 0.856251, 10_000: 0.914157, 20_000: 0.985554, 50_000: 0.998904,
+    }  # fmt: skip
+    for product, fraction in fractions.items():
         value = np.pi * band_radiance(np.array([1e-3, product / 1000.0]), 1000.0)[0] / (sigma * 1000.0**4)
         assert value == pytest.approx(fraction, abs=5.1e-7)
     assert planck(10.0, 300.0) == pytest.approx(9.924033, rel=1e-7)
+    assert planck(4.0, 300.0) == pytest.approx(0.7219764, rel=1e-7)
+    assert planck(10.0, 1000.0) == pytest.approx(370.4026, rel=2e-7)
     assert pytest.approx(14387.768775, rel=1e-9) == C2
     assert pytest.approx(1.191042972e8, rel=1e-9) == C1
 

@@ -14,6 +14,7 @@ from .sampling import basis, cone_direction, cosine_direction, to_world, triangl
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
 from .surfaces import Surfaces, layer_of, scene_radius, start_ray, temperature_at
+from .wave import LIT_BY_LAMP, LIT_BY_LIGHT
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 
@@ -21,7 +22,6 @@ _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 _SKY_DEFENSIVE = 1.0 / 64.0
 
 POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
-LIT_BY_LIGHT, LIT_BY_LAMP = 1, 2
 
 
 class Emitters(NamedTuple):
@@ -136,11 +136,11 @@ def build_emitters(
     sky_area = (area[:, None] * arrival).ravel()
     sky = np.flatnonzero(sky_area > 0).astype(np.int32) if sky_flux > 0 else np.empty(0, np.int32)
     sky_power = sky_flux * sky_area[sky]
-    radius = scene_radius(surfaces)
+    radius = scene_radius(surfaces.corners)
     light_power = np.array([_flux(light) * light_spectrum(light, scene.band_edges) for light in scene.lights])
     light_power = light_power.reshape(len(scene.lights), radiometry.reference.size)
-    is_sun = np.array([isinstance(light, SunLight) for light in scene.lights], bool)
-    light_total = light_power.sum(axis=1) * np.where(is_sun, math.pi * radius**2, 1.0)
+    light = np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16)
+    light_total = light_totals(light, light_power, radius)
     # Of the photons from the surroundings only the share `openness` arrives; for the least variance at a given number
     # of photons a class is then chosen in proportion to power / sqrt(share) (Lagrange). A scene that seems closed still
     # sends some: the pilot may have missed a hole.
@@ -154,61 +154,28 @@ def build_emitters(
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
     return Emitters(
-        cumulative,
-        surface,
-        lamp.ravel()[surface],
-        sky,
-        open_,
-        area,
-        surroundings,
-        sky_layer,
-        np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16),
-        light_power,
-        radius,
-        even_guide(),
+        cumulative=cumulative,
+        surface=surface,
+        lamp=lamp.ravel()[surface],
+        sky=sky,
+        open=open_,
+        area=area,
+        surroundings=surroundings,
+        sky_layer=sky_layer,
+        light=light,
+        light_power=light_power,
+        radius=radius,
+        guide=even_guide(),
     )
+
+
+def light_totals(light: np.ndarray, light_power: np.ndarray, radius: float) -> np.ndarray:
+    """(l,) float64 W of the lights over all bands, a sun's through the disk that holds the scene. See Emitters."""
+    return light_power.sum(axis=1) * np.where(light[:, 0] == SUN, math.pi * radius**2, 1.0)
 
 
 def _flux(light: Light) -> float:
     return light.irradiance if isinstance(light, SunLight) else light.power
-
-
-class Wave(NamedTuple):
-    """Rays in flight, n of them.
-
-    origin, direction: (n, 3) float32. power: (n, b) float32. photon: (n,) int64 number in the pass.
-    direct: (n,) bool, on the way from a lamp or light, whose direct light is not the photons' task. chain: (n,) int8,
-    LIT_BY_LIGHT or LIT_BY_LAMP where only specular reflections (of lights: only mirrors) lie between, else 0.
-    arrival: (n,) int32, code of the side that a photon from the surroundings arrives on if the way back to them (the
-    ray) is free; -1 for photons on their way. u, v: where on it. layer: (n,) uint8 as in Photons.
-    """
-
-    origin: np.ndarray
-    direction: np.ndarray
-    power: np.ndarray
-    photon: np.ndarray
-    direct: np.ndarray
-    chain: np.ndarray
-    arrival: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    layer: np.ndarray
-
-
-def empty_wave(count: int, bands: int, layered: bool) -> Wave:
-    """Room for count rays. layered: see photon_arrays."""
-    return Wave(
-        np.empty((count, 3), np.float32),
-        np.empty((count, 3), np.float32),
-        np.empty((count, bands), np.float32),
-        np.empty(count, np.int64),
-        np.empty(count, np.bool_),
-        np.empty(count, np.int8),
-        np.empty(count, np.int32),
-        np.empty(count, np.float32),
-        np.empty(count, np.float32),
-        np.empty(count if layered else 0, np.uint8),
-    )
 
 
 @njit(inline="always")

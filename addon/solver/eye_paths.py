@@ -122,7 +122,7 @@ def render_pixels(
         if estimate.photons:
             found = len(gathers.ray)
             place, code, turns = np.empty((found, 3)), np.empty(found, np.int32), np.empty(found)
-            locate(surfaces, bounce, *hits, rays, gathers, place, code, turns)
+            locate_gathers(surfaces, bounce, *hits, rays, gathers, place, code, turns)
             space = free_space(tracer, surfaces, estimate.reach2, place, code, turns)
             split = choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, space.radius2)
             reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, space, image)
@@ -361,7 +361,7 @@ def _in_proportion(a, b):
 
 
 @njit(**KERNEL)
-def locate(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
+def locate_gathers(surfaces, bounce, triangle, u, v, rays, gathers, place, code, turns):
     """Where gathers are, place (n, 3) and code (n,), and where their feelers start, turns (n,): see free_space."""
     for g in range(gathers.ray.size):
         i = gathers.ray[g]

@@ -52,7 +52,7 @@ def first_hit_images(
     """
     geometry = build_geometry(scene, geometry)
     surfaces, tracer, centre = build_surfaces(scene, geometry)
-    pinhole = build_eye(scene.camera, centre, scene_radius(surfaces))._replace(lens_radius=0.0)
+    pinhole = build_eye(scene.camera, centre, scene_radius(surfaces.corners))._replace(lens_radius=0.0)
     radiometry = _radiometry(scene) if "emissivity" in names else None
     x0, y0, x1, y1 = scene.camera.pixels
     count = (x1 - x0) * (y1 - y0)

@@ -18,6 +18,7 @@ from .kernels import KERNEL, njit
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, empty_walk, morton_order, open_node, start_walk
 from .radiometry import NONE
 from .surfaces import SAME_SURFACE, point, unit_normal
+from .wave import arrived
 
 DIMENSIONS = 5
 CELLS = 1024
@@ -124,42 +125,36 @@ def _cut(samples, squares, density, low, size, mass):
     return count
 
 
-class Gathers(NamedTuple):
+class GatherPlaces(NamedTuple):
     """Where camera paths gather: tree over the points, whose leaves hold their normals too; squared radius, m2."""
 
     tree: PointTree
     radius2: float
 
 
-def build_gathers(place: np.ndarray, facing: np.ndarray, radius2: float) -> Gathers:
+def build_gather_places(place: np.ndarray, facing: np.ndarray, radius2: float) -> GatherPlaces:
     """place, facing: (r, 3) float64 points and normals. radius2: squared distance (m2) up to which a photon counts."""
     points = place.astype(np.float32)
     order, to = morton_order(points), np.arange(len(points))
     leaves = empty_leaves(len(points), 6)
     leaves[to // WIDTH, :3, to % WIDTH] = points[order]
     leaves[to // WIDTH, 3:, to % WIDTH] = facing[order]
-    return Gathers(build_tree(leaves), radius2)
+    return GatherPlaces(build_tree(leaves), radius2)
 
 
-def add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score):
+def add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score):
     """Add to score (n,) what the photons of a wave leave where the image gathers, in proportion to its noise.
 
     That is the power they would reflect times the root of the number of gathers around: each adds to the variance.
     """
-    _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score, empty_walk())
+    _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score, empty_walk())
 
 
 @njit(**KERNEL)
-def _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, score, walk):
+def _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score, walk):
     for i in range(triangle.size):
-        t, pu, pv = triangle[i], u[i], v[i]
-        dx, dy, dz = float(wave.direction[i, 0]), float(wave.direction[i, 1]), float(wave.direction[i, 2])
-        if wave.arrival[i] >= 0:
-            if t >= 0:
-                continue
-            t, pu, pv = wave.arrival[i] >> 1, wave.u[i], wave.v[i]
-            dx, dy, dz = -dx, -dy, -dz
-        elif t < 0:
+        t, pu, pv, dx, dy, dz = arrived(wave, i, triangle[i], u[i], v[i])
+        if t < 0:
             continue
         material = surfaces.material[t]
         if wave.direct[i] or radiometry.stores[material] == NONE:
@@ -172,7 +167,7 @@ def _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, first, scor
             nx, ny, nz = -nx, -ny, -nz
         x, y, z = point(surfaces.corners, t, pu, pv)
         around = _count(gathers, x, y, z, nx, ny, nz, walk)
-        score[wave.photon[i] - first] += power * math.sqrt(around)
+        score[wave.photon[i]] += power * math.sqrt(around)
 
 
 @njit(inline="always")

@@ -19,6 +19,7 @@ from .emission import (
     Emitters,
     area_light_normal,
     area_light_point,
+    light_totals,
     spot_brightness,
 )
 from .kernels import KERNEL, njit
@@ -133,9 +134,7 @@ def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray, 
     code = emitters.surface[emitters.lamp]
     # in the order of a curve through space: points at equal steps along it lie all around a lamp
     code = code[morton_order(centroids(surfaces.corners[code >> 1]))]
-    light_total = emitters.light_power.sum(axis=1)
-    is_sun = emitters.light[:, 0] == SUN
-    light_total = light_total * np.where(is_sun, math.pi * emitters.radius**2, 1.0)
+    light_total = light_totals(emitters.light, emitters.light_power, emitters.radius)
     cumulative = np.concatenate(([0.0], np.cumsum(np.concatenate((side_power[code >> 1], light_total)))))
     total = float(cumulative[-1])
     if total > 0:

@@ -58,10 +58,10 @@ class Photons(NamedTuple):
 class PhotonStore:
     """Room for the photons of one pass that grows as needed and is used again by the next pass."""
 
-    def __init__(self, bands: int, directed: bool, caustic: bool, layered: bool = False):
-        """directed, caustic, layered: see photon_arrays."""
+    def __init__(self, bands: int, incoming: bool, caustic: bool, layer: bool = False):
+        """incoming, caustic, layer: see photon_arrays."""
         self.count = 0
-        self._new = functools.partial(photon_arrays, bands=bands, directed=directed, caustic=caustic, layered=layered)
+        self._new = functools.partial(photon_arrays, bands=bands, incoming=incoming, caustic=caustic, layer=layer)
         self._room = self._new(0)
 
     @property
@@ -88,16 +88,16 @@ class PhotonStore:
         self.count = 0
 
 
-def photon_arrays(count: int, bands: int, directed: bool, caustic: bool, layered: bool) -> Photons:
-    """Room for count photons. directed: whether they carry the direction they came from, caustic: whether that mark,
-    layered: whether a layer."""
+def photon_arrays(count: int, bands: int, incoming: bool, caustic: bool, layer: bool) -> Photons:
+    """Room for count photons. incoming: whether they carry the direction they came from, caustic: whether that mark,
+    layer: whether a layer."""
     return Photons(
         np.empty((count, 3), np.float32),
         np.empty(count, np.int32),
         np.empty((count, bands), np.float32),
-        np.empty((count if directed else 0, 3), np.float32),
+        np.empty((count if incoming else 0, 3), np.float32),
         np.empty(count if caustic else 0, np.bool_),
-        np.empty(count if layered else 0, np.uint8),
+        np.empty(count if layer else 0, np.uint8),
     )
 
 

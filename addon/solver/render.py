@@ -28,7 +28,7 @@ from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
 from .film import Film
 from .free_space import free_space
-from .guide import Gathers, add_scores, build_gathers, build_guide
+from .guide import GatherPlaces, add_scores, build_gather_places, build_guide
 from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
 from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
 from .layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
@@ -36,7 +36,7 @@ from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_o
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import ALL, STRAIGHT, Radiometry, build_radiometry, emission_range, typical_emissivity
-from .reference import choose_reference, gather_sources, typical_source
+from .reference import Sources, choose_reference, gather_sources, typical_source
 from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .sensors import band_weights
@@ -159,19 +159,14 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     """
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
-    eye = build_eye(scene.camera, centre, scene_radius(surfaces))
+    eye = build_eye(scene.camera, centre, scene_radius(surfaces.corners))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     specular = np.array([material.specular for material in scene.materials])
     is_mirror = np.array([material.alpha == 0.0 for material in scene.materials])
     area = areas(surfaces.corners)
     pilot = explore(surfaces, tracer, eye, 1.0 - emissivity.mean(axis=1), specular, is_mirror, area)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
-    reference = settings.reference_temperature
-    if reference is None:
-        reference = choose_reference(sources)
-    if not settings.reference_subtraction:
-        reference = 0.0
-    reference = float(np.float32(reference))  # as surfaces' temperatures are: those that equal it emit no photons
+    reference = _reference_temperature(settings, sources)
     weighting = typical_source(sources, scene.band_edges, reference)
     layers = trace_apart(layers, reference)
     surfaces = surfaces._replace(temperature=traced_temperature(surfaces.temperature, surfaces.layer, layers))
@@ -188,30 +183,11 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     )  # fmt: skip
     lamps = build_lamps(emitters, surfaces, power, lamp)
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
-    used = np.unique(surfaces.material)
-    rough = bool(np.any(radiometry.alpha[used] > 0))
-    caustic = lamps.power > 0 and bool(np.any(radiometry.specular[used] > 0))
-    straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
-    stored = radiometry.stores[used]
-    storing = np.any(stored == ALL) or (straight and np.any(stored == STRAIGHT))
+    optics, storing = _choose_optics(scene, settings, surfaces, radiometry, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
-    widths = np.diff(scene.band_edges)
-    marks = straight, caustic, len(layers) > 1
-    optics = Optics((widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", *marks)
-    log.info(
-        "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
-        len(surfaces.corners),
-        scene.band_count,
-        len(used),
-        "diffuse" if not np.any(radiometry.specular[used]) else "rough specular" if rough else "specular",
-        len(scene.lights),
-        f"{reference:g} K" if settings.reference_subtraction else "off",
-        f"{photons} photons a pass"
-        if photons
-        else "no photons needed: nothing differs from the reference or nothing reflects diffusely",
-    )
+    _log_needs(scene, surfaces, radiometry, reference if settings.reference_subtraction else None, photons)
     if photons and len(pilot.place):
-        gathers = build_gathers(pilot.place, pilot.facing, reach2)
+        gathers = build_gather_places(pilot.place, pilot.facing, reach2)
         emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers)
     splitting, hits = None, 0.0
     if photons:
@@ -228,23 +204,65 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     log.info("%.1f camera rays a pixel and pass", samples.mean())
     weights = band_weights(scene.response, scene.band_edges)
     return Model(
-        surfaces,
-        tracer,
-        radiometry,
-        emitters,
-        lamps,
-        optics,
-        eye,
-        samples,
-        reach2,
-        Places(pilot.place, pilot.facing, pilot.code, np.cumsum(pilot.carried)),
-        splitting,
-        reference,
-        weights,
-        layers,
-        layer_factors(layers, scene.band_edges, reference) * weights,
-        photons,
-        hits,
+        surfaces=surfaces,
+        tracer=tracer,
+        radiometry=radiometry,
+        emitters=emitters,
+        lamps=lamps,
+        optics=optics,
+        eye=eye,
+        samples=samples,
+        reach2=reach2,
+        places=Places(pilot.place, pilot.facing, pilot.code, np.cumsum(pilot.carried)),
+        splitting=splitting,
+        reference_temperature=reference,
+        weights=weights,
+        layers=layers,
+        layer_weights=layer_factors(layers, scene.band_edges, reference) * weights,
+        photons_per_pass=photons,
+        hits_per_photon=hits,
+    )
+
+
+def _reference_temperature(settings: Settings, sources: Sources) -> float:
+    """T0 in K, 0 for none; in float32 as surfaces' temperatures are, so that those that equal it emit no photons."""
+    if not settings.reference_subtraction:
+        return 0.0
+    given = settings.reference_temperature
+    return float(np.float32(choose_reference(sources) if given is None else given))
+
+
+def _choose_optics(
+    scene: Scene, settings: Settings, surfaces: Surfaces, radiometry: Radiometry, lamps: Lamps, layers: int
+) -> tuple[Optics, bool]:
+    """What hits of photons need, and whether any hit stores one."""
+    used = np.unique(surfaces.material)
+    rough = bool(np.any(radiometry.alpha[used] > 0))
+    caustic = lamps.power > 0 and bool(np.any(radiometry.specular[used] > 0))
+    straight = rough and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
+    stored = radiometry.stores[used]
+    widths = np.diff(scene.band_edges)
+    optics = Optics(
+        (widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight, caustic, layers > 1
+    )
+    return optics, bool(np.any(stored == ALL) or (straight and np.any(stored == STRAIGHT)))
+
+
+def _log_needs(scene: Scene, surfaces: Surfaces, radiometry: Radiometry, reference: float | None, photons: int) -> None:
+    """Tell what this scene needs. reference: K, None for no subtraction. photons: of a pass."""
+    used = np.unique(surfaces.material)
+    rough, specular = (bool(np.any(of[used] > 0)) for of in (radiometry.alpha, radiometry.specular))
+    log.info(
+        "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
+        len(surfaces.corners),
+        scene.band_count,
+        len(used),
+        "rough specular" if rough else "specular" if specular else "diffuse",
+        len(scene.lights),
+        "off" if reference is None else f"{reference:g} K",
+        f"{photons} photons a pass"
+        if photons
+        else "no photons needed: nothing differs from the reference or nothing reflects diffusely",
     )
 
 
@@ -270,7 +288,7 @@ def learn_guide(
     radiometry: Radiometry,
     emitters: Emitters,
     optics: Optics,
-    gathers: Gathers,
+    gathers: GatherPlaces,
 ) -> Emitters:
     """The emitters with a guide towards what the image gathers, if photons of a few trial passes say that it helps."""
     for trial, count in enumerate(_TRIAL_PHOTONS):
@@ -278,7 +296,7 @@ def learn_guide(
         score = np.zeros(count)
 
         def add(triangle, u, v, wave, score=score):
-            add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, 0, score)
+            add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score)
 
         trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, count, count, on_hits=add)
         numbers, density = chosen_numbers(emitters.guide, key, count)

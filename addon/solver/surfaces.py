@@ -195,13 +195,9 @@ def sheet_count(surfaces: Surfaces) -> int:
     return int(surfaces.sheet.max()) + 1
 
 
-def scene_radius(surfaces: Surfaces) -> float:
-    """Radius (m) of a sphere around the origin that holds all triangles."""
-    return _furthest(surfaces.corners)
-
-
 @njit(cache=True, nogil=True)
-def _furthest(corners):
+def scene_radius(corners):
+    """Radius (m) of a sphere around the origin that holds (m, 3, 3) triangles."""
     most = 0.0
     for t in range(corners.shape[0]):
         for i in range(3):
@@ -210,26 +206,18 @@ def _furthest(corners):
     return math.sqrt(most)
 
 
-def areas(corners: np.ndarray) -> np.ndarray:
-    """(m,) float64 areas of (m, 3, 3) triangles, m2."""
-    return _areas(corners)
-
-
 @njit(cache=True, nogil=True)
-def _areas(corners):
+def areas(corners):
+    """(m,) float64 areas of (m, 3, 3) triangles, m2."""
     area = np.empty(corners.shape[0])
     for t in range(corners.shape[0]):
         area[t] = 0.5 * normal(corners, t)[3]
     return area
 
 
-def centroids(corners: np.ndarray) -> np.ndarray:
-    """(m, 3) float32 centroids of (m, 3, 3) triangles, m."""
-    return _centroids(corners)
-
-
 @njit(cache=True, nogil=True)
-def _centroids(corners):
+def centroids(corners):
+    """(m, 3) float32 centroids of (m, 3, 3) triangles, m."""
     middle = np.empty((corners.shape[0], 3), np.float32)
     for t in range(corners.shape[0]):
         middle[t, 0], middle[t, 1], middle[t, 2] = centroid(corners, t)

@@ -5,13 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .emission import LIT_BY_LAMP, LIT_BY_LIGHT, Emitters, emit, empty_wave
+from .emission import Emitters, emit
 from .kernels import FAST_KERNEL, njit
 from .photon_map import Photons, photon_arrays
 from .radiometry import ALL, STRAIGHT, Radiometry
 from .rng import path_key, uniform
 from .sampling import cosine_direction, mirror, reflect_in_lobe, to_world
 from .surfaces import Surfaces, Tracer, point, put_ray, unit_normal
+from .wave import LIT_BY_LAMP, LIT_BY_LIGHT, arrived, empty_wave
 
 # No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
 MAX_SURVIVAL = 1.0 - 1.0 / 4096.0
@@ -75,14 +76,8 @@ def scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, sto
     bands = radiometry.reference.size
     kept = alive = 0
     for i in range(triangle.size):
-        t, pu, pv = triangle[i], u[i], v[i]
-        dx, dy, dz = float(wave.direction[i, 0]), float(wave.direction[i, 1]), float(wave.direction[i, 2])
-        if wave.arrival[i] >= 0:  # from the surroundings: it is here if its way back to them is free
-            if t >= 0:
-                continue
-            t, pu, pv = wave.arrival[i] >> 1, wave.u[i], wave.v[i]
-            dx, dy, dz = -dx, -dy, -dz
-        elif t < 0:
+        t, pu, pv, dx, dy, dz = arrived(wave, i, triangle[i], u[i], v[i])
+        if t < 0:
             continue
         nx, ny, nz = unit_normal(surfaces, t)
         cosine = -(dx * nx + dy * ny + dz * nz)
