@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How much memory a render needs, told before its first pass, and how much there is.
 
-With P pixels, b bands, l layers, m triangles and h stored hits in a pass, in bytes:
+With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a pass, in bytes:
 
     film       P (12 l b + 28)                mean in float64, one pass in float32, five more values for the noise
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
@@ -9,6 +9,8 @@ With P pixels, b bands, l layers, m triangles and h stored hits in a pass, in by
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
+    rays       8 b t 256 * 80                 of the tile of each thread: camera rays and final gathers of 256 pixels,
+                                              and what follows on them; 80 a pixel are usual, 256 the most
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
 
@@ -33,6 +35,7 @@ _PARTS = {
     "film": ("the sums for every pixel and band", "the resolution or the number of bands or temperature groups"),
     "images": ("the images of every band", "the resolution, the number of bands or of view layers"),
     "photons": ("the photons of a pass", "the photons per pass or the number of bands"),
+    "rays": ("the rays under way", "the number of threads or of bands"),
     "geometry": ("the triangles", "the subdivision of the meshes"),
 }
 
@@ -49,7 +52,10 @@ def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_pho
     """Bytes that the passes need once the geometry is there. hits_per_photon: that are stored, on average."""
     hits, bands = settings.photons_per_pass * hits_per_photon, scene.band_count
     further = len(scene_layers(scene)[0]) - 1
-    return _images(scene, copies) | {"photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands)}
+    return _images(scene, copies) | {
+        "photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands),
+        "rays": 8.0 * bands * settings.workers * 256 * 80,
+    }
 
 
 def _images(scene: Scene, copies: int) -> dict[str, float]:
