@@ -14,6 +14,7 @@ from bpy.types import Operator, Panel
 from . import curve_previews
 from .material_library import MaterialOperator, active_material, announce
 from .panels import InfraredPanel
+from .properties import set_custom_property
 
 ROWS = 12  # points shown at a time; measured spectra have thousands
 
@@ -29,7 +30,7 @@ def point_list(material) -> list[tuple[float, float]] | None:
 
 def write_points(material, points: list[tuple[float, float]]) -> None:
     """Set material["emissivity"] to the points, in the order of their wavelengths."""
-    material["emissivity"] = [float(number) for point in sorted(points) for number in point]
+    set_custom_property(material, "emissivity", [float(number) for point in sorted(points) for number in point])
     announce(material)
 
 

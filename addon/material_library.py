@@ -13,6 +13,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from . import curve_previews
 from .interface import redraw
+from .properties import set_custom_property
 
 UNUSABLE = "There is no editable material here"
 SOURCE_WIDTH = 62  # characters of a line of text in the browser
@@ -159,7 +160,7 @@ class INFRARED_OT_emissivity_library(Operator):
             self.report({"ERROR"}, UNUSABLE)
             return {"CANCELLED"}
         for material in materials:
-            material["emissivity"] = name
+            set_custom_property(material, "emissivity", name)
             announce(material)
         self.report({"INFO"}, f"{name}: used for {len(materials)} material{'s' if len(materials) > 1 else ''}")
         return {"FINISHED"}
@@ -304,9 +305,9 @@ class INFRARED_OT_spectrum_import(MaterialOperator, Operator, ImportHelper):
                 name = " ".join((self.name or spectrum.name).split())
                 remark = f" ({spectrum.remark})" if spectrum.remark else ""
                 library.add_user_material(name, spectrum.points, spectrum.source + remark, self.replace)
-                material["emissivity"] = library.get(name).name
+                set_custom_property(material, "emissivity", library.get(name).name)
             else:
-                material["emissivity"] = spectrum.points.ravel().tolist()
+                set_custom_property(material, "emissivity", spectrum.points.ravel().tolist())
         except (SpectrumError, library.LibraryError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

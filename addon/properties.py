@@ -85,14 +85,30 @@ def initial_value(id_block, key: str, scene) -> float | str:
     return scene.infrared.ambient_temperature
 
 
+def set_custom_property(id_block, key: str, value: float | str | list[float]) -> None:
+    """Set the custom property `key`, whatever it was before.
+
+    Blender refuses another type, and another number of points, where library overrides may change a property.
+    """
+    try:
+        id_block[key] = value
+    except TypeError:
+        del id_block[key]
+        id_block[key] = value
+
+
 def add_custom_property(id_block, key: str, value: float | str) -> None:
-    """Set the custom property `key` to a number or a text, with its unit and tooltip."""
-    id_block[key] = value if isinstance(value, str) else float(value)
+    """Set the custom property `key` to a number or a text, with its unit and tooltip.
+
+    Library overrides may change it, except for the emissivity: that would fix its type to a number, and scripts set it
+    to a curve or a library material's name as well.
+    """
+    set_custom_property(id_block, key, value if isinstance(value, str) else float(value))
     shown = dict(CUSTOM_PROPERTIES[key])
     if key == "temperature" and isinstance(id_block, bpy.types.Object) and id_block.type != "LIGHT":
         shown["description"] += ". A mesh attribute named 'temperature' wins over it"
     id_block.id_properties_ui(key).update(default=id_block[key], **shown)
-    id_block.property_overridable_library_set(f'["{key}"]', True)
+    id_block.property_overridable_library_set(f'["{key}"]', key != "emissivity")
 
 
 def show_passes(settings, _context) -> None:

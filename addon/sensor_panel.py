@@ -16,6 +16,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from . import curve_previews
 from .panels import RenderSettingsPanel
+from .properties import set_custom_property
 
 
 class INFRARED_OT_sensor_import(Operator, ImportHelper):
@@ -36,7 +37,7 @@ class INFRARED_OT_sensor_import(Operator, ImportHelper):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         scene = context.scene
-        scene["sensor_response"] = points.ravel().tolist()
+        set_custom_property(scene, "sensor_response", points.ravel().tolist())
         scene.infrared.sensor = "CUSTOM"
         scene.update_tag()
         self.report({"INFO"}, f"Response of {len(points)} points, {points[0, 0]:g} to {points[-1, 0]:g} µm")

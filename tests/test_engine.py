@@ -595,9 +595,41 @@ def test_setting_and_removing_custom_properties():
             assert id_block[key] == value
             ui = id_block.id_properties_ui(key).as_dict()
             assert ui["soft_min"] == 0.0 and len(ui["description"]) > 10
-            assert id_block.is_property_overridable_library(f'["{key}"]')
+            assert id_block.is_property_overridable_library(f'["{key}"]') == (key != "emissivity")
             assert bpy.ops.infrared.property_remove(owner=owner, key=key) == {"FINISHED"}
             assert key not in id_block
+
+
+def test_emissivities_take_any_form_after_any_other():
+    """Of the panel's number, of one that overrides may change (Blender fixes its type), and from scripts."""
+    from addon.solver import library
+
+    metal = library.names()[0]
+    changes = (
+        (lambda: bpy.ops.infrared.emissivity_library(name=metal), metal),
+        (lambda: bpy.ops.infrared.emissivity_curve(points="8, 0.9, 14, 0.7"), [8.0, 0.9, 14.0, 0.7]),
+        (lambda: bpy.ops.infrared.point_add(wavelength=20.0, emissivity=0.5), [8.0, 0.9, 14.0, 0.7, 20.0, 0.5]),
+    )
+    for overridable in (False, True):
+        paint = material()
+        with bpy.context.temp_override(material=paint):
+            bpy.ops.infrared.property_add(owner="MATERIAL", key="emissivity")
+            for change, expected in changes:
+                paint.property_overridable_library_set('["emissivity"]', overridable)
+                assert change() == {"FINISHED"}
+                value = paint["emissivity"]
+                assert (value if isinstance(value, str) else value.to_list()) == expected
+            bpy.ops.infrared.property_remove(owner="MATERIAL", key="emissivity")
+            bpy.ops.infrared.property_add(owner="MATERIAL", key="emissivity")
+            paint["emissivity"] = metal  # a script's way
+
+
+def test_temperatures_that_were_whole_numbers_take_fractions():
+    obj = link("Cube", cube_mesh(), temperature=300)
+    obj.property_overridable_library_set('["temperature"]', True)
+    obj.select_set(True)
+    assert bpy.ops.infrared.object_temperatures(action="SET", value=300.5) == {"FINISHED"}
+    assert obj["temperature"] == 300.5
 
 
 def test_emissivity_operators():

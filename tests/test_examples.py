@@ -70,6 +70,9 @@ def test_panels_show_the_units_of_all_numbers(path):
         if block.id_properties_ui(key).as_dict()["subtype"] != CUSTOM_PROPERTIES[key]["subtype"]
     ]
     assert bare == []
+    paints = [paint for paint in bpy.data.materials if "emissivity" in paint]
+    fixed = [paint.name for paint in paints if paint.is_property_overridable_library('["emissivity"]')]
+    assert fixed == []  # Blender keeps their type: scripts could no longer set a library name or a curve
 
 
 @every_scene
