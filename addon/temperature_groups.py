@@ -20,6 +20,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from .last_render import last_render
 from .panels import RenderSettingsPanel
+from .solver.spectrum import LIBRARY_MISSING
 
 log = logging.getLogger(__name__)
 
@@ -76,14 +77,18 @@ def recombine(context, groups: Path, target: str, source: str, series: str = "",
     groups: the file of its groups. target: path of the images; '####' is the number of the frame, and several frames
     get one if there is none. source, series: see `moments`. pictures: also write PNG files, as Heat Display says.
     Returns the paths of the images. Raises SceneError or OSError, naming the file, before the first image if a
-    temperature is wrong.
+    temperature is wrong; SceneError as well if a library is missing.
     """
-    from .final_render import thermal_picture, working_primaries
-    from .heat_picture import write_picture
-    from .heat_settings import read_scale, scene_unit
-    from .output.formats import numbered
-    from .output.group_exr import read_group_exr, write_recombined
     from .scene_reader import SceneError
+
+    try:
+        from .final_render import thermal_picture, working_primaries
+        from .heat_picture import write_picture
+        from .heat_settings import read_scale, scene_unit
+        from .output.formats import numbered
+        from .output.group_exr import read_group_exr, write_recombined
+    except ImportError as error:
+        raise SceneError(LIBRARY_MISSING.format(error)) from error
 
     image, facts = read_group_exr(groups)
     wanted = list(moments(context, source, series, image.temperatures))

@@ -183,7 +183,8 @@ def test_a_render_that_needs_too_much_memory_is_refused(monkeypatch, options, ch
 def test_a_render_that_fits_is_not_refused(monkeypatch):
     """Where nothing differs from the reference no photon is traced, whatever the settings say."""
     scene, settings = room(293.0, lights=()), dataclasses.replace(QUICK, photons_per_pass=10**12)
-    monkeypatch.setattr(memory, "available_memory", lambda: sum(memory.memory_beforehand(scene).values()))
+    needed = memory.memory_beforehand(scene) | memory.memory_of_passes(scene, settings, 0, hits_per_photon=0.0)
+    monkeypatch.setattr(memory, "available_memory", lambda: sum(needed.values()))
     assert render(scene, settings).photons == 0
 
 
@@ -299,6 +300,12 @@ def test_a_checkpoint_of_all_passes_needs_no_more(tmp_path):
     )
     assert shown == [film] and not path.exists()
     assert_same_render(film, whole)
+
+
+def test_a_correction_may_change_and_counts_before_the_next_pass(tmp_path):
+    path, corrected = tmp_path / "room.npz", dataclasses.replace(QUICK, assumed_emissivity=0.8)
+    save(path, render(room(), QUICK), fingerprint(room(), QUICK))
+    np.testing.assert_array_equal(images(load(path, room(), corrected)), images(render(room(), corrected)))
 
 
 CHANGES = {

@@ -2,6 +2,7 @@
 """Temperature groups in Blender: the custom property, the file of a render, and images recombined from it."""
 
 import re
+import sys
 
 import numpy as np
 import OpenEXR
@@ -166,6 +167,13 @@ def test_a_render_without_groups_says_so(scene, tmp_path):
     render_to_exr(tmp_path)
     assert not (tmp_path / "groups.exr").exists() and not final_render.finished_groups
     with pytest.raises(RuntimeError, match="no render with temperature groups yet"):
+        bpy.ops.infrared.recombine(filepath=str(tmp_path / "new.exr"))
+
+
+def test_a_missing_library_is_named(scene, tmp_path, monkeypatch):
+    render_to_exr(tmp_path)
+    monkeypatch.setitem(sys.modules, "addon.output.group_exr", None)
+    with pytest.raises(RuntimeError, match="A library of the solver is missing"):
         bpy.ops.infrared.recombine(filepath=str(tmp_path / "new.exr"))
 
 

@@ -86,6 +86,7 @@ def load(path: Path, scene: Scene, settings: Settings) -> Film:
         raise CheckpointError(f"'{path}' is no checkpoint, or a damaged one: {error}") from error
     if different:
         raise CheckpointError(f"The checkpoint '{path}' is of another render: {', '.join(sorted(different))} differ")
+    film.correction = settings.correction  # no part of the passes, so it may have changed
     return film
 
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from .free_space import FreeSpace, largest_disk
 from .kernels import FAST_KERNEL, KERNEL, njit
-from .photon_map import PhotonMap, gather, irradiance, neighbours_room
+from .photon_map import PhotonMap, gather, irradiance, leaf_distances, neighbours_room
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, kd_order, open_node, start_walk
 from .rng import path_key, uniform
 from .sampling import cosine_direction, to_world
-from .surfaces import PATCH_LIMIT, SAME_SURFACE, Surfaces, Tracer, facing_side, point, put_ray, unit_normal
+from .surfaces import PATCH_LIMIT, Surfaces, Tracer, facing_side, point, put_ray, unit_normal
 
 _SHARE = 1.0 / 16.0  # rays that find points, over photons, in the first pass
 _CHUNK = 512  # points
@@ -161,12 +161,7 @@ def recalled(cache, sheet, x, y, z, nx, ny, nz, reach2, walk):
             if walk.apart[depth + c] >= bound:
                 continue
             leaf = walk.stack[depth + c]
-            p = tree.leaves[leaf]
-            for j in range(WIDTH):
-                dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
-                cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
-                d2 = dx * dx + dy * dy + dz * dz
-                near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (p[6, j] == sheet) else bound
+            leaf_distances(tree.leaves[leaf], sheet, x, y, z, nx, ny, nz, bound, near)
             for j in range(WIDTH):
                 if near[j] < bound:
                     best, bound = leaf * WIDTH + j, near[j]

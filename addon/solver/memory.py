@@ -9,7 +9,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
-    rays       8 b t 256 * 80                 of the tile of each thread: camera rays and final gathers of 256 pixels,
+    rays       8 b min(P, 256 t) 80           of the tile of each thread: camera rays and final gathers of 256 pixels,
                                               and what follows on them; 80 a pixel are usual, 256 the most
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
@@ -54,13 +54,17 @@ def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_pho
     further = len(scene_layers(scene)[0]) - 1
     return _images(scene, copies) | {
         "photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands),
-        "rays": 8.0 * bands * settings.workers * 256 * 80,
+        "rays": 8.0 * bands * min(_pixels(scene), 256 * settings.workers) * 80,
     }
 
 
-def _images(scene: Scene, copies: int) -> dict[str, float]:
+def _pixels(scene: Scene) -> float:
     x0, y0, x1, y1 = scene.camera.pixels
-    pixels, bands = float(x1 - x0) * (y1 - y0), scene.band_count
+    return float(x1 - x0) * (y1 - y0)
+
+
+def _images(scene: Scene, copies: int) -> dict[str, float]:
+    pixels, bands = _pixels(scene), scene.band_count
     layers = len(scene_layers(scene)[0])
     film = 12 * layers * bands + 28 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
     return {"film": pixels * film, "images": pixels * (4 * copies * (bands + 7) + 64)}

@@ -250,6 +250,19 @@ def _kth_smallest(values, count, k, top, edge):
 
 
 @njit(inline="always")
+def leaf_distances(leaf, sheet, x, y, z, nx, ny, nz, other, near):
+    """Squared distances, m2, of a leaf's points (see PhotonMap) from a point into near (WIDTH,) float32.
+
+    `other` stands for those on other sheets and those that face another way. All are float32.
+    """
+    for j in range(WIDTH):
+        dx, dy, dz = leaf[0, j] - x, leaf[1, j] - y, leaf[2, j] - z
+        cosine = leaf[3, j] * nx + leaf[4, j] * ny + leaf[5, j] * nz
+        d2 = dx * dx + dy * dy + dz * dz
+        near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (leaf[6, j] == sheet) else other
+
+
+@njit(inline="always")
 def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
     """List the photons of a sheet nearer than sqrt(bound) that face the normal's way, and some more, in room.
 
@@ -268,12 +281,7 @@ def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
             if walk.apart[depth + c] >= bound:
                 continue
             leaf = walk.stack[depth + c]
-            p = tree.leaves[leaf]
-            for j in range(WIDTH):
-                dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
-                cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
-                d2 = dx * dx + dy * dy + dz * dz
-                near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (p[6, j] == sheet) else FAR
+            leaf_distances(tree.leaves[leaf], sheet, x, y, z, nx, ny, nz, FAR, near)
             for j in range(WIDTH):  # no branch: which photons lie inside is as good as random
                 index[count] = leaf * WIDTH + j
                 distance2[count] = near[j]
