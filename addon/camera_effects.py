@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .scene_reader import as_typed, read_band_edges, read_response
+from .scene_reader import as_shown, as_typed, read_band_edges, read_response
 from .solver.detector import Detector, check_range, expose
-from .solver.scene import Camera
+from .solver.scene import Camera, SceneError
 from .solver.sensors import band_weights
 
 
@@ -22,11 +22,14 @@ def read_detector(scene, camera) -> Detector | None:
     if not infrared.use_detector:
         return None
     names = {*Detector.__dataclass_fields__} - {"pitch", "range"}
-    detector = Detector(
-        **{name: as_typed(getattr(infrared, f"detector_{name}")) for name in names},
-        pitch=_pitch(scene.render, camera.data, as_typed(infrared.detector_pitch)),
-        range=(as_typed(infrared.detector_low), as_typed(infrared.detector_high)),
-    )
+    try:
+        detector = Detector(
+            **{name: as_typed(getattr(infrared, f"detector_{name}")) for name in names},
+            pitch=_pitch(scene.render, camera.data, as_typed(infrared.detector_pitch)),
+            range=(as_typed(infrared.detector_low), as_typed(infrared.detector_high)),
+        )
+    except SceneError as error:
+        raise SceneError(as_shown(error, infrared, names, "detector_")) from error
     edges = read_band_edges(infrared)
     check_range(detector, edges, band_weights(read_response(infrared), edges))
     return detector

@@ -143,13 +143,15 @@ def _owner(obj) -> str:
 
 
 def _temperature_checks(obj, infrared) -> list[Check]:
-    from .scene_reader import object_temperatures, read_light, usable_attribute
+    from .scene_reader import object_temperatures, read_light
+    from .surface_temperature import temperature_source
 
     if obj.type == "LIGHT":
         return problems(read_light, obj, np.array(obj.matrix_world, dtype=np.float64))
     if obj.type not in SURFACE_TYPES:
         return []
-    if obj.get("temperature") is None and not (obj.type == "MESH" and usable_attribute(obj.data)):
+    depsgraph = bpy.context.view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
+    if obj.get("temperature") is None and temperature_source(obj, depsgraph) == "AMBIENT":
         ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
         return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
     return problems(object_temperatures, obj, 0.0)

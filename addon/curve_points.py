@@ -12,9 +12,8 @@ from bpy.props import FloatProperty, IntProperty, StringProperty
 from bpy.types import Operator, Panel
 
 from . import curve_previews
-from .material_library import MaterialOperator, active_material, announce
+from .material_library import MaterialOperator, active_material, write_emissivity
 from .panels import InfraredPanel
-from .properties import set_custom_property
 
 ROWS = 12  # points shown at a time; measured spectra have thousands
 
@@ -28,10 +27,9 @@ def point_list(material) -> list[tuple[float, float]] | None:
     return list(zip(numbers[::2], numbers[1::2], strict=True))
 
 
-def write_points(material, points: list[tuple[float, float]]) -> None:
-    """Set material["emissivity"] to the points, in the order of their wavelengths."""
-    set_custom_property(material, "emissivity", [float(number) for point in sorted(points) for number in point])
-    announce(material)
+def write_points(operator, material, points: list[tuple[float, float]]) -> None:
+    """Set material["emissivity"] to the points, in the order of their wavelengths. operator: see write_emissivity."""
+    write_emissivity(operator, material, [float(number) for point in sorted(points) for number in point])
 
 
 class INFRARED_OT_emissivity_curve(MaterialOperator, Operator):
@@ -66,7 +64,7 @@ class INFRARED_OT_emissivity_curve(MaterialOperator, Operator):
         except ValueError:
             self.report({"ERROR"}, f"'{self.points}' is no list of numbers separated by commas")
             return {"CANCELLED"}
-        write_points(material, points)
+        write_points(self, material, points)
         return {"FINISHED"}
 
 
@@ -95,7 +93,7 @@ class PointDialog:
         if any(wavelength == other for other, _ in others):
             self.report({"ERROR"}, f"There is a point at {wavelength:g} µm already")
             return {"CANCELLED"}
-        write_points(active_material(context), [*others, (wavelength, round(self.emissivity, 6))])
+        write_points(self, active_material(context), [*others, (wavelength, round(self.emissivity, 6))])
         return {"FINISHED"}
 
 
@@ -149,7 +147,7 @@ class INFRARED_OT_point_remove(PointOperator, Operator):
         if self.index >= len(points) or len(points) == 1:
             self.report({"ERROR"}, "A curve keeps one point" if len(points) == 1 else f"There is no point {self.index}")
             return {"CANCELLED"}
-        write_points(active_material(context), points[: self.index] + points[self.index + 1 :])
+        write_points(self, active_material(context), points[: self.index] + points[self.index + 1 :])
         return {"FINISHED"}
 
 
@@ -171,7 +169,7 @@ class INFRARED_OT_points_make(MaterialOperator, Operator):
         except SceneError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        write_points(material, list(zip(map(float, wavelengths), map(float, values), strict=True)))
+        write_points(self, material, list(zip(map(float, wavelengths), map(float, values), strict=True)))
         return {"FINISHED"}
 
 

@@ -57,7 +57,7 @@ DEFAULT_SCALE = TemperatureScale()
 REC709 = np.eye(3, dtype=np.float32)
 
 # What the last render left; last_render.TABLES lists these tables.
-finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last finished render
+finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last render
 finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
 finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
 
@@ -148,11 +148,12 @@ def render_view_layer(engine, depsgraph) -> None:
     log.info("%s: %s", layer, job.status())
     if effects and effects.warning():
         _warn(engine, f"{layer}: {effects.warning()}")
-    if images and not job.cancelled:
+    if images:
         facts = effects.facts() if effects else {}
         finished_layers[layer] = layer_images(job, images, further, facts)
         finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
-        _write_files(scene, layer, suffix, engine.is_animation, job.film)
+        if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
+            _write_files(scene, layer, suffix, engine.is_animation, job.film)
 
 
 def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:

@@ -27,10 +27,20 @@ def active_material(context):
     return material if material is not None and material.is_editable else None
 
 
-def announce(material) -> None:
-    """After its emissivity changed: let Blender evaluate the material, and draw the panels that may show it."""
+def write_emissivity(operator, material, value: str | list[float]) -> None:
+    """Set a material's emissivity, let Blender evaluate it and draw the panels that may show it.
+
+    The operator warns where Blender will forget it: nobody would notice before the file is opened again.
+    """
+    set_custom_property(material, "emissivity", value)
     material.update_tag()
     redraw("PROPERTIES")
+    if material.override_library is not None:
+        operator.report(
+            {"WARNING"},
+            f"Material '{material.name}' is a library override: if its emissivity was of another kind, or had more or "
+            "fewer points, Blender forgets this one when the file is opened again. Make the material local",
+        )
 
 
 class MaterialOperator:
@@ -160,8 +170,7 @@ class INFRARED_OT_emissivity_library(Operator):
             self.report({"ERROR"}, UNUSABLE)
             return {"CANCELLED"}
         for material in materials:
-            set_custom_property(material, "emissivity", name)
-            announce(material)
+            write_emissivity(self, material, name)
         self.report({"INFO"}, f"{name}: used for {len(materials)} material{'s' if len(materials) > 1 else ''}")
         return {"FINISHED"}
 
@@ -305,13 +314,13 @@ class INFRARED_OT_spectrum_import(MaterialOperator, Operator, ImportHelper):
                 name = " ".join((self.name or spectrum.name).split())
                 remark = f" ({spectrum.remark})" if spectrum.remark else ""
                 library.add_user_material(name, spectrum.points, spectrum.source + remark, self.replace)
-                set_custom_property(material, "emissivity", library.get(name).name)
+                value = library.get(name).name
             else:
-                set_custom_property(material, "emissivity", spectrum.points.ravel().tolist())
+                value = spectrum.points.ravel().tolist()
         except (SpectrumError, library.LibraryError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        announce(material)
+        write_emissivity(self, material, value)
         text = f"{spectrum.name}: {len(spectrum.points)} points"
         self.report({"WARNING"} if spectrum.remark else {"INFO"}, f"{text}; {spectrum.remark}".removesuffix("; "))
         return {"FINISHED"}

@@ -88,27 +88,31 @@ def initial_value(id_block, key: str, scene) -> float | str:
 def set_custom_property(id_block, key: str, value: float | str | list[float]) -> None:
     """Set the custom property `key`, whatever it was before.
 
-    Blender refuses another type, and another number of points, where library overrides may change a property.
+    Blender refuses another type, and another number of points, where library overrides may change a property. In an
+    override it forgets those that are not told to be such when the file is opened again.
     """
     try:
         id_block[key] = value
     except TypeError:
         del id_block[key]
         id_block[key] = value
+    if id_block.override_library is not None:
+        id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
 def add_custom_property(id_block, key: str, value: float | str) -> None:
     """Set the custom property `key` to a number or a text, with its unit and tooltip.
 
-    Library overrides may change it, except for the emissivity: that would fix its type to a number, and scripts set it
-    to a curve or a library material's name as well.
+    Library overrides may change it. Of the emissivity they say so themselves: here it would fix the type to a number,
+    and scripts set a curve or a library material's name as well.
     """
     set_custom_property(id_block, key, value if isinstance(value, str) else float(value))
     shown = dict(CUSTOM_PROPERTIES[key])
     if key == "temperature" and isinstance(id_block, bpy.types.Object) and id_block.type != "LIGHT":
         shown["description"] += ". A mesh attribute named 'temperature' wins over it"
     id_block.id_properties_ui(key).update(default=id_block[key], **shown)
-    id_block.property_overridable_library_set(f'["{key}"]', key != "emissivity")
+    if key != "emissivity":
+        id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
 def show_passes(settings, _context) -> None:
@@ -163,7 +167,8 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     )
     time_limit: FloatProperty(
         name="Time Limit",
-        description="Stop after this many seconds for each view layer; 0 is no limit",
+        description="Stop after this many seconds for each view layer, counted from the start of the first pass, which "
+        "is always finished; 0 is no limit",
         default=0.0,
         min=0.0,
         soft_max=86_400.0,
@@ -173,7 +178,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     target_noise: FloatProperty(
         name="Target Noise (K)",
         description="Stop when the standard error of the temperature is below this many kelvin in 95 % of the pixels; "
-        "0 is no limit",
+        "looked at after 8 passes, and then after every tenth more, about. 0 is no limit",
         default=0.0,
         min=0.0,
         soft_max=10.0,

@@ -149,15 +149,24 @@ def read_settings(infrared) -> Settings:
     try:
         return Settings(**{name: as_typed(getattr(infrared, name)) for name in names})
     except ValueError as error:
-        labels = {name: infrared.bl_rna.properties[name].name for name in names}
-        words = re.findall(r"\w+|\W+", str(error))
-        panel = "Spectrum > Sensor" if SENSOR_SETTINGS.intersection(words) else "Photons"
-        raise SceneError(f"Panel '{panel}': {''.join(labels.get(word, word) for word in words)}") from error
+        panel = "Spectrum > Sensor" if SENSOR_SETTINGS.intersection(re.findall(r"\w+", str(error))) else "Photons"
+        raise SceneError(f"Panel '{panel}': {as_shown(error, infrared, names)}") from error
+
+
+def as_shown(error: Exception, infrared, names: Iterable[str], prefix: str = "") -> str:
+    """The solver's message about settings of these names, with those that the interface shows.
+
+    prefix: of the same names in scene.infrared.
+    """
+    labels = {name: infrared.bl_rna.properties[prefix + name].name for name in names}
+    return "".join(labels.get(word, word) for word in re.findall(r"\w+|\W+", str(error)))
 
 
 def read_defaults(infrared) -> tuple[float, Material]:
     """Temperature (K) and material of what has none of its own. Raises SceneError, naming their panel."""
     check_temperature(infrared.ambient_temperature, f"Panel '{DEFAULTS}'")
+    if not 0.0 <= infrared.default_emissivity <= 1.0:  # also NaN
+        raise SceneError(f"Panel '{DEFAULTS}': emissivity {infrared.default_emissivity:g} is outside 0..1")
     return infrared.ambient_temperature, Material(name=DEFAULTS, emissivity=infrared.default_emissivity)
 
 
@@ -234,7 +243,7 @@ def read_adaptive_bands(infrared) -> Partition:
     curves, temperatures, lights = set(), [], set()
     with suppress(SceneError):
         temperatures.append(world_temperature(scene.world))
-    for obj in rendered_objects(scene.objects):
+    for obj in scene_objects(scene):
         with suppress(SceneError):
             if obj.type in SURFACE_TYPES:
                 materials.update(slot.material for slot in obj.material_slots)
@@ -286,6 +295,12 @@ def rendered_objects(objects: Iterable) -> dict:
     return found
 
 
+def scene_objects(scene) -> dict:
+    """The objects that some view layer of a scene renders, once and in order (keys)."""
+    shown = (layer_objects(layer.layer_collection) for layer in scene.view_layers)
+    return rendered_objects(dict.fromkeys(obj for objects in shown for obj in objects))
+
+
 def object_temperatures(obj, ambient: float) -> list[float]:
     """All, or the lowest and the highest temperature (K) of an object itself, not of what modifiers make of it."""
     values = attribute_temperatures(obj.data, obj.name) if obj.type == "MESH" else None
@@ -297,11 +312,11 @@ def object_temperatures(obj, ambient: float) -> list[float]:
 def read_group_temperatures(scene, objects: Iterable | None = None) -> dict[str, float]:
     """The temperature (K) of each group that a scene's objects and world are in now, as the interface shows them.
 
-    objects: those that are rendered; None is all of the scene that are not hidden.
+    objects: those that are rendered; None is all that some view layer renders.
     Raises SceneError if a temperature makes no sense, or differs within a group.
     """
     groups = GroupReader()
-    objects = rendered_objects(scene.objects) if objects is None else objects
+    objects = scene_objects(scene) if objects is None else objects
     for obj in sorted(objects, key=lambda obj: obj.name_full):
         if obj.type in SURFACE_TYPES and read_group(obj, f"Object '{obj.name}'"):
             kelvin = object_temperatures(obj, scene.infrared.ambient_temperature)

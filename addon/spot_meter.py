@@ -125,7 +125,7 @@ def editor_under(context, event):
 
 
 class INFRARED_OT_spot_meter(Operator):
-    """Show the temperature of the picture under the cursor with its standard error. Clicks place fixed spots"""
+    """Show the temperature under the cursor with its standard error. In an Image Editor clicks place fixed spots"""
 
     bl_idname = "infrared.spot_meter"
     bl_label = "Spot Meter"

@@ -31,7 +31,7 @@ def spread(shares: np.ndarray, low: float, high: float) -> np.ndarray:
 
 def check_kelvin(values: np.ndarray, owner: str) -> None:
     """Raise TemperatureError unless the engine can render all values (K); owner names their source."""
-    from .solver.scene import SceneError, check_temperature  # loads numba
+    from .solver.scene import SceneError, check_temperature
 
     try:
         for value in (values.min(), values.max()) if values.size else ():  # NaN is both

@@ -123,7 +123,7 @@ def _show(picture) -> None:
 
 
 class INFRARED_OT_recombine(Operator, ExportHelper):
-    """Write the last render's images for other temperatures of its groups, without tracing it again"""
+    """Write a render's images for other temperatures of its groups, without tracing it again"""
 
     bl_idname = "infrared.recombine"
     bl_label = "Recombine"

@@ -116,6 +116,10 @@ def test_what_decides():
     scene = bpy.context.scene
     cube("Lens", QUARTZ, 340.0)
     cube("Hidden", GLASS, 900.0).hide_render = True
+    unseen = bpy.data.collections.new("Unseen")
+    scene.collection.children.link(unseen)
+    cube("In a hidden collection", GLASS, 900.0, unseen)
+    unseen.hide_render = True
     np.testing.assert_array_equal(bands().edges, expected([QUARTZ], [280.0, 340.0]).edges)
 
     collection = bpy.data.collections.new("Windows")

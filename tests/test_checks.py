@@ -74,7 +74,7 @@ DAMAGE = {
     "ambient": (set_value("ambient_temperature", -5.0), "Panel 'Where Nothing Is Set': temperature -5 K"),
     "default": (
         set_value("default_emissivity", 2.0),
-        "'Where Nothing Is Set': emissivity 2 is outside 0..1",
+        "Panel 'Where Nothing Is Set': emissivity 2 is outside 0..1",
     ),
     "assumed": (set_value("assumed_emissivity", 0.0), "Panel 'Spectrum > Sensor': Assumed Emissivity is 0,"),
     "reflected": (

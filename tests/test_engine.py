@@ -624,6 +624,28 @@ def test_emissivities_take_any_form_after_any_other():
             paint["emissivity"] = metal  # a script's way
 
 
+def test_library_overrides_keep_an_emissivity_of_the_same_kind(tmp_path, capfd):
+    """And the operator warns, as Blender forgets one of another kind."""
+    for name, value in (("Number", 0.9), ("Text", "Water")):
+        paint = material(name, emissivity=value)
+        paint.use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (there, here):
+        here.materials = there.materials
+    overrides = {linked.name: linked.override_create() for linked in list(here.materials)}
+    for paint in overrides.values():
+        paint.use_fake_user = True
+        with bpy.context.temp_override(material=paint):
+            assert bpy.ops.infrared.emissivity_library(name="Gold, polished") == {"FINISHED"}
+        assert paint["emissivity"] == "Gold, polished"
+    assert "Material 'Number' is a library override" in capfd.readouterr().out
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    kept = {paint.name: paint["emissivity"] for paint in bpy.data.materials if paint.library is None}
+    assert kept == {"Number": 0.9, "Text": "Gold, polished"}
+
+
 def test_temperatures_that_were_whole_numbers_take_fractions():
     obj = link("Cube", cube_mesh(), temperature=300)
     obj.property_overridable_library_set('["temperature"]', True)

@@ -249,6 +249,19 @@ def test_a_render_ended_by_esc_goes_on(infrared, tmp_path, monkeypatch):
     assert not path.exists()
 
 
+def test_a_render_ended_by_esc_can_be_read_and_exported_but_writes_no_files(infrared, tmp_path, monkeypatch):
+    infrared.band_exr_path = str(tmp_path / "bands")
+    stop_after(monkeypatch, 2)
+    assert list(tmp_path.glob("bands*")) == []
+    assert final_render.finished_layers["ViewLayer"]["metadata"]["passes"] == 2
+    assert "ViewLayer" in final_render.finished_frames  # of the colour bar and the spot meter
+    infrared.band_exr_path = ""
+    shown = radiance()
+    assert bpy.ops.infrared.export_bands(filepath=str(tmp_path / "seen.exr")) == {"FINISHED"}
+    exported = OpenEXR.File(str(tmp_path / "seen.exr")).parts[0].channels["Radiance.V"].pixels[::-1]
+    np.testing.assert_array_equal(exported, shown)
+
+
 def damage(path):
     path.write_bytes(path.read_bytes()[:-100])
 

@@ -59,6 +59,19 @@ def test_groups_are_read(scene):
     assert read_group_temperatures(scene) == {"engine": 330.0, "sky": 250.0}
 
 
+def test_objects_that_no_view_layer_renders_have_no_say(scene):
+    """Else Recombine would refuse what the render accepts."""
+    hidden = bpy.data.collections.new("Hidden")
+    scene.collection.children.link(hidden)
+    link("Old engine", cube_mesh("Old engine"), hidden, temperature=400.0, temperature_group="engine")
+    with pytest.raises(SceneError, match="'Old engine' .400 K. and Object 'Engine' .330 K.|'engine'"):
+        read_group_temperatures(scene)
+    for attribute, place in (("hide_render", hidden), ("exclude", scene.view_layers[0].layer_collection.children[0])):
+        setattr(place, attribute, True)
+        assert read_group_temperatures(scene) == {"engine": 330.0, "sky": 250.0}
+        setattr(place, attribute, False)
+
+
 def test_recombined_is_the_render_at_these_temperatures(scene, tmp_path):
     """Of what is seen directly exactly; of the floor's mean within 1 %, where three standard errors are below that."""
     own = render_to_exr(tmp_path)["ViewLayer"]

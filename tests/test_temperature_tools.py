@@ -12,6 +12,7 @@ bpy = pytest.importorskip("bpy")
 from blender_helpers import camera, cube_mesh, link, material, read, read_exr, use_multilayer_exr  # noqa: E402
 
 from addon import heat_map  # noqa: E402
+from addon.checks import scene_checks  # noqa: E402
 from addon.output.palette import thermal  # noqa: E402
 from addon.surface_temperature import temperature_source  # noqa: E402
 
@@ -331,7 +332,11 @@ def temperature_nodes(obj, factor=10.0, name="temperature", subdivide=False):
 def test_what_geometry_nodes_make_is_rendered_and_can_be_kept():
     camera()
     obj = link("Grid", grid_mesh())
+    ambient = [check.text for check in scene_checks(bpy.context.scene, bpy.context.view_layer)]
+    assert any("'Grid': no temperature; the ambient" in text for text in ambient)
     temperature_nodes(obj, 64.0)
+    made = [check.text for check in scene_checks(bpy.context.scene, bpy.context.view_layer)]
+    assert not any("'Grid': no temperature" in text for text in made)
     expected = 64.0 * np.array([v.co.x for v in obj.data.vertices], np.float32)
     scene, _ = read()
     np.testing.assert_allclose(scene.temperature, 64.0 * scene.vertices[scene.triangles][..., 0], rtol=FLOAT32)

@@ -26,7 +26,7 @@ class FileFormat:
 
 FORMATS = {
     "BAND_EXR": FileFormat(
-        "Band EXR", "OpenEXR with every band, Radiance, Temperature and Noise under the names of the passes", ".exr"
+        "Band EXR", "OpenEXR with every band, Radiance, Temperature, Noise and passes that were asked for", ".exr"
     ),
     "SPECTRAL_EXR": FileFormat(
         "Spectral EXR", "OpenEXR in the published layout for spectral images: W m-2 sr-1 nm-1", "_spectral.exr"
