@@ -719,6 +719,27 @@ def test_one_triangle_in_an_empty_world(world, material, settings):
 # Numbers of photons and passes
 
 
+def test_passes_that_store_no_photon_send_rays_like_others():
+    """With two photons most passes store none; were they without rays, two thirds of the light would be missing."""
+    vertices, triangles = box((2.0, 2.0, 2.0))
+    temperature, material = np.full(12, 300.0), np.ones(12, int)
+    temperature[:2] = 330.0  # -x
+    material[8:10] = 0  # the floor
+    matrix = np.eye(4)
+    matrix[:3, 3] = 1.0, 1.0, 1.9
+    camera = Camera(16, 16, matrix, kind="ORTHOGRAPHIC", frame=(-0.5, 0.5, -0.5, 0.5))
+    materials = [Material("grey", 0.5), Material("black", 1.0)]
+    scene = make_scene(vertices, triangles, temperature, materials, camera, [8.0, 12.0], material)
+    few, many = (
+        pass_means(scene, Settings(passes=passes, photons_per_pass=photons, seed=3))[:, 0]
+        for passes, photons in ((100, 2), (20, 20_000))
+    )
+    deviation = few.mean() - many.mean()
+    excess = many.mean() - band_radiance(np.array([8.0, 12.0]), 300.0)[0]
+    error = math.hypot(stats.sem(few), stats.sem(many))
+    assert abs(deviation) < 4.0 * error and error < 0.01 * excess
+
+
 @pytest.mark.parametrize("photons, precision", [(1, 0.03), (2, 0.02), (10, 0.01)])
 @pytest.mark.parametrize("settings", SUBTRACTION)
 def test_fewer_photons_than_neighbours(photons, precision, settings):

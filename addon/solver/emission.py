@@ -175,7 +175,11 @@ def light_totals(light: np.ndarray, light_power: np.ndarray, radius: float) -> n
 
 
 def _flux(light: Light) -> float:
-    return light.irradiance if isinstance(light, SunLight) else light.power
+    """W; of a sun W m-2 across each of the directions that it shines from, which reach a plane facing it aslant."""
+    if isinstance(light, SunLight):
+        mean_cosine = 0.5 * (1.0 + math.cos(0.5 * light.angle))
+        return light.irradiance / mean_cosine
+    return light.power
 
 
 @njit(inline="always")

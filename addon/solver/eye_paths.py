@@ -37,7 +37,8 @@ class Estimate(NamedTuple):
     """Choices of the radiance estimate in one pass.
 
     neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on r^2 in this pass.
-    photons: whether the map holds any. straight: whether rough lobes need photons straight from lights.
+    photons: whether passes have any, though one may store none. straight: whether rough lobes need photons straight
+    from lights.
     splitting: what decides between photons and rays. layers: of the image (see layers).
     """
 

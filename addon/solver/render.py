@@ -356,7 +356,7 @@ def render_pass(
         settings.neighbours,
         m.reach2,
         shrink_factor(index) if settings.shrink else 1.0,
-        store.count > 0,
+        m.splitting is not None,  # planned before: what depends on the photons of the pass would change the mean
         m.optics.keep_incoming,
         m.splitting,
         len(m.layers),

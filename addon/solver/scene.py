@@ -12,6 +12,7 @@ import numpy as np
 
 SUN_TEMPERATURE = 5772.0  # K, nominal effective temperature of the Sun (IAU 2015 resolution B3)
 HOTTEST = 1e6  # K: apparent temperatures are tabulated to twice that
+_NARROWEST_CONE = 1e-7  # rad; below, rounding leaves nothing of 1 - cos of half of it
 LAMP_TEMPERATURE = 2856.0  # K, CIE standard illuminant A: an incandescent lamp
 
 
@@ -334,10 +335,10 @@ def _check_light(light: Light) -> None:
         raise SceneError(f"{owner}: an area light needs a size above 0")
     if isinstance(light, PointLight | SpotLight) and not 0 <= light.radius < np.inf:
         raise SceneError(f"{owner}: radius {light.radius:g} m; a radius is finite and at least 0")
-    if isinstance(light, SpotLight) and not (0 < light.cone_angle <= np.pi and 0 <= light.blend <= 1):
+    if isinstance(light, SpotLight) and not (_NARROWEST_CONE <= light.cone_angle <= np.pi and 0 <= light.blend <= 1):
         raise SceneError(
-            f"{owner}: a cone of {light.cone_angle:g} rad and a blend of {light.blend:g}; cones open by more than 0 "
-            "and at most pi, blends are from 0 to 1"
+            f"{owner}: a cone of {light.cone_angle:g} rad and a blend of {light.blend:g}; cones open by "
+            f"{_NARROWEST_CONE:g} to pi, blends are from 0 to 1"
         )
     if isinstance(light, SunLight) and not 0 <= light.angle <= np.pi:
         raise SceneError(f"{owner}: angle {light.angle:g} rad; a sun's diameter is from 0 to pi")
