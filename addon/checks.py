@@ -124,9 +124,9 @@ def camera_checks(scene, depsgraph) -> list[Check]:
     return found + [Check("WARNING", message) for message in warnings.messages()]
 
 
-def object_checks(obj, infrared) -> list[Check]:
+def object_checks(obj, infrared, depsgraph) -> list[Check]:
     """What is to be said of an object; nothing of one that neither emits nor shines."""
-    return _temperature_checks(obj, infrared) + _ignored_checks(obj)
+    return _temperature_checks(obj, infrared, depsgraph) + _ignored_checks(obj)
 
 
 def _ignored_checks(obj) -> list[Check]:
@@ -142,7 +142,7 @@ def _owner(obj) -> str:
     return f"{'Light' if obj.type == 'LIGHT' else 'Object'} '{obj.name}'"
 
 
-def _temperature_checks(obj, infrared) -> list[Check]:
+def _temperature_checks(obj, infrared, depsgraph) -> list[Check]:
     from .scene_reader import object_temperatures, read_light
     from .surface_temperature import temperature_source
 
@@ -150,11 +150,15 @@ def _temperature_checks(obj, infrared) -> list[Check]:
         return problems(read_light, obj, np.array(obj.matrix_world, dtype=np.float64))
     if obj.type not in SURFACE_TYPES:
         return []
-    depsgraph = bpy.context.view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
     if obj.get("temperature") is None and temperature_source(obj, depsgraph) == "AMBIENT":
         ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
         return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
     return problems(object_temperatures, obj, 0.0)
+
+
+def _evaluated(view_layer):
+    """The depsgraph of a view layer. It has none before its first evaluation."""
+    return view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
 
 
 def scene_checks(scene, view_layer) -> list[Check]:
@@ -165,7 +169,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     from .solver import library
 
     infrared = scene.infrared
-    depsgraph = view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
+    depsgraph = _evaluated(view_layer)
     objects = reader.rendered_objects(reader.layer_objects(view_layer.layer_collection))
     override = view_layer.material_override
     slots = (slot.material for obj in objects if obj.type in SURFACE_TYPES for slot in obj.material_slots)
@@ -183,7 +187,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     for material in materials:
         found += material_checks(material, infrared)
     for obj in objects:
-        found += object_checks(obj, infrared)
+        found += object_checks(obj, infrared, depsgraph)
     if infrared.group_exr_path:
         found += problems(reader.read_group_temperatures, scene, objects)
     return sorted(dict.fromkeys(found), key=lambda check: list(ICONS).index(check.level))
@@ -238,7 +242,8 @@ def draw_object_checks(self, context):
     """Under the object's temperature."""
     obj, scene = context.object, context.scene
     if obj is not None:
-        checks = kept(scene, f"checks of {obj.session_uid}", lambda: object_checks(obj, scene.infrared))
+        depsgraph = _evaluated(context.view_layer)
+        checks = kept(scene, f"checks of {obj.session_uid}", lambda: object_checks(obj, scene.infrared, depsgraph))
         draw_problems(self.layout, checks, context.region)
 
 

@@ -13,6 +13,7 @@ from scipy.stats import t as student
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
 from addon.solver.final_gather import _WINDOW, Finals, choose_splits, share
 from addon.solver.free_space import LEAST_FREE
+from addon.solver.render import TILE, tiles
 from addon.solver.spectrum import band_radiance
 from addon.solver.splitting import _mean_of, plan_splitting, ray_variance
 from addon.solver.surfaces import build_surfaces
@@ -272,6 +273,59 @@ def test_neighbours_share_their_rays():
     assert np.any((left > 0) & (left < 1) & (bend2 > 0))  # and some around a bend
     share(surfaces, finals, shrink2, rows, columns, np.append(np.zeros(rows * columns), closeness), image)
     np.testing.assert_allclose(image[: rows * columns], expected, rtol=1e-5, atol=1e-5)
+
+
+def test_tiles_cover_the_window_and_move():
+    """Each pixel is in one tile of a pass, and in TILE passes in every row and column of a tile once, but near the
+    window's edges, where tiles begin and end with it."""
+    x0, y0, x1, y1 = window = np.array([3, 5, 3 + 3 * TILE + 2, 5 + 2 * TILE + 7])
+    height, width = y1 - y0, x1 - x0
+    places = []
+    for index in range(40, 40 + TILE):
+        place, covered = np.zeros((height * width, 2), int), np.zeros(height * width, int)
+        for pixels in tiles(window, index, np.uint64(2**63 + 12345)):
+            assert min(pixels.shape) > 0 and max(pixels.shape) <= TILE
+            covered[pixels] += 1
+            place[pixels] = np.stack(np.indices(pixels.shape), axis=-1)
+        assert np.all(covered == 1)
+        places.append(place.reshape(height, width, 2)[TILE : height - TILE, TILE : width - TILE])
+    assert np.all(np.sort(places, axis=0) == np.arange(TILE)[:, None, None, None])
+    assert tiles(np.array([0, 0, 1, 1]), 7, np.uint64(5))[0].tolist() == [[0]]
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_tiles_leave_no_steps(moving, monkeypatch):
+    """What a grey floor reflects of a hot wall, all else being black, is exact on both sides of tiles' borders, as they
+    move; were these where they are in the first pass (moving is False), it would not be.
+
+    In pixels: the step over the change from one to the next. Four standard errors, from the spread of the renders.
+    """
+
+    def still(window, *_):
+        return tiles(window, 0, np.uint64(0))
+
+    if not moving:
+        monkeypatch.setattr(render_module, "tiles", still)
+    vertices, triangles = box((4.0, 4.0, 3.0))
+    faces = np.repeat(np.arange(6), 2)
+    kelvin, material = np.where(faces == 0, 400.0, 300.0), np.where(faces == 4, 0, 1)  # x = 0, z = 0
+    camera = Camera(3 * TILE, 16, look((1, 2, 2.9), (1, 2, 0)).matrix, "ORTHOGRAPHIC", frame=(-0.6, 0.6, -0.2, 0.2))
+    scene = make_scene(vertices, triangles, kelvin, (GREY, BLACK), camera, EDGES, material)
+    settings = Settings(passes=TILE, photons_per_pass=1000, reference_temperature=300.0)
+    images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(6)]
+    profile = np.mean(images, axis=1)
+    x = 0.4 + 1.2 * (np.arange(4800) + 0.5) / 4800
+    background, hot = (band_radiance(EDGES, kelvin).sum() for kelvin in (300.0, 400.0))
+    y = (np.arange(16) + 0.5) / 16 * 0.4 - 0.2
+    half = [wall_factor(x[:, None], 2.0 + sign * y, 3.0) for sign in (-1, 1)]
+    factor = (0.5 * (half[0] + half[1])).mean(axis=1).reshape(3 * TILE, -1).mean(axis=1)
+    truth = background + 0.5 * (hot - background) * factor
+    error = (profile - truth) / np.gradient(truth)
+    borders = sorted({pixels.min() % (3 * TILE) for pixels in still(camera.pixels)} - {0})
+    steps = (error[:, borders] - error[:, np.subtract(borders, 1)]).mean(axis=1)
+    step, error = steps.mean(), steps.std(ddof=1) / math.sqrt(len(steps))
+    print(f"moving {moving}: step {step:.3f} +- {error:.3f} pixels")
+    assert (abs(step) < 4 * error) == moving
 
 
 @pytest.mark.parametrize("kind", ["closed", "open"])

@@ -64,7 +64,10 @@ def test_objects_that_no_view_layer_renders_have_no_say(scene):
     hidden = bpy.data.collections.new("Hidden")
     scene.collection.children.link(hidden)
     link("Old engine", cube_mesh("Old engine"), hidden, temperature=400.0, temperature_group="engine")
-    with pytest.raises(SceneError, match="'Old engine' .400 K. and Object 'Engine' .330 K.|'engine'"):
+    with pytest.raises(
+        SceneError,
+        match=r"Object '(Old engine|Engine)' \((400|330) K\) and Object '(Old engine|Engine)' \((400|330) K\) are in",
+    ):
         read_group_temperatures(scene)
     for attribute, place in (("hide_render", hidden), ("exclude", scene.view_layers[0].layer_collection.children[0])):
         setattr(place, attribute, True)

@@ -13,6 +13,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                                               and what follows on them; 80 a pixel are usual, 256 the most
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
+    tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
 
 How many hits a photon leaves, trial photons tell (see `render`): 1 / (1 - rho) in a closed room that reflects rho, and
 far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
@@ -25,6 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from .layers import scene_layers
+from .radiometry import emission_range, table_rows
 from .scene import Scene, SceneError
 from .settings import Settings
 
@@ -37,6 +39,7 @@ _PARTS = {
     "photons": ("the photons of a pass", "the photons per pass or the number of bands"),
     "rays": ("the rays under way", "the number of threads or of bands"),
     "geometry": ("the triangles", "the subdivision of the meshes"),
+    "tables": ("the tables of what materials emit", "the number of materials or of bands"),
 }
 
 
@@ -45,7 +48,11 @@ def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
 
     copies: of all its images as float32 that are held at once beside the film.
     """
-    return _images(scene, copies) | {"geometry": 560.0 * len(scene.triangles)}
+    rows = table_rows(emission_range(scene.temperature.reshape(len(scene.triangles), -1)))
+    return _images(scene, copies) | {
+        "geometry": 560.0 * len(scene.triangles),
+        "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count,
+    }
 
 
 def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_photon: float) -> dict[str, float]:

@@ -78,7 +78,7 @@ def build_radiometry(
     reference: T0 in K, 0 for no subtraction.
     """
     low, high = temperatures
-    nodes = max(2, math.ceil(math.log(high / low) / _LOG_STEP) + 2) if high > 0 else 2
+    nodes = table_rows(temperatures)
     log_start = math.log(low) if high > 0 else 0.0
     table = np.exp(log_start + _LOG_STEP * np.arange(nodes))
     bands = len(edges) - 1
@@ -117,6 +117,12 @@ def build_radiometry(
         reference=base[-1],
         quiet=reference,
     )
+
+
+def table_rows(temperatures: tuple[float, float]) -> int:
+    """Temperatures t of the emission table, for the lowest and highest of any surface, K (see emission_range)."""
+    low, high = temperatures
+    return max(2, math.ceil(math.log(high / low) / _LOG_STEP) + 2) if high > 0 else 2
 
 
 @lru_cache(maxsize=256)

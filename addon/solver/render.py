@@ -37,7 +37,7 @@ from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import ALL, STRAIGHT, Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import Sources, choose_reference, gather_sources, typical_source
-from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
+from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniform, uniforms
 from .scene import Scene
 from .sensors import band_weights
 from .settings import Settings
@@ -375,17 +375,30 @@ def render_pass(
                 estimate, keys, index, pixels, weights, cancelled,
             )  # fmt: skip
 
-    for _ in pool.map(gather, tiles(m.eye.window)):
+    for _ in pool.map(gather, tiles(m.eye.window, index, keys[0])):
         pass
     return not cancelled()
 
 
-def tiles(window: np.ndarray) -> list[np.ndarray]:
-    """Numbers of the pixels in a window x0, y0, x1, y1, by tile of (h, w), each at most TILE."""
+def tiles(window: np.ndarray, index: int, key: np.uint64) -> list[np.ndarray]:
+    """Numbers of the pixels in a window x0, y0, x1, y1, by tile of (h, w), each at most TILE.
+
+    Gathers share rays with those of their tile only, thus from one side alone at its borders (see final_gather.share).
+    So the borders move from pass `index` to pass, from where key says, and TILE passes have each pixel in every row and
+    column of a tile once: as many look to one side as to the other.
+    """
     x0, y0, x1, y1 = window
     numbers = np.arange((x1 - x0) * (y1 - y0)).reshape(y1 - y0, x1 - x0)
-    corners = itertools.product(range(0, y1 - y0, TILE), range(0, x1 - x0, TILE))
-    return [numbers[y : y + TILE, x : x + TILE] for y, x in corners]
+    rows, columns = (
+        _pieces(length, (int(uniform(key, i) * TILE) + 7 * index) % TILE) for i, length in enumerate(numbers.shape)
+    )
+    return [numbers[y, x] for y, x in itertools.product(rows, columns)]
+
+
+def _pieces(length: int, first: int) -> list[slice]:
+    """A length in pieces of TILE, but the first (none at 0) and last."""
+    ends = [0, *range(first or TILE, length, TILE), length]
+    return [slice(a, b) for a, b in itertools.pairwise(ends)]
 
 
 def cache_irradiance(

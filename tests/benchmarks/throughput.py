@@ -126,7 +126,7 @@ def main():
                     cache, estimate, camera_keys, 0, pixels, m.weights.astype(np.float32), lambda: False,
                 )  # fmt: skip
 
-            pixels = tiles(model.eye.window)
+            pixels = tiles(model.eye.window, 0, camera_keys[0])
             gathers, reflect, choose = [], eye_paths.reflect, eye_paths.choose_splits
             eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
             times["camera"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
