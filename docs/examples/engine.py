@@ -55,7 +55,7 @@ def build() -> None:
     add_stand(materials)
     add_sky("Clear sky", 255.0)
     add_camera((-1.15, -1.75, 1.45), (-0.06, -0.03, 0.72), lens=41.0)
-    choose_settings((8.1, 13.9, 8), "INFERNO", (278.15, 443.15), target_noise=1.0, passes=6)
+    choose_settings((8.1, 13.9, 8), "INFERNO", (278.15, 443.15), passes=6)
 
 
 def lying(shape, matrix):

@@ -202,11 +202,11 @@ def add_sky(name, temperature):
     bpy.context.scene.world = world
 
 
-def choose_settings(bands, palette, temperatures, target_noise, passes=64):
+def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0):
     """The engine, a picture of 640 x 480 pixels in true colours, and when to stop.
 
     bands: shortest and longest wavelength in um and the number of bands. temperatures: the ends of the palette, K.
-    target_noise: K. passes: at most; slow machines stop after a minute.
+    passes: at most; slow machines stop after a minute. target_noise: K, 0 for none, which few passes do not look at.
     """
     scene = bpy.context.scene
     scene.render.engine = "INFRARED_PHOTONS"

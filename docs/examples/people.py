@@ -98,7 +98,7 @@ def build() -> None:
     add_footprints(materials)
     add_sky("Winter evening", 262.0)
     add_camera((3.0, -2.2, 1.6), (2.5, 3.0, 1.02), lens=40.0)
-    choose_settings((7.5, 14.0, 8), "IRON", (288.65, 308.15), target_noise=0.05, passes=3)
+    choose_settings((7.5, 14.0, 8), "IRON", (288.65, 308.15), passes=3)
 
 
 # People ---------------------------------------------------------------------------------------------------------------
