@@ -13,10 +13,10 @@ from scipy.stats import t as student
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
 from addon.solver.final_gather import _WINDOW, Finals, choose_splits, share
 from addon.solver.free_space import LEAST_FREE
-from addon.solver.render import TILE, tiles
 from addon.solver.spectrum import band_radiance
 from addon.solver.splitting import _mean_of, plan_splitting, ray_variance
 from addon.solver.surfaces import build_surfaces
+from addon.solver.tiles import TILE, tiles
 
 eye_paths, render_module = (importlib.import_module(f"addon.solver.{name}") for name in ("eye_paths", "render"))
 pytestmark = pytest.mark.statistics
@@ -309,19 +309,19 @@ def test_tiles_leave_no_steps(moving, monkeypatch):
     vertices, triangles = box((4.0, 4.0, 3.0))
     faces = np.repeat(np.arange(6), 2)
     kelvin, material = np.where(faces == 0, 400.0, 300.0), np.where(faces == 4, 0, 1)  # x = 0, z = 0
-    camera = Camera(3 * TILE, 16, look((1, 2, 2.9), (1, 2, 0)).matrix, "ORTHOGRAPHIC", frame=(-0.6, 0.6, -0.2, 0.2))
+    camera = Camera(2 * TILE, 8, look((1, 2, 2.9), (1, 2, 0)).matrix, "ORTHOGRAPHIC", frame=(-0.8, 0.8, -0.1, 0.1))
     scene = make_scene(vertices, triangles, kelvin, (GREY, BLACK), camera, EDGES, material)
     settings = Settings(passes=TILE, photons_per_pass=1000, reference_temperature=300.0)
     images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(6)]
     profile = np.mean(images, axis=1)
-    x = 0.4 + 1.2 * (np.arange(4800) + 0.5) / 4800
+    x = 0.2 + 1.6 * (np.arange(6400) + 0.5) / 6400
     background, hot = (band_radiance(EDGES, kelvin).sum() for kelvin in (300.0, 400.0))
-    y = (np.arange(16) + 0.5) / 16 * 0.4 - 0.2
+    y = (np.arange(8) + 0.5) / 8 * 0.2 - 0.1
     half = [wall_factor(x[:, None], 2.0 + sign * y, 3.0) for sign in (-1, 1)]
-    factor = (0.5 * (half[0] + half[1])).mean(axis=1).reshape(3 * TILE, -1).mean(axis=1)
+    factor = (0.5 * (half[0] + half[1])).mean(axis=1).reshape(2 * TILE, -1).mean(axis=1)
     truth = background + 0.5 * (hot - background) * factor
     error = (profile - truth) / np.gradient(truth)
-    borders = sorted({pixels.min() % (3 * TILE) for pixels in still(camera.pixels)} - {0})
+    borders = sorted({pixels.min() % (2 * TILE) for pixels in still(camera.pixels)} - {0})
     steps = (error[:, borders] - error[:, np.subtract(borders, 1)]).mean(axis=1)
     step, error = steps.mean(), steps.std(ddof=1) / math.sqrt(len(steps))
     print(f"moving {moving}: step {step:.3f} +- {error:.3f} pixels")

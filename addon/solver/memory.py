@@ -9,7 +9,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
-    rays       8 b min(P, 256 t) 80           of the tile of each thread: camera rays and final gathers of 256 pixels,
+    rays       8 b min(P, 1024 t) 80          of the tile of each thread: camera rays and final gathers of 1024 pixels,
                                               and what follows on them; 80 a pixel are usual, 256 the most
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
@@ -29,6 +29,7 @@ from .layers import scene_layers
 from .radiometry import emission_range, table_rows
 from .scene import Scene, SceneError
 from .settings import Settings
+from .tiles import TILE
 
 _GIGABYTE = 1e9
 _KEPT = 31 << 20  # bytes; glibc's thresholds follow freed blocks of up to 32 MB
@@ -61,7 +62,7 @@ def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_pho
     further = len(scene_layers(scene)[0]) - 1
     return _images(scene, copies) | {
         "photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands),
-        "rays": 8.0 * bands * min(_pixels(scene), 256 * settings.workers) * 80,
+        "rays": 8.0 * bands * min(_pixels(scene), TILE**2 * settings.workers) * 80,
     }
 
 

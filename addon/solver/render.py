@@ -12,7 +12,6 @@ for every pass:
 
 from __future__ import annotations
 
-import itertools
 import logging
 import math
 import time
@@ -37,19 +36,19 @@ from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import ALL, STRAIGHT, Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import Sources, choose_reference, gather_sources, typical_source
-from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniform, uniforms
+from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .sensors import band_weights
 from .settings import Settings
 from .splitting import Splitting, Trial, plan_splitting
 from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius
+from .tiles import tiles
 from .transport import Optics, trace_photons
 
 log = logging.getLogger(__name__)
 
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
-TILE = 16  # pixels on each side; small, so that all threads are busy to the end
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
 _KNOWN = 512  # photons that mattered, after which no larger trial is made
@@ -378,27 +377,6 @@ def render_pass(
     for _ in pool.map(gather, tiles(m.eye.window, index, keys[0])):
         pass
     return not cancelled()
-
-
-def tiles(window: np.ndarray, index: int, key: np.uint64) -> list[np.ndarray]:
-    """Numbers of the pixels in a window x0, y0, x1, y1, by tile of (h, w), each at most TILE.
-
-    Gathers share rays with those of their tile only, thus from one side alone at its borders (see final_gather.share).
-    So the borders move from pass `index` to pass, from where key says, and TILE passes have each pixel in every row and
-    column of a tile once: as many look to one side as to the other.
-    """
-    x0, y0, x1, y1 = window
-    numbers = np.arange((x1 - x0) * (y1 - y0)).reshape(y1 - y0, x1 - x0)
-    rows, columns = (
-        _pieces(length, (int(uniform(key, i) * TILE) + 7 * index) % TILE) for i, length in enumerate(numbers.shape)
-    )
-    return [numbers[y, x] for y, x in itertools.product(rows, columns)]
-
-
-def _pieces(length: int, first: int) -> list[slice]:
-    """A length in pieces of TILE, but the first (none at 0) and last."""
-    ends = [0, *range(first or TILE, length, TILE), length]
-    return [slice(a, b) for a, b in itertools.pairwise(ends)]
 
 
 def cache_irradiance(

@@ -30,8 +30,9 @@ from addon.solver import (  # noqa: E402
 from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
 from addon.solver.lamps import lamp_points  # noqa: E402
 from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
-from addon.solver.render import PHOTON_CHUNK, cache_irradiance, prepare, tiles  # noqa: E402
+from addon.solver.render import PHOTON_CHUNK, cache_irradiance, prepare  # noqa: E402
 from addon.solver.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
+from addon.solver.tiles import tiles  # noqa: E402
 from addon.solver.transport import trace_photons  # noqa: E402
 
 PHOTONS_PER_PASS = 100_000
