@@ -374,7 +374,8 @@ def render_pass(
                 estimate, keys, index, pixels, weights, cancelled,
             )  # fmt: skip
 
-    for _ in pool.map(gather, tiles(m.eye.window, index, keys[0])):
+    longest_first = sorted(tiles(m.eye.window, index, keys[0]), key=lambda pixels: -int(m.samples[pixels].sum()))
+    for _ in pool.map(gather, longest_first):  # so that threads end together
         pass
     return not cancelled()
 
