@@ -334,8 +334,8 @@ def test_facing_mirrors_end():
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"temperature": np.full(12, np.nan, np.float32)}, "A surface: temperature nan K"),
-        ({"temperature": np.full(12, -1.0, np.float32)}, "A surface: temperature -1 K"),
+        ({"temperature": np.full(12, np.nan, np.float32)}, "Triangle 0: temperature nan K"),
+        ({"temperature": np.arange(36, 0, -1, np.float32).reshape(12, 3) - 4}, "Triangle 11: temperature -3 K"),
         ({"vertices": np.full((8, 3), np.inf)}, "not finite"),
         ({"triangles": np.empty((0, 3), np.int32)}, "no triangles"),
         ({"band_edges": np.array([8.0, 7.0])}, "ascend"),

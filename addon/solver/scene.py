@@ -247,8 +247,8 @@ class Scene:
             raise SceneError("Every triangle needs the index of a material")
         if self.temperature.shape not in ((count,), (count, 3)):
             raise SceneError(f"temperature has shape {self.temperature.shape}, expected ({count},) or ({count}, 3)")
-        for value in (self.temperature.min(), self.temperature.max()):  # NaN is both
-            check_temperature(value, "A surface")
+        for at in (self.temperature.argmin(), self.temperature.argmax()):  # NaN is both
+            check_temperature(self.temperature.flat[at], f"Triangle {at * count // self.temperature.size}")
         check_temperature(self.world_temperature, "World")
         # rounded as the surfaces' temperatures are, so that equal ones have no excess over each other
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
