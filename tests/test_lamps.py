@@ -8,6 +8,7 @@ from linear over the 4 cm that the camera looks at.
 
 import importlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -169,6 +170,38 @@ def test_area_light(spot, ellipse):
 def test_area_light_shines_from_one_face():
     away = AreaLight(np.array([0.0, 0.0, 1.0]), np.array([0.5, 0, 0]), np.array([0, -0.5, 0]), 300.0)
     assert irradiance(floor_scene((0.0, 0.0), lights=(away,)), passes=4)[0] == 0.0
+
+
+FLUSH = {  # lights that shine down, by their height (m)
+    "rectangle": lambda z: AreaLight(np.array([1.7, 1.1, z]), np.array([0.3, 0, 0]), np.array([0, 0.2, 0]), 1000.0),
+    "ellipse": lambda z: AreaLight(np.array([1.7, 1.1, z]), np.array([0.3, 0, 0]), np.array([0, 0.2, 0]), 1000.0, True),
+    "spot": lambda z: SpotLight(np.array([1.7, 1.1, z]), DOWN, 1000.0, 2.0),
+}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("light", FLUSH)
+def test_light_flush_with_a_ceiling(light, turned):
+    """It lights the room as one a millimetre lower does, to about that part of the room's height."""
+    size = np.array([4.0, 3.0, 2.5])
+    camera = look((1.5, 1.5, 1.2), (2.0, 1.5, 0.0))
+    vertices, triangles = box(size)
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0] if turned else np.eye(3)
+    turn *= np.linalg.det(turn)
+    around = np.eye(4)
+    around[:3, :3] = turn
+
+    def rendered(height):
+        lamp = FLUSH[light](height)
+        ways = {name: turn @ getattr(lamp, name) for name in ("axis_u", "axis_v", "direction") if hasattr(lamp, name)}
+        lamp = replace(lamp, position=turn @ lamp.position, **ways)
+        view = replace(camera, width=6, height=6, matrix=around @ camera.matrix)
+        scene = make_scene(vertices @ turn.T, triangles, 0.0, [Material("grey", 0.4)], view, EDGES, lights=(lamp,))
+        return mean_and_error(scene, Settings(passes=48, photons_per_pass=4000))
+
+    (flush, flush_error), (lower, lower_error) = rendered(size[2]), rendered(size[2] - 0.001)
+    assert max(flush_error, lower_error) < 0.005 * lower
+    assert abs(flush - lower) < 4 * math.hypot(flush_error, lower_error) + 0.001 * lower
 
 
 @pytest.mark.parametrize("slope, angle", [(0.0, 0.0), (0.0, 0.1), (0.0, 1.0), (0.0, 3.0), (1.2, 0.1), (1.2, 0.7)])

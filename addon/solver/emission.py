@@ -13,7 +13,7 @@ from .rng import path_key, uniform
 from .sampling import basis, cone_direction, cosine_direction, to_world, triangle_point, turn
 from .scene import AreaLight, Light, PointLight, Scene, SpotLight, SunLight
 from .spectrum import band_radiance
-from .surfaces import Surfaces, layer_of, scene_radius, start_ray, temperature_at
+from .surfaces import CLEAR, Surfaces, layer_of, scene_radius, start_ray, temperature_at
 from .wave import LIT_BY_LAMP, LIT_BY_LIGHT
 
 _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
@@ -69,18 +69,24 @@ def _light_row(light: Light, centre: np.ndarray) -> np.ndarray:
         row[10] = math.cos(0.5 * light.angle)
         return row
     row[1:4] = np.asarray(light.position, np.float64) - centre
+    facing, extent = np.zeros(3), 0.0
     if isinstance(light, AreaLight):
         row[0] = ELLIPSE if light.ellipse else RECTANGLE
         row[4:7], row[7:10] = light.axis_u, light.axis_v
+        facing, extent = np.cross(row[7:10], row[4:7]), np.abs(row[4:10]).max()
+        facing /= np.linalg.norm(facing)
     elif isinstance(light, SpotLight):
         row[0], row[4:7] = SPOT, np.asarray(light.direction) / np.linalg.norm(light.direction)
         outer = math.cos(0.5 * light.cone_angle)
         row[10], row[11], row[12] = outer, light.radius, (1.0 - outer) * light.blend
         # mean of smoothstep over its own width is 1/2, so the cone holds this share of a full one
         row[13] = 1.0 - 0.5 * light.blend
+        facing = row[4:7]
     elif isinstance(light, PointLight):
         row[0], row[10], row[11] = POINT, -1.0, light.radius
         row[4:7] = (0.0, 0.0, 1.0)
+    # a light that is set flush into a ceiling is to shine into the room: clear of that plane, as rays' origins are
+    row[1:4] += CLEAR * (np.abs(row[1:4]).max() + extent) * facing
     return row
 
 

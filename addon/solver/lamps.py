@@ -288,6 +288,7 @@ def send_shadow(
     x, y, z = points.position[i]
     ox, oy, oz = clear_of(surfaces, hit.triangle, hit.x, hit.y, hit.z, hit.nx, hit.ny, hit.nz)
     dx, dy, dz, reach = x - ox, y - oy, z - oz, 1.0
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     probability = lamps.cumulative[chosen + 1] - lamps.cumulative[chosen]
     factor = share * total / (CANDIDATES * probability)
     diffuse = (1.0 - specular) / math.pi
@@ -295,14 +296,10 @@ def send_shadow(
         t = lamps.code[chosen] >> 1
         layer = layer_of(surfaces.layer, t)
         nx, ny, nz, double_area = normal(surfaces.corners, t)
-        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         excess(
             radiometry, surfaces.material[t], temperature_at(surfaces.temperature, t, u, v),
             abs(dx * nx + dy * ny + dz * nz) / distance, value,
         )  # fmt: skip
-        # so long a ray must end further from the lamp, or the lamp's own surface hides it
-        ux, uy, uz = points.normal[i]
-        dx, dy, dz = dx + CLEAR * distance * ux, dy + CLEAR * distance * uy, dz + CLEAR * distance * uz
         factor *= 0.5 * double_area * math.pi
         brdf = diffuse  # camera paths find the lamp in the specular lobe themselves
     else:
@@ -315,6 +312,9 @@ def send_shadow(
         brdf = diffuse
         if alpha > 0.0 and specular > 0.0:
             brdf += specular * _lobe(hit, dx, dy, dz, alpha)
+    # so long a ray must end further from the lamp, or its own surface, or one that it is flush with, hides it
+    ux, uy, uz = points.normal[i]
+    dx, dy, dz = dx + CLEAR * distance * ux, dy + CLEAR * distance * uy, dz + CLEAR * distance * uz
     _start(surfaces, hit, dx, dy, dz, reach, pixel, layer, shadows, count)
     rho = radiometry.reflectance[material]
     for b in range(value.size):
