@@ -356,6 +356,12 @@ def _ignored_light_settings(light) -> Iterator[str]:
         yield "the light's exposure is ignored; its energy alone is its power"
     if light.type == "AREA" and light.spread < np.pi - 1e-4:
         yield "the area light's spread is ignored; it shines after Lambert's law"
+    if not getattr(light, "normalize", True):
+        yield "that the light is not normalized is ignored; its energy is its power, whatever its size"
+    if not light.use_shadow:
+        yield "that the light casts no shadow is ignored; surfaces hide it"
+    if light.type == "SPOT" and light.use_square:
+        yield "the spot's square shape is ignored; its cone is round"
 
 
 # Custom properties ----------------------------------------------------------------------------------------------------

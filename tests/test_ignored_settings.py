@@ -57,10 +57,16 @@ def test_settings_of_objects_that_are_ignored_are_named(cube, name, value, messa
         ("use_temperature", True, "the light's color is ignored"),
         ("exposure", 1.0, "the light's exposure is ignored"),
         ("spread", 0.5, "the area light's spread is ignored"),
+        ("normalize", False, "not normalized is ignored; its energy is its power"),
+        ("use_shadow", False, "casts no shadow is ignored"),
+        ("use_square", True, "the spot's square shape is ignored"),
     ],
 )
 def test_settings_of_lights_that_are_ignored_are_named(cube, name, value, message):
     lamp = bpy.data.lights["Lamp"]
+    if name == "use_square":
+        lamp.type = "SPOT"
+        lamp = bpy.data.lights["Lamp"]  # of the new type
     if not hasattr(lamp, name):
         pytest.skip(f"this Blender's lights have no {name}")
     setattr(lamp, name, value)
