@@ -94,7 +94,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
     """
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     surfaces.ambient_temperature, surfaces.default = read_defaults(scene.infrared)
-    warnings, lights, known = surfaces.warnings, [], set()
+    warnings, lights, known, metres = surfaces.warnings, [], set(), metres_per_unit(scene)
     for instance in depsgraph.object_instances:
         obj = instance.object
         if not instance.show_self:
@@ -108,7 +108,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
         if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
             surfaces.add(obj, np.array(instance.matrix_world, dtype=np.float64))
         elif obj.type == "LIGHT":
-            lights.extend(read_light(obj, np.array(instance.matrix_world, dtype=np.float64)))
+            lights.extend(read_light(obj, np.array(instance.matrix_world, dtype=np.float64), metres))
             if surfaces.groups is not None and read_group(obj, f"Light '{obj.name}'"):
                 warnings.add(obj.name, "temperature groups are for surfaces; the light stays as it is")
         elif obj.type in UNSUPPORTED:
@@ -662,10 +662,17 @@ def light_temperature(obj) -> float:
     return read_temperature(obj, SUN_TEMPERATURE if obj.data.type == "SUN" else LAMP_TEMPERATURE, f"Light '{obj.name}'")
 
 
-def read_light(obj, matrix: np.ndarray) -> list[Light]:
+def metres_per_unit(scene) -> float:
+    """The scene's Unit Scale: m, of one unit of its coordinates."""
+    units = scene.unit_settings
+    return 1.0 if units.system == "NONE" else units.scale_length
+
+
+def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
     """The solver's light for a light obj, none if it is dark; matrix: (4, 4) float64, object to world.
 
-    Only an area light's size follows the object's scale, as in Cycles.
+    Only an area light's size follows the object's scale, as in Cycles. metres: see metres_per_unit. Of a scene nothing
+    depends on it but the W m-2 that lights bring: where 1 m is 1000 units, they spread over a million times the area.
     """
     light = obj.data
     owner = f"Light '{obj.name}'"
@@ -681,7 +688,7 @@ def read_light(obj, matrix: np.ndarray) -> list[Light]:
     position, direction = matrix[:3, 3], -_unit(matrix[:3, 2], owner)
     if sun:
         return [SunLight(direction=direction, irradiance=light.energy, angle=light.angle, **common)]
-    common |= {"position": position, "power": light.energy}
+    common |= {"position": position, "power": light.energy / metres**2}
     if light.type == "AREA":
         return [_area_light(light, matrix, common)]
     common["radius"] = light.shadow_soft_size

@@ -511,6 +511,17 @@ def test_point_light():
     assert (result.power, result.radius, result.temperature) == (40.0, 0.25, 2856.0)
 
 
+@pytest.mark.parametrize(("system", "unit"), [("METRIC", 0.001), ("IMPERIAL", 0.001), ("NONE", 1.0)])
+def test_power_counts_in_units_of_the_scene(system, unit):
+    """1 W at 1 m brings 1 / (4 pi) W m-2, whether the metre is one unit or a thousand; irradiances stay."""
+    lamp = light("POINT", energy=40.0).data
+    units = bpy.context.scene.unit_settings
+    units.system, units.scale_length = system, 0.001
+    assert read_light().power == pytest.approx(40.0 / unit**2)
+    lamp.type = "SUN"
+    assert read_light().irradiance == pytest.approx(bpy.data.lights["Lamp"].energy)
+
+
 def test_spot_light():
     turn = Matrix.Rotation(np.pi / 2, 4, "X")  # local -Z becomes +Y
     light("SPOT", matrix=turn @ Matrix.Scale(2, 4), temperature=3000.0, energy=5.0, spot_size=0.8, spot_blend=0.2)
