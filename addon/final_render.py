@@ -9,8 +9,9 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 
 import bpy
@@ -18,6 +19,7 @@ import numpy as np
 from mathutils import Color
 
 from .camera_effects import CameraEffects, read_detector
+from .coarse import coarser, enlarged, hasty, steps
 from .heat_settings import read_scale
 from .last_render import forget_last_render
 from .output.description import FurtherImage, how_rendered
@@ -33,6 +35,7 @@ from .solver.surfaces import Geometry, build_geometry
 
 log = logging.getLogger(__name__)
 
+LEAST_STEP = 4  # pixels on each side of one of a first picture: finer ones take more than a sixteenth of a pass
 POLL = 0.05  # s between looks at Esc and at the solver
 LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
 LIVE_SHARE = 0.1  # most of the time that updates may take
@@ -127,6 +130,8 @@ def render_view_layer(engine, depsgraph) -> None:
     if scene.infrared.checkpoint_path:
         path = checkpoint_path(scene, suffix, engine.is_animation)
         solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
+    if not (bpy.app.background or engine.is_animation):  # somebody is waiting for it
+        solve = _solver_with_first_pictures(solve)
     fillers = [effects] if effects else []
     data = data_passes(scene, view_layer)
     if data:
@@ -204,6 +209,23 @@ def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, s
     return partial(render_with_checkpoints, path=path, interval=60.0 * minutes, saved=saved)
 
 
+def _solver_with_first_pictures(solve: Callable) -> Callable:
+    """A `render` that first calls on_pass with films of the image in large pixels, and with how large they are.
+
+    A pass of a large image takes long; these are there at once.
+    """
+
+    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
+        for step in takewhile(lambda step: step >= LEAST_STEP, steps(scene.camera)):
+            check_memory(memory_beforehand(scene, image_copies))
+            geometry = build_geometry(scene, geometry)
+            coarse = replace(scene, camera=coarser(scene.camera, step))
+            render(coarse, hasty(settings, step), partial(on_pass, step=step), cancelled, geometry=geometry)
+        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
+
+    return look_and_solve
+
+
 def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], labels: dict, images: dict) -> Callable:
     """A `render` that first fills `images`, by pass name, with what the middle of each pixel sees.
 
@@ -278,7 +300,12 @@ class RenderJob(threading.Thread):
         except BaseException as error:  # raised again on Blender's thread
             self._error = error
 
-    def _on_pass(self, film) -> None:
+    def _on_pass(self, film, step: int = 1) -> None:
+        """step: pixels of the image on each side of one of the film."""
+        if step > 1:
+            images = film_images(film, self._paint)
+            self._images = {name: enlarged(image, self.scene.camera, step) for name, image in images.items()}
+            return
         self.film, self._passes, self._photons = film, film.passes, film.photons
         if self._request.is_set():
             self._request.clear()

@@ -14,13 +14,14 @@ import os
 import sys
 import threading
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import gpu
 import numpy as np
 from gpu_extras.presets import draw_texture_2d
 
 from .camera_reader import read_view
+from .coarse import coarser, hasty, steps
 from .final_render import thermal_picture, working_primaries
 from .heat_settings import read_scale
 from .output.temperature_scale import TemperatureScale
@@ -31,8 +32,6 @@ from .solver.surfaces import Geometry, build_geometry
 log = logging.getLogger(__name__)
 
 THREAD = "Infrared Photons viewport"  # name of the background threads
-FIRST_PIXELS = 16_384  # most of a first picture, whose pixels are squares of screen pixels
-FIRST_PHOTONS = 10_000  # least of a pass
 WAIT = 0.25  # s that a request leaves to the one before, to show its first picture or to end; then it starts beside it
 IMAGE_COPIES = 2  # of the images of a film, at most: the picture, and what it is computed with
 
@@ -78,42 +77,6 @@ def same(a, b) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(a, b)
     return a == b
-
-
-def steps(camera: Camera) -> Iterator[int]:
-    """Screen pixels on each side of a pixel, for one picture after the other: ever half as many, down to 1."""
-    x0, y0, x1, y1 = camera.pixels
-    step = 1
-    while (x1 - x0) * (y1 - y0) > FIRST_PIXELS * step**2:
-        step *= 2
-    while step >= 1:
-        yield step
-        step //= 2
-
-
-def coarser(camera: Camera, step: int) -> Camera:
-    """The camera with pixels as large as step x step of its own. At the right and upper edges they may stand out."""
-    x0, y0, x1, y1 = camera.pixels
-    left, right, bottom, top = camera.frame
-    width, height = -(-camera.width // step), -(-camera.height // step)
-    return dataclasses.replace(
-        camera,
-        width=width,
-        height=height,
-        frame=(
-            left,
-            left + (right - left) * (width * step / camera.width),
-            bottom,
-            bottom + (top - bottom) * (height * step / camera.height),
-        ),
-        window=(x0 // step, y0 // step, -(-x1 // step), -(-y1 // step)),
-    )
-
-
-def hasty(settings: Settings, step: int) -> Settings:
-    """Settings of one pass at 1/step of the resolution, with so many photons less."""
-    photons = max(min(settings.photons_per_pass, FIRST_PHOTONS), settings.photons_per_pass // step**2)
-    return dataclasses.replace(settings, passes=1, photons_per_pass=photons)
 
 
 def paint(film: Film, request: Request, step: int, origin: tuple[int, int]) -> Picture:

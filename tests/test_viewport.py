@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from addon import viewport  # noqa: E402
 from addon.final_render import REC709, thermal_picture  # noqa: E402
 from addon.output.temperature_scale import TemperatureScale  # noqa: E402
-from addon.solver import Camera, Film, Material, SceneError, Settings, render  # noqa: E402
+from addon.solver import Film, Material, SceneError, Settings, render  # noqa: E402
 
 PATIENCE = 300.0  # s; kernels may have to be compiled
 SCALE = TemperatureScale(low=280.0, high=360.0)
@@ -88,36 +88,6 @@ def stand_in(monkeypatch):
     return asked, busy
 
 
-@pytest.mark.parametrize("size", [(1, 1), (640, 480), (1919, 1081), (5, 4000)])
-def test_coarse_pictures_cover_the_viewport_exactly(size):
-    """A point of the frame lies at the same place of the screen in every step."""
-    camera = Camera(*size, frame=(-0.5, 0.7, -0.2, 0.4))
-    for step in viewport.steps(camera):
-        coarse = viewport.coarser(camera, step)
-        assert coarse.width * step >= size[0] and coarse.height * step >= size[1]
-        for place, edges, pixels, whole in ((0, 0, coarse.width, size[0]), (1, 2, coarse.height, size[1])):
-            low, high = camera.frame[edges : edges + 2]
-            point = low + 0.3 * (high - low)
-            coarse_low, coarse_high = coarse.frame[edges : edges + 2]
-            screen = step * pixels * (point - coarse_low) / (coarse_high - coarse_low)
-            assert screen == pytest.approx(0.3 * whole, rel=1e-12), place
-
-
-def test_the_last_step_is_every_pixel_and_the_first_is_quick():
-    for size in ((10, 10), (640, 480), (3840, 2160)):
-        camera = Camera(*size)
-        sizes = list(viewport.steps(camera))
-        assert sizes[-1] == 1 and all(a == 2 * b for a, b in zip(sizes, sizes[1:], strict=False))
-        assert size[0] * size[1] / sizes[0] ** 2 <= viewport.FIRST_PIXELS
-    assert viewport.coarser(camera, 1).frame == camera.frame
-
-
-def test_windows_of_coarse_pictures_hold_the_render_region():
-    camera = Camera(100, 80, window=(13, 7, 50, 80))
-    assert viewport.coarser(camera, 4).window == (3, 1, 13, 20)
-    assert viewport.coarser(camera, 1).window == camera.window
-
-
 def test_the_final_picture_is_that_of_a_render(scene, watcher):
     """Coarse pictures come first, each once; then the passes of a render with these settings, to the last bit."""
     camera = dataclasses.replace(scene.camera, width=200, height=150)
@@ -135,12 +105,6 @@ def test_a_window_is_drawn_where_it_lies(scene, watcher):
     watcher.wait(lambda w: w.last == "Pass 1/1")
     shown = [(p.step, p.origin, p.pixels.shape[:2]) for p in watcher.pictures if p]
     assert shown == [(4, (28, 16), (69, 68)), (2, (30, 16), (137, 135)), (1, (31, 17), (273, 269))]
-
-
-def test_first_pictures_take_few_photons_but_never_more_than_asked():
-    assert viewport.hasty(Settings(photons_per_pass=1_000_000), 4).photons_per_pass == 62_500
-    assert viewport.hasty(Settings(photons_per_pass=100_000), 8).photons_per_pass == viewport.FIRST_PHOTONS
-    assert viewport.hasty(Settings(photons_per_pass=500), 8).photons_per_pass == 500
 
 
 def test_the_newest_request_wins(scene, watcher, stand_in):
