@@ -181,6 +181,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += sensor_checks(infrared)
     found += detector_checks(scene)
     found += camera_checks(scene, depsgraph)
+    found += [Check("WARNING", message) for message in reader.ignored_scene_settings(scene)]
     found += problems(reader.check_faces, view_layer, any(map(reader.may_have_faces, objects)))
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
     found += problems(reader.world_temperature, scene.world)

@@ -119,8 +119,6 @@ def render_view_layer(engine, depsgraph) -> None:
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
     detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
     effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
-    if scene.render.use_multiview:
-        warnings.append("Stereoscopy is not supported: all views show the active camera's picture")
     if scene.infrared.group_exr_path and not solver_scene.groups:
         warnings.append("Nothing is in a temperature group: no file of them is written")
     for warning in warnings:

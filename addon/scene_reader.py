@@ -77,7 +77,8 @@ def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) ->
     surfaces = surfaces or render_reader(depsgraph)
     contents = read_contents(depsgraph, surfaces)
     solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, surfaces.warnings)
-    return Scene(**contents, camera=solver_camera), surfaces.warnings.messages()
+    warnings = surfaces.warnings.messages() + list(ignored_scene_settings(depsgraph.scene_eval))
+    return Scene(**contents, camera=solver_camera), warnings
 
 
 def render_reader(depsgraph) -> SurfaceReader:
@@ -332,11 +333,20 @@ def read_group_temperatures(scene, objects: Iterable | None = None) -> dict[str,
 RAYS = ("camera", "diffuse", "glossy", "shadow")  # kinds that Blender's objects can be hidden from
 
 
-def ignored_settings(obj, layer) -> Iterator[str]:
-    """What an object's Blender settings ask for and the engine does not do, each with what it does instead.
+def ignored_scene_settings(scene) -> Iterator[str]:
+    """What a scene's render settings ask for and the engine does not do, each with what it does instead."""
+    if scene.render.use_multiview:
+        yield "Stereoscopy is not supported: all views show the active camera's picture"
+    if scene.render.use_motion_blur:
+        yield "Motion blur is ignored: everything stands still in a picture"
+    if scene.render.film_transparent:
+        yield "A transparent film is ignored: what is behind the objects is seen at the temperature of the surroundings"
 
-    layer: the view layer, whose collections may ask for more.
-    """
+
+def ignored_settings(obj, layer) -> Iterator[str]:
+    """The same of an object. layer: the view layer, whose collections may ask for more."""
+    if obj.light_linking.receiver_collection or obj.light_linking.blocker_collection:
+        yield "light linking is ignored; what it sends reaches all objects, and all of them hide it"
     if obj.type == "LIGHT":
         yield from _ignored_light_settings(obj.data)
         return

@@ -73,6 +73,29 @@ def test_settings_of_lights_that_are_ignored_are_named(cube, name, value, messag
     check_told("Lamp", message)
 
 
+@pytest.mark.parametrize("owner", ["Cube", "Lamp"])
+@pytest.mark.parametrize("kind", ["receiver", "blocker"])
+def test_light_linking_is_named(cube, owner, kind):
+    setattr(bpy.data.objects[owner].light_linking, f"{kind}_collection", bpy.data.collections.new("Some"))
+    check_told(owner, "light linking is ignored")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("use_multiview", "Stereoscopy is not supported: all views show"),
+        ("use_motion_blur", "Motion blur is ignored: everything stands still"),
+        ("film_transparent", "A transparent film is ignored: "),
+    ],
+)
+def test_settings_of_the_scene_that_are_ignored_are_named(cube, name, message):
+    setattr(bpy.context.scene.render, name, True)
+    bpy.context.view_layer.update()
+    (found,) = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    assert read()[1] == [found.text] and found.level == "WARNING"
+    assert found.text.startswith(message)
+
+
 @pytest.mark.parametrize(
     ("name", "message"), [("holdout", "holdout and shadow catcher"), ("indirect_only", r"off: camera\)")]
 )
