@@ -34,11 +34,11 @@ calls = [0.0]  # s that calls of the engine took
 
 def watch():
     """Note what the engine does on Blender's thread."""
-    from bl_ext.user_default.infrared_photons import viewport
+    from bl_ext.user_default.infrared_photons import coarse, viewport
     from bl_ext.user_default.infrared_photons.engine import InfraredPhotonsEngine as Engine
 
     def texture_of(pixels, original=viewport._texture_of):
-        (pictures if pixels.size <= 4 * viewport.FIRST_PIXELS else finer).append(time.monotonic())
+        (pictures if pixels.size <= 4 * coarse.FIRST_PIXELS else finer).append(time.monotonic())
         return original(pixels)
 
     viewport._texture_of = texture_of
