@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from numba import njit
 
-from addon.solver.low_discrepancy import lattice_point, scrambled
+from addon.solver.low_discrepancy import LATTICES, lattice_point, scrambled
 from addon.solver.rng import path_key
 from addon.solver.sampling import cosine_direction
 
-COUNTS = (16, 32, 64, 128)
+COUNTS = tuple(LATTICES)
 PLANES, SHIFTS = 300, 60
 
 

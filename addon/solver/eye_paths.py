@@ -9,7 +9,7 @@ import numpy as np
 
 from .antialiasing import MOST
 from .camera import eye_rays
-from .final_gather import carried_by, choose_splits, largest_throughput, open_finals, share
+from .final_gather import asking_photons, choose_splits, largest_throughput, open_finals, share
 from .free_space import free_space, largest_disk, unlimited
 from .irradiance_cache import recalled
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
@@ -21,7 +21,16 @@ from .radiometry import NONE, excess
 from .rng import path_key, uniform
 from .sampling import basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
 from .splitting import Splitting, recall_chance
-from .surfaces import PATCH_LIMIT, facing_side, layer_of, point, put_ray, temperature_at, unit_normal
+from .surfaces import (
+    PATCH_LIMIT,
+    facing_side,
+    inverse_distance,
+    layer_of,
+    point,
+    put_ray,
+    temperature_at,
+    unit_normal,
+)
 from .transport import MAX_SURVIVAL
 
 _DIMENSIONS = 4  # random numbers of one bounce
@@ -124,8 +133,10 @@ def render_pixels(
             found = len(gathers.ray)
             place, code, turns = np.empty((found, 3)), np.empty(found, np.int32), np.empty(found)
             locate_gathers(surfaces, bounce, *hits, rays, gathers, place, code, turns)
-            space = free_space(tracer, surfaces, estimate.reach2, place, code, turns)
-            split = choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, space.radius2)
+            numbers, caustics = pixels.ravel(), len(photon_map.photons.caustic) > 0
+            felt = asking_photons(surfaces, radiometry, estimate, numbers, code, rays, gathers, caustics)
+            space = free_space(tracer, surfaces, estimate.reach2, place, code, turns, felt)
+            split = choose_splits(surfaces, radiometry, estimate, numbers, place, code, rays, gathers, space.radius2)
             reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, space, image)
             if bounce > 0:
                 lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, image)
@@ -166,15 +177,17 @@ class Gathers(NamedTuple):
     """Gathers, each for a group of rays: the index of the ray that stands for all where photons are asked (n,) int32,
     and a factor on its throughput, (n,) float32.
 
-    carried: (n,) float64, what all rays of the group carry together. rays: (n,) int32, a power of two, how many a final
-    gather sends, from the ends of all rays of the group; 0 where it asks photons. radius2: (n,) float64, m2, of the
-    disk within which final gathers share rays. is_cut: (n,) bool, whether a rim cuts it. row: (n,) int32, the row of
-    the image that these add to. of: (camera rays,) int32, the gather of a ray, or -1.
+    carried: (n,) float64, what all rays of the group carry together. brought: (n,) float64, share of the pixel that
+    their diffuse reflection makes up, times its sensitivity (see Looks). rays: (n,) int32, a power of two, how many a
+    final gather sends, from the ends of all rays of the group; 0 where it asks photons. radius2: (n,) float64, m2, of
+    the disk within which final gathers share rays. is_cut: (n,) bool, whether a rim cuts it. row: (n,) int32, the row
+    of the image that these add to. of: (camera rays,) int32, the gather of a ray, or -1.
     """
 
     ray: np.ndarray
     weight: np.ndarray
     carried: np.ndarray
+    brought: np.ndarray
     rays: np.ndarray
     radius2: np.ndarray
     is_cut: np.ndarray
@@ -188,6 +201,7 @@ def empty_gathers(count):
         np.empty(count, np.int32),
         np.empty(count, np.float32),
         np.empty(count),
+        np.zeros(count),
         np.zeros(count, np.int32),
         np.zeros(count),
         np.zeros(count, np.bool_),
@@ -283,7 +297,7 @@ def _meet(
                 image[pixel, sky + b] += rays.throughput[i, b] * surroundings[b]
             continue
         if rays.gathered[i]:
-            closeness[pixel] += _closeness(surfaces, t, u[i], v[i], rays.origin[i])
+            closeness[pixel] += inverse_distance(surfaces, t, u[i], v[i], rays.origin[i])
         material = surfaces.material[t]
         side = facing_side(surfaces, t, rays.direction, i)
         rough = radiometry.alpha[material] > 0.0
@@ -340,13 +354,6 @@ def _meet(
         if gathers.of[i] >= 0:
             gathers.of[i] = place[gathers.of[i]]
     return kept
-
-
-@njit(inline="always")
-def _closeness(surfaces, t, u, v, origin):
-    """1 / m from a ray's origin to where it meets triangle t."""
-    x, y, z = point(surfaces.corners, t, u, v)
-    return 1.0 / math.sqrt(max((x - origin[0]) ** 2 + (y - origin[1]) ** 2 + (z - origin[2]) ** 2, 1e-30))
 
 
 @njit(inline="always")
@@ -527,9 +534,8 @@ def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward,
             material, before = surfaces.material[hit.triangle], shares[g]
             shares[g] += largest_throughput(rays.throughput[i], radiometry.reflectance[material])
             leader, total = gathers.ray[g], gathers.carried[g]
-            carried = carried_by(radiometry, material, rays, leader, gathers.weight[g])
             _split(
-                surfaces, hit, carried, gathers.rays[g], before / total, shares[g] / total, gathers.row[g],
+                surfaces, hit, gathers.brought[g], gathers.rays[g], before / total, shares[g] / total, gathers.row[g],
                 path_key(rays.path[leader], _SPLITTING + bounce), first[g], onward,
             )  # fmt: skip
     return sent
@@ -539,9 +545,9 @@ def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward,
 def _split(surfaces, hit, carried, count, before, after, row, path, first, onward):
     """Send a ray's share of the `count` rays of a final gather, cosine-distributed, as those from `first` on.
 
-    before, after: share of all rays that fall to rays before this one, without and with it, in [0, 1]: each gets those
-    between, by a random start for all (systematic resampling). The directions of all are points of one lattice, and
-    those of a ray points that follow one another. They add to a row.
+    carried: by all of them together. before, after: share of all rays that fall to rays before this one, without and
+    with it, in [0, 1]: each gets those between, by a random start for all (systematic resampling). The directions of
+    all are points of one lattice, and those of a ray points that follow one another. They add to a row.
     """
     start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
     for ray in range(_resampled(before, count, start), _resampled(after, count, start)):

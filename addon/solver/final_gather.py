@@ -14,43 +14,73 @@ import numpy as np
 
 from .free_space import LEAST_FREE
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
-from .splitting import disk_area, rays_alone, rays_beside, shared_area
+from .splitting import NEAR, disk_area, rays_alone, rays_beside, shared_area, spread_around
 from .surfaces import NO_WALL, PATCH_LIMIT, patch_in_ball, unit_normal
 
 _BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
 _WHOLE = 0.95  # share of a disk below which a rim cuts it: photons would lie on one side, where the light differs
-_NEAR = 0.05  # radius of the disk, over the harmonic mean distance of what the rays meet: 5 % of change, about
 _BENT = 0.1  # squared difference of the unit normals at which no rays are shared
 _WINDOW = 3  # pixels around, in which final gathers share rays
 
 
-def choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
-    """Choose the gathers that send rays, how many, and in which disk neighbours share them. Returns the number of rays.
+def asking_photons(surfaces, radiometry, estimate, pixels, code, rays, gathers, caustics):
+    """Indices of the gathers that may ask photons, so that the free space around has to be known. Fills in `brought`.
 
-    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone.
+    pixels: (n,) int64, numbers in the window of the tile's. caustics: whether those that send rays ask
+    for these. Walls raise the variance of photons at least as much as that of rays: what sends rays in the open does so
+    beside them, too.
     """
-    patch = np.empty(PATCH_LIMIT, np.int32)
-    return _choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2, patch)
+    asks = np.empty(len(gathers.ray), np.bool_)
+    _asking_photons(surfaces, radiometry, estimate, pixels, code, rays, gathers, caustics, asks)
+    return np.flatnonzero(asks)
 
 
 @njit(**KERNEL)
-def _choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2, patch):
+def _asking_photons(surfaces, radiometry, estimate, pixels, code, rays, gathers, caustics, asks):
+    splitting = estimate.splitting
+    for g in range(gathers.ray.size):
+        i, t, side = gathers.ray[g], code[g] >> 1, code[g] & 1
+        asks[g] = estimate.straight
+        if rays.gathered[i]:
+            continue
+        sheet, pixel = surfaces.sheet[t, side], pixels[rays.pixel[i]]
+        carried = carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g])
+        gathers.brought[g] = splitting.sensitivity[pixel] * carried
+        count, _ = rays_beside(
+            splitting, sheet, spread_around(splitting, pixel, sheet), gathers.brought[g], estimate.reach2,
+            estimate.neighbours, estimate.shrink2,
+        )  # fmt: skip
+        asks[g] |= count == 0 or caustics
+
+
+def choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2):
+    """Choose the gathers that send rays, how many, and in which disk neighbours share them. Returns the number of rays.
+
+    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone. pixels: see
+    asking_photons. free2: (gathers,) float32, m2, of the free space around.
+    """
+    patch = np.empty(PATCH_LIMIT, np.int32)
+    return _choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2, patch)
+
+
+@njit(**KERNEL)
+def _choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2, patch):
     rays_sent, splitting, k, shrink2 = 0, estimate.splitting, estimate.neighbours, estimate.shrink2
     for g in range(gathers.ray.size):
         i, t, side = gathers.ray[g], code[g] >> 1, code[g] & 1
         if rays.gathered[i] or radiometry.specular[surfaces.material[t]] == 1.0:
             continue
-        sheet = surfaces.sheet[t, side]
-        carried = carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g])
-        count, _ = rays_beside(splitting, sheet, carried, float(free2[g]), k, shrink2)
+        sheet, pixel = surfaces.sheet[t, side], pixels[rays.pixel[i]]
+        brought, spread = gathers.brought[g], spread_around(splitting, pixel, sheet)
+        count, _ = rays_beside(splitting, sheet, spread, brought, float(free2[g]), k, shrink2)
         if count == 0:
-            disk = disk_area(splitting, sheet, float(free2[g]), k, shrink2)
+            disk = disk_area(splitting.sheets, sheet, spread, float(free2[g]), k, shrink2)
             if _is_cut(surfaces, code[g], place[g], disk, patch):
-                count, _ = rays_alone(splitting, sheet, carried, float(free2[g]), k, shrink2)
+                count, _ = rays_alone(splitting, sheet, spread, brought, float(free2[g]), k, shrink2)
         if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
             count = max(count, _BESIDE_WALLS)
         if count > 0:
-            shared = shared_area(splitting, sheet, float(free2[g]), k, shrink2)
+            shared = shared_area(splitting.sheets, sheet, spread, float(free2[g]), k, shrink2)
             gathers.radius2[g] = shared / math.pi
             gathers.is_cut[g] = _is_cut(surfaces, code[g], place[g], shared, patch)
         gathers.rays[g] = count
@@ -75,9 +105,9 @@ class Finals(NamedTuple):
     2 triangle + side, rays (n,) int32, their number, radius2 (n,) float64, m2, of the disk within which they share,
     is_cut (n,) bool, whether a rim cuts it.
 
-    row: the first of their n rows in the image. Each holds the mean radiance that the rays meet, times `carried` (n,)
-    float64, so that roulette on the way knows what matters. factor: (n, layers * b) float32, what the pixel gets of
-    that mean, the same for each layer.
+    row: the first of their n rows in the image. Each holds the mean radiance that the rays meet, times `brought` (n,)
+    float64, see Gathers, so that roulette on the way knows what matters. factor: (n, layers * b) float32, what the
+    pixel gets of that mean, the same for each layer.
     """
 
     pixel: np.ndarray
@@ -87,7 +117,7 @@ class Finals(NamedTuple):
     radius2: np.ndarray
     is_cut: np.ndarray
     row: int
-    carried: np.ndarray
+    brought: np.ndarray
     factor: np.ndarray
 
 
@@ -98,15 +128,14 @@ def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, row)
     count, bands = chosen.size, radiometry.reference.size
     finals = Finals(
         np.empty(count, np.int32), place[chosen], code[chosen], gathers.rays[chosen], gathers.radius2[chosen],
-        gathers.is_cut[chosen], row,
-        np.empty(count), np.empty((count, estimate.layers * bands), np.float32),
+        gathers.is_cut[chosen], row, gathers.brought[chosen],
+        np.empty((count, estimate.layers * bands), np.float32),
     )  # fmt: skip
     for n in range(count):
         g = chosen[n]
         gathers.row[g] = row + n
         i, material = gathers.ray[g], surfaces.material[code[g] >> 1]
         finals.pixel[n] = rays.pixel[i]
-        finals.carried[n] = carried_by(radiometry, material, rays, i, gathers.weight[g])
         diffuse = gathers.weight[g] * (1.0 - radiometry.specular[material])
         for b in range(bands):
             finals.factor[n, b] = diffuse * rays.throughput[i, b] * radiometry.reflectance[material, b]
@@ -117,9 +146,11 @@ def open_finals(surfaces, radiometry, estimate, place, code, rays, gathers, row)
 
 @njit(**FAST_INLINED)
 def carried_by(radiometry, material, rays, i, weight):
-    """Share of a pixel that is reflected diffusely in a gather of ray i, the largest of any band."""
-    diffuse = 1.0 - radiometry.specular[material]
-    return weight * largest_throughput(rays.throughput[i], radiometry.reflectance[material]) * diffuse
+    """Share of a pixel that is reflected diffusely in a gather of ray i, the mean of all bands."""
+    total = np.float32(0.0)
+    for b in range(rays.throughput.shape[1]):
+        total += rays.throughput[i, b] * radiometry.reflectance[material, b]
+    return weight * (1.0 - radiometry.specular[material]) * total / rays.throughput.shape[1]
 
 
 @njit(**FAST_INLINED)
@@ -151,7 +182,7 @@ def _share(surfaces, finals, shrink2, rows, columns, closeness, image, first, fo
         x, y = finals.pixel[n] % columns, finals.pixel[n] // columns
         t, side = finals.code[n] >> 1, finals.code[n] & 1
         sheet, normal = surfaces.sheet[t, side], unit_normal(surfaces, t, side)
-        near = _NEAR * finals.rays[n] / max(closeness[finals.row + n], 1e-30)
+        near = NEAR * finals.rays[n] / max(closeness[finals.row + n], 1e-30)
         limits = max(min(finals.radius2[n], near * near * shrink2), 1e-30), _BENT * shrink2
         mean[:], total = 0.0, 0.0
         for row in range(max(0, y - _WINDOW), min(rows, y + _WINDOW + 1)):
@@ -167,7 +198,7 @@ def _share(surfaces, finals, shrink2, rows, columns, closeness, image, first, fo
                     weight = _weight(surfaces, finals, n, other, sheet, normal, limits)
                     if weight > 0.0:
                         total += weight
-                        scale = np.float32(weight / finals.carried[other])
+                        scale = np.float32(weight / finals.brought[other])
                         for b in range(mean.size):
                             mean[b] += scale * image[finals.row + other, b]
                     other = following[other]

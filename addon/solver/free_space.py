@@ -49,13 +49,27 @@ def unlimited(count: int, reach2: float) -> FreeSpace:
 
 
 def free_space(
-    tracer: Tracer, surfaces: Surfaces, reach2: float, place: np.ndarray, code: np.ndarray, turns: np.ndarray
+    tracer: Tracer,
+    surfaces: Surfaces,
+    reach2: float,
+    place: np.ndarray,
+    code: np.ndarray,
+    turns: np.ndarray,
+    felt: np.ndarray | None = None,
 ) -> FreeSpace:
     """The free space around points, of at most sqrt(reach2) m.
 
     place: (n, 3) float64, m. code: (n,) int32, 2 triangle + side that they lie on. turns: (n,) float64 in [0, 1),
-    where the feelers start to go round.
+    where the feelers start to go round. felt: indices of the points around which it is asked for, the others count as
+    free; None for all.
     """
+    if felt is not None:
+        space = unlimited(len(place), reach2)
+        for column, known in zip(
+            space, free_space(tracer, surfaces, reach2, place[felt], code[felt], turns[felt]), strict=True
+        ):
+            column[felt] = known
+        return space
     origin, direction = np.empty((2, _FEELERS * len(place), 3), np.float32)
     start_feelers(surfaces, place, code, turns, origin, direction)
     reach = np.full(len(origin), _BEYOND * math.sqrt(reach2), np.float32)

@@ -76,19 +76,20 @@ def scrambled(index, path, dimension):
     return float(_reverse(_permute(reversed_sobol(index, dimension), seed))) * 2.0**-32
 
 
-# Of the generators of Korobov's lattices this one has, with 16, 32, 64 and 128 points, nearly the least variance for
-# what lies on one side of a random plane; and of the steps from point to point in these (by count / 16), for runs of
-# points (tests/test_low_discrepancy.py has the figures).
-_GENERATOR = 39
-_STEPS = np.array([0, 1, 11, 0, 7, 0, 0, 0, 31])
+# Korobov's lattices by count / 8. Of all generators these have nearly the least variance for what lies on one side of a
+# random plane, and of the steps from point to point these, for runs of points (tests/test_low_discrepancy.py).
+LATTICES = {8: (5, 1), 16: (39, 1), 32: (39, 11), 64: (39, 7), 128: (39, 31), 256: (75, 209), 512: (149, 415)}
+_GENERATORS, _STEPS = np.zeros((2, max(LATTICES) // 8 + 1), np.int64)
+for _count, (_generator, _step) in LATTICES.items():
+    _GENERATORS[_count >> 3], _STEPS[_count >> 3] = _generator, _step
 
 
 @njit(**INLINED)
 def lattice_point(index, count, u, v):
-    """Point in [0, 1)^2 of Korobov's lattice of 16, 32, 64 or 128 points, shifted by (u, v), in [0, 1)^2.
+    """Point in [0, 1)^2 of Korobov's lattice of so many points (see LATTICES), shifted by (u, v), in [0, 1)^2.
 
     Each coordinate has one point in every stratum of width 1 / count. Points that follow one another lie evenly, too.
     """
-    step = index * _STEPS[count >> 4] & (count - 1)
-    x, y = u + step / count, v + (_GENERATOR * step & (count - 1)) / count
+    step = index * _STEPS[count >> 3] & (count - 1)
+    x, y = u + step / count, v + (_GENERATORS[count >> 3] * step & (count - 1)) / count
     return x - math.floor(x), y - math.floor(y)

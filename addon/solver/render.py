@@ -31,6 +31,7 @@ from .guide import GatherPlaces, add_scores, build_gather_places, build_guide
 from .irradiance_cache import IrradianceCache, Places, build_irradiance_cache, cache_points, ray_ends
 from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
 from .layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
+from .looks import look_at_pixels
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
 from .photon_map import PhotonMap, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
@@ -40,8 +41,9 @@ from .rng import CACHE, CAMERA, LAMPS, PHOTONS, PILOT, TRIAL, pass_key, uniforms
 from .scene import Scene
 from .sensors import band_weights
 from .settings import Settings
-from .splitting import Splitting, Trial, plan_splitting
-from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius
+from .sheets import Trial, dark_sheets, measure_sheets
+from .splitting import Splitting, plan_splitting
+from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius, sheet_count
 from .tiles import tiles
 from .transport import Optics, trace_photons
 
@@ -188,18 +190,20 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     if photons and len(pilot.place):
         gathers = build_gather_places(pilot.place, pilot.facing, reach2)
         emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers)
-    splitting, hits = None, 0.0
+    sheets, hits = dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
-        x0, y0, x1, y1 = scene.camera.pixels
         trial = trial_pass(tracer, surfaces, radiometry, emitters, optics)
         hits = len(trial.code) / trial.photons
-        splitting = plan_splitting(
-            surfaces, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2, settings.neighbours,
-            photons, (x1 - x0) * (y1 - y0),
+        sheets = measure_sheets(
+            surfaces, tracer, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2,
+            settings.neighbours, photons, pass_key(0, 11, PILOT),
         )  # fmt: skip
-    samples = choose_samples(
-        surfaces, tracer, radiometry, emitters.surroundings, eye, pass_key(0, 10, PILOT), splitting, settings.workers
-    )
+    looks = look_at_pixels(
+        surfaces, tracer, radiometry, emitters.surroundings, lamps.shines, sheets, eye, scene.band_edges,
+        pass_key(0, 10, PILOT), settings.workers,
+    )  # fmt: skip
+    splitting = plan_splitting(sheets, looks, reach2, settings.neighbours, photons) if photons else None
+    samples = choose_samples(looks.variance, looks.mirrors, splitting.price if splitting else 0.0)
     log.info("%.1f camera rays a pixel and pass", samples.mean())
     weights = band_weights(scene.response, scene.band_edges)
     return Model(
@@ -278,7 +282,7 @@ def trial_pass(tracer: Tracer, surfaces: Surfaces, radiometry: Radiometry, emitt
         store.append(batch)
     hits = store.photons
     caustic = hits.caustic if optics.keep_caustic else np.zeros(store.count, np.bool_)
-    return Trial(_PLAN_PHOTONS, hits.surface, hits.power.sum(axis=1, dtype=np.float64), caustic)
+    return Trial(_PLAN_PHOTONS, hits.position, hits.surface, hits.power.sum(axis=1, dtype=np.float64), caustic)
 
 
 def learn_guide(

@@ -354,6 +354,13 @@ def start_ray(surfaces, code, u, v, lx, ly, lz, origin, direction, i):
 
 
 @njit(**INLINED)
+def inverse_distance(surfaces, t, u, v, origin):
+    """1 / m from a ray's origin to where it meets triangle t."""
+    x, y, z = point(surfaces.corners, t, u, v)
+    return 1.0 / math.sqrt(max((x - origin[0]) ** 2 + (y - origin[1]) ** 2 + (z - origin[2]) ** 2, 1e-30))
+
+
+@njit(**INLINED)
 def _hash(a, b, c):
     """64-bit hash of three words of 32 bits."""
     h = np.uint64(0xCBF29CE484222325)

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a few rays tell of every pixel before the first pass: how much differs within it, how much its temperature
+depends on its radiance, and how noisy final gathers are there.
+
+These rays are of a sequence of their own, the same for every seed, so what is decided by them leaves the mean alone.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from .camera import Eye, empty_eye_rays, eye_rays
+from .kernels import KERNEL, njit
+from .radiometry import Radiometry, excess
+from .rng import path_key, uniform
+from .sampling import cosine_direction
+from .sheets import Sheets
+from .spectrum import apparent_temperature
+from .surfaces import (
+    Surfaces,
+    Tracer,
+    facing_side,
+    inverse_distance,
+    point,
+    start_ray,
+    temperature_at,
+    unit_normal,
+)
+
+_LOOKS = 16  # rays that look at a pixel
+_EDGE, _BLOCKS = 8, 4096  # pixels on each side of a block, at least; and blocks of an image, at most
+_TRIED = 256  # rays of final gathers that are tried in a block
+_STEP = 1e-3  # of the radiance, to see how the temperature changes with it
+_FAINTEST = 0.05  # of the image's mean radiance: fainter pixels are taken to have that, as 0 K has no slope
+_AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
+_PRIOR = 32.0  # rays that the spread over a whole sheet is worth in a block: fewer, and what they missed would rule
+_DIMENSION = 1 << 16  # of the random numbers of tried rays: clear of those of the looks
+
+
+class Cells(NamedTuple):
+    """Final gathers on one sheet in one block of pixels, by cell (c,).
+
+    key: int64, ascending, block * number of sheets + label of the sheet. brightness: of what rays from there meet,
+    over that from the whole sheet. ray_noise: W2 sr-2 m-4, variance of the
+    radiance that a ray from there meets. closeness: 1 / m, mean to what it meets. density: 1 / m2, gathers of a pass.
+    count: their number, one for each pixel that shows the sheet. carried2: mean square of what they carry, as a share
+    of the pixel, times its sensitivity.
+    """
+
+    key: np.ndarray
+    brightness: np.ndarray
+    ray_noise: np.ndarray
+    closeness: np.ndarray
+    density: np.ndarray
+    rest: np.ndarray
+    count: np.ndarray
+    carried2: np.ndarray
+
+
+class Looks(NamedTuple):
+    """What the looks found, by pixel of the window (p,).
+
+    sensitivity: float64, how much the apparent temperature depends on the radiance, with a mean square of 1.
+    variance: float64, W2 sr-2 m-4 of the radiance that single camera rays see, times the square of the sensitivity; or
+    a sixteenth of those in the pixels around together, if that is more.
+    mirrors: bool, whether it shows a specular surface. block: int32, number of the block it lies in.
+    """
+
+    sensitivity: np.ndarray
+    variance: np.ndarray
+    mirrors: np.ndarray
+    block: np.ndarray
+    cells: Cells
+
+
+def look_at_pixels(
+    surfaces: Surfaces,
+    tracer: Tracer,
+    radiometry: Radiometry,
+    surroundings: np.ndarray,
+    shines: np.ndarray,
+    sheets: Sheets,
+    eye: Eye,
+    edges: np.ndarray,
+    key: int,
+    threads: int,
+) -> Looks:
+    """Look at every pixel, and try a few rays of the final gathers that it might send.
+
+    surroundings: (b,) float64, their excess radiance. shines: (t, 2) bool, lamps, which final gathers leave to shadow
+    rays. edges: (b + 1,) um, of the bands. key: of the rays.
+    """
+    x0, y0, x1, y1 = (int(end) for end in eye.window)
+    width, height = x1 - x0, y1 - y0
+    edge = max(_EDGE, int(np.ceil(np.sqrt(width * height / _BLOCKS))))
+    rows, columns = np.divmod(np.arange(width * height), width)
+    block = (rows // edge * -(-width // edge) + columns // edge).astype(np.int32)
+    mean, variance, mirrors = np.empty(len(block)), np.empty(len(block)), np.empty(len(block), np.bool_)
+    share = (1.0 - radiometry.specular) * radiometry.reflectance.mean(axis=1)
+    sky, seen_lamps = float(surroundings.sum()), np.zeros_like(shines)
+    stride = max(1, round(_LOOKS * edge * edge / _TRIED))
+
+    def look(first: int):
+        pixels = np.arange(first, min(first + width * edge, len(block)))
+        rays = empty_eye_rays(_LOOKS * len(pixels))
+        eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint16), pixels, *rays)
+        hits, direction, room = tracer.trace(*rays), rays[1], np.empty(len(surroundings))
+        seen, specular = np.empty(len(direction)), np.zeros(len(direction), np.bool_)
+        _see(surfaces, radiometry, sky, sheets.reflected, seen_lamps, *hits, direction, seen, room)
+        sheet, carried, footprint = np.empty((3, len(direction)))
+        _locate(surfaces, radiometry, share, eye, *hits, direction, specular, sheet, carried, footprint)
+        each = seen.reshape(-1, _LOOKS)
+        mean[pixels], variance[pixels] = each.mean(axis=1), each.var(axis=1, ddof=1)
+        mirrors[pixels] = specular.reshape(-1, _LOOKS).any(axis=1)
+        tried = np.flatnonzero(sheet >= 0)
+        tried = tried[(_LOOKS * first + tried) % stride == 0]
+        origin, onward = np.empty((2, len(tried), 3), np.float32)
+        _start_gathers(surfaces, key, _LOOKS * first, tried, *hits, direction, origin, onward)
+        ends, (met, closeness, noise, rest) = tracer.trace(origin, onward), np.zeros((4, len(tried)))
+        _see(surfaces, radiometry, sky, sheets.reflected, shines, *ends, onward, met, room)
+        _measure(surfaces, sheets, share, *ends, origin, onward, closeness, noise, rest)
+        _group(sheet, carried)
+        shown = np.flatnonzero(carried)
+        return (
+            (first + shown // _LOOKS, sheet[shown], carried[shown]),
+            (first + tried // _LOOKS, sheet[tried], met, noise, closeness, 1.0 / footprint[tried], rest),
+        )
+
+    with ThreadPoolExecutor(threads) as pool:
+        found = zip(*pool.map(look, range(0, len(block), width * edge)), strict=True)
+    gathers, rays = (tuple(map(np.concatenate, zip(*part, strict=True))) for part in found)
+    sensitivity = _sensitivity(radiometry.reference.sum() + mean, edges)
+    cells = _cells(sheets.caustic_noise, block, sensitivity, gathers, rays)
+    variance *= sensitivity**2
+    around = np.pad(variance.reshape(height, width), 1)
+    around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
+    return Looks(sensitivity, np.maximum(variance, _AROUND * around), mirrors, block, cells)
+
+
+def _sensitivity(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(p,) change of the apparent temperature with the radiance (p,), W m-2 sr-1, with a mean square of 1."""
+    radiance = np.maximum(radiance, max(_FAINTEST * float(radiance.mean()), 1e-200))
+    slope = (apparent_temperature((1.0 + _STEP) * radiance, edges) - apparent_temperature(radiance, edges)) / radiance
+    size = float(np.sqrt(np.mean(slope**2)))
+    return slope / size if size > 0.0 else np.ones_like(slope)
+
+
+def _cells(caustic_noise, block, sensitivity, gathers, rays):
+    """Gathers (pixel, sheet, carried) and tried rays (pixel, sheet, met, noise, closeness, density, rest) by cell."""
+    pixel, sheet, carried = gathers
+    ray_pixel, ray_sheet, met, noise, closeness, density, rest = rays
+    labels = len(caustic_noise)
+    sheet, ray_sheet = sheet.astype(np.int64), ray_sheet.astype(np.int64)
+    key, cell = np.unique(block[pixel].astype(np.int64) * labels + sheet, return_inverse=True)
+    ray_cell = np.searchsorted(key, block[ray_pixel].astype(np.int64) * labels + ray_sheet)
+    count, tried = np.bincount(cell, minlength=len(key)), np.bincount(ray_cell, minlength=len(key))
+    carried2 = np.bincount(cell, (carried * sensitivity[pixel]) ** 2, len(key)) / np.maximum(count, 1)
+    cell_sheet = key % labels
+    _, spread = _moments(ray_sheet, met, labels)
+    _, local = _moments(ray_cell, met, len(key))
+    free = np.maximum(tried - 1, 0)
+    ray_noise = (local * free + _PRIOR * spread[cell_sheet]) / (free + _PRIOR)
+
+    def mean_of(value):
+        """In each cell, drawn to that of the whole sheet; and that of the sheet."""
+        of_sheet = _moments(ray_sheet, value, labels)[0][cell_sheet]
+        return (np.bincount(ray_cell, value, len(key)) + _PRIOR * of_sheet) / (tried + _PRIOR), of_sheet
+
+    bright, of_sheet = mean_of(np.abs(met))
+    brightness = np.where(bright > 0.0, bright / np.maximum(of_sheet, 1e-300), 1.0)
+    noise, closeness, density, rest = (mean_of(value)[0] for value in (noise, closeness, density, rest))
+    rest = rest + caustic_noise[cell_sheet]
+    return Cells(key, brightness, ray_noise + noise, closeness, density, rest, count, carried2)
+
+
+def _moments(label: np.ndarray, value: np.ndarray, labels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and variance (labels,) of the values of each label; 0 where there are none, or one."""
+    count = np.bincount(label, minlength=labels)
+    mean = np.bincount(label, value, labels) / np.maximum(count, 1)
+    return mean, np.bincount(label, (value - mean[label]) ** 2, labels) / np.maximum(count - 1, 1)
+
+
+@njit(**KERNEL)
+def _see(surfaces, radiometry, surroundings, reflected, hidden, triangle, u, v, direction, seen, emitted):
+    """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see, its reflected part as the sheet's mean.
+
+    What mirrors show is not looked at. hidden: (t, 2) bool, whose emission does not count. emitted: (b,) room.
+    """
+    known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
+    for i in range(triangle.size):
+        t = triangle[i]
+        if t < 0:
+            seen[i] = surroundings
+            continue
+        material, kelvin = surfaces.material[t], temperature_at(surfaces.temperature, t, u[i], v[i])
+        if material != known or kelvin != known_kelvin:
+            excess(radiometry, material, kelvin, 1.0, emitted)
+            known, known_kelvin = material, kelvin
+        side = facing_side(surfaces, t, direction, i)
+        diffuse = (1.0 - radiometry.specular[material]) * radiometry.reflectance[material].mean()
+        seen[i] = diffuse * reflected[surfaces.sheet[t, side]]
+        if not hidden[t, side]:
+            seen[i] += emitted.sum()
+
+
+@njit(**KERNEL)
+def _locate(surfaces, radiometry, share, eye, triangle, u, v, direction, specular, sheet, carried, footprint):
+    """Where looks (n,) meet surfaces that reflect diffusely: the label of the sheet, else -1; the share of the pixel
+    that one of them carries after it; and how much surface a pixel covers there, m2.
+
+    share: (materials,), mean diffuse reflectance of all bands. specular: (n,) bool, set where a surface is.
+    """
+    for i in range(triangle.size):
+        t = triangle[i]
+        sheet[i], carried[i], footprint[i] = -1.0, 0.0, 0.0
+        if t < 0:
+            continue
+        material, side = surfaces.material[t], facing_side(surfaces, t, direction, i)
+        specular[i] = radiometry.specular[material] > 0.0
+        if share[material] > 0.0:
+            sheet[i], carried[i] = surfaces.sheet[t, side], share[material] / _LOOKS
+            footprint[i] = _footprint(surfaces, eye, t, point(surfaces.corners, t, u[i], v[i]), direction[i])
+
+
+@njit(inline="always")
+def _footprint(surfaces, eye, t, place, direction):
+    """Surface (m2) of triangle t that a pixel shows at a place, along a camera ray of this direction."""
+    nx, ny, nz = unit_normal(surfaces, t)
+    dx, dy, dz = float(direction[0]), float(direction[1]), float(direction[2])
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    cosine = max(abs(nx * dx + ny * dy + nz * dz) / length, 1e-3)
+    x, y, z = place[0] - eye.matrix[0, 3], place[1] - eye.matrix[1, 3], place[2] - eye.matrix[2, 3]
+    distance = 1.0 if eye.kind == 1 else np.sqrt(x * x + y * y + z * z) / length
+    side = (eye.frame[1] - eye.frame[0]) / eye.width, (eye.frame[3] - eye.frame[2]) / eye.height
+    return max(side[0] * side[1] * distance * distance / cosine, 1e-30)
+
+
+@njit(**KERNEL)
+def _start_gathers(surfaces, key, first, tried, triangle, u, v, direction, origin, onward):
+    """Start a ray of a final gather from each of the tried looks."""
+    for row in range(tried.size):
+        i = tried[row]
+        path, t = path_key(key, first + i), triangle[i]
+        x, y, z = cosine_direction(uniform(path, _DIMENSION), uniform(path, _DIMENSION + 1))
+        start_ray(
+            surfaces, 2 * t + facing_side(surfaces, t, direction, i), u[i], v[i], x, y, z, origin, onward, row
+        )  # fmt: skip
+
+
+@njit(**KERNEL)
+def _measure(surfaces, sheets, share, triangle, u, v, origin, direction, closeness, noise, rest):
+    """Of rays, where they meet a surface: 1 / m to it; and the variance, W2 sr-2 m-4, of what they would recall there,
+    for each, and for the mean of all from a place.
+
+    Each photon around reaches that place once, by the share of its view that a m2 around the photon takes; but no less
+    blurred than over the disk of the cache.
+    """
+    for i in range(triangle.size):
+        t = triangle[i]
+        if t < 0:
+            continue
+        closeness[i] = inverse_distance(surfaces, t, u[i], v[i], origin[i])
+        side = facing_side(surfaces, t, direction, i)
+        nx, ny, nz = unit_normal(surfaces, t, side)
+        cosine = -(nx * direction[i, 0] + ny * direction[i, 1] + nz * direction[i, 2])
+        sheet, diffuse = surfaces.sheet[t, side], share[surfaces.material[t]]
+        disk = sheets.disk[sheet]
+        if disk > 0.0:
+            photons = diffuse * diffuse * sheets.photon_noise[sheet]
+            noise[i] = photons / disk
+            rest[i] = photons * min(cosine * closeness[i] * closeness[i] / np.pi, 1.0 / disk)
+
+
+@njit(**KERNEL)
+def _group(sheet, carried):
+    """Looks of one pixel at one sheet gather together: the first carries what all do, the others nothing."""
+    for first in range(0, sheet.size, _LOOKS):
+        for i in range(first, first + _LOOKS):
+            for j in range(i + 1, first + _LOOKS):
+                if sheet[i] >= 0.0 and sheet[j] == sheet[i]:
+                    carried[i] += carried[j]
+                    carried[j] = 0.0
