@@ -8,7 +8,7 @@ import pytest
 from scenes import box, join, look, make_scene, quad
 
 from addon.solver import Camera, Material, Settings, antialiasing, render
-from addon.solver.antialiasing import FEWEST, MOST
+from addon.solver.antialiasing import FEWEST
 from addon.solver.render import prepare
 
 EDGES = np.linspace(8.0, 12.0, 3)
@@ -44,7 +44,7 @@ def samples_of(scene):
 
 def test_edges_send_most_rays_and_plain_surfaces_fewest():
     samples, distance = samples_of(plate()), np.abs(distance_to_edge())
-    assert np.all(samples[distance < 0.2] == MOST)  # the edge passes near the centre
+    assert np.all(samples[distance < 0.2] == samples.max()) and samples.max() >= 128  # the edge passes near the centre
     assert np.all(samples[distance > 2.5] == FEWEST)  # not even the pixels around hold it
 
 

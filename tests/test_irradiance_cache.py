@@ -13,13 +13,18 @@ from addon.solver import Material
 from addon.solver.eye_paths import Estimate
 from addon.solver.free_space import unlimited
 from addon.solver.irradiance_cache import Places, build_irradiance_cache, cache_points, ray_ends, recalled
+from addon.solver.looks import Cells
 from addon.solver.point_tree import empty_walk
+from addon.solver.sheets import dark_sheets
 from addon.solver.splitting import Splitting
 from addon.solver.surfaces import build_surfaces, unit_normal
 
 EDGES = np.array([8.0, 12.0])
 
-NO_RAYS = Splitting(*np.zeros((7, 1), np.float32), math.inf)
+NO_RAYS = Splitting(
+    dark_sheets(1), Cells(np.zeros(0, np.int64), *np.zeros((5, 0)), np.zeros(0, np.int64), np.zeros(0)),
+    np.zeros(0, np.int32), np.zeros(0), math.inf,
+)  # fmt: skip
 
 
 def choices(neighbours, reach2, shrink2):

@@ -8,21 +8,34 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from addon.solver.looks import Cells
+from addon.solver.sheets import FALL, dark_sheets
 from addon.solver.splitting import (
     _EQUAL,
+    _EQUAL_MOST,
     _FEWEST,
     _GATHER,
     _LEAST_CHANCE,
     _MOST,
     _RECALL,
     _SHARING,
-    _STRATIFIED,
+    NEAR,
     Splitting,
+    Spread,
+    gather_chance,
     rays_beside,
     recall_chance,
 )
 
 noises = st.floats(1e-12, 1e12)
+
+
+def splitting_of(price, **sheet):
+    """On one sheet, which has these values."""
+    known = {name: np.full(1, value) for name, value in sheet.items() if name != "evenness"}
+    sheets = dark_sheets(1)._replace(**sheet | known)
+    cells = Cells(np.zeros(0, np.int64), *np.zeros((5, 0)), np.zeros(0, np.int64), np.zeros(0))
+    return Splitting(sheets, cells, np.zeros(0, np.int32), np.zeros(0), price)
 
 
 @settings(deadline=None)  # the first call compiles
@@ -34,29 +47,34 @@ noises = st.floats(1e-12, 1e12)
     st.floats(1e-6, 1e3),
     st.floats(0.01, 1.0),
     st.floats(0.0, 4000.0),
+    st.floats(1e-2, 1e2),
+    st.floats(0.1, 10.0),
 )
-def test_the_cheapest_is_chosen(photon_noise, ray_noise, price, carried, free2, shrink2, gathers):
+def test_the_cheapest_is_chosen(photon_noise, ray_noise, price, brought, free2, shrink2, density, closeness, bright):
     """Variance and its price in time together, over photons and every number of rays. The number that is best is
-    rounded to a power of two: by half an octave, which costs (x + 1 / x) / 2 - 1 < 6.1 %, x = 2^(1/2).
+    rounded to a power of two: by half an octave, x = 2^(1/2) or its inverse, which costs (x^-FALL / FALL + x) / (1 /
+    FALL + 1) - 1 < 7.9 %.
     """
-    tables = [np.full(1, value, np.float32) for value in (1e4, photon_noise, ray_noise, 1e9, gathers, 0.0, 0.0)]
-    splitting = Splitting(*tables, price)
-    rays, variance = rays_beside(splitting, 0, carried, free2, 50, shrink2)
-    area = min(math.pi * free2, 50 / 1e4) * shrink2
-    by_photons = carried**2 * float(tables[1][0]) / area + price * _GATHER
-    ray = _STRATIFIED * carried**2 * float(tables[2][0]) / max(1.0, _EQUAL * _SHARING * area * float(tables[4][0]))
-    by_rays = {n: ray / n + price * n for n in range(_FEWEST, _MOST + 1)}
+    splitting = splitting_of(price, density=1e4, photon_noise=photon_noise, span=1e9, evenness=2.0)
+    spread = Spread(bright, ray_noise, closeness, density)
+    rays, variance = rays_beside(splitting, 0, spread, brought, free2, 50, shrink2)
+    area = min(math.pi * free2, 50 / (bright * 1e4)) * shrink2
+    by_photons = brought**2 * bright * photon_noise / area + price * _GATHER
+    shared = min(_SHARING * area, math.pi * (NEAR / closeness) ** 2 * shrink2)
+    ray = 2.0 * brought**2 * ray_noise / max(1.0, min(_EQUAL_MOST, _EQUAL * density * shared))
+    by_rays = {n: ray * n**-FALL + price * n for n in range(_FEWEST, _MOST + 1)}
     spent = variance + price * (rays or _GATHER)
-    assert spent <= 1.061 * min(by_photons, *by_rays.values())
+    assert spent <= 1.079 * min(by_photons, *by_rays.values())
     assert spent == pytest.approx(by_rays[rays] if rays else by_photons, rel=1e-5)
 
 
 @settings(deadline=None)
+@pytest.mark.parametrize("chance, time", [(recall_chance, _RECALL), (gather_chance, _GATHER)])
 @given(st.floats(1e-6, 1e6), st.floats(1e-12, 1e12), st.floats(1e-6, 1.0))
-def test_roulette_on_recalls_is_as_strict_as_pays(recalled, price, carried):
-    """Variance that roulette adds and the price of the recalls that are made, together, over all chances allowed."""
-    splitting = Splitting(*np.zeros((6, 1), np.float32), np.full(1, recalled, np.float32), price)
-    brings = carried * float(splitting.recalled[0])
-    chances = np.append(np.linspace(_LEAST_CHANCE, 1.0, 100), recall_chance(splitting, 0, carried))
-    spent = brings**2 * (1 / chances - 1) + price * _RECALL * chances
+def test_roulette_at_the_ends_of_rays_is_as_strict_as_pays(chance, time, recalled, price, carried):
+    """Variance that roulette adds and the price of what is done, together, over all chances allowed."""
+    splitting = splitting_of(price, reflected=0.6 * recalled, photon_noise=(0.8 * recalled) ** 2, disk=1.0)
+    brings = carried * recalled
+    chances = np.append(np.linspace(_LEAST_CHANCE, 1.0, 100), chance(splitting, 0, carried))
+    spent = brings**2 * (1 / chances - 1) + price * time * chances
     assert spent[-1] <= spent.min() * (1 + 1e-9) + 1e-12 * brings**2

@@ -11,15 +11,16 @@ FEWEST, IN_MIRRORS, MOST = 4, 16, 512  # rays of a pixel in a pass; powers of tw
 _MEAN = 32.0  # of a pixel at most, where little but edges is noisy
 
 
-def choose_samples(variance: np.ndarray, mirrors: np.ndarray, price: float) -> np.ndarray:
-    """(p,) uint16 rays of every pixel in a pass.
-
-    variance, mirrors: (p,), see Looks. price: variance that a ray should save; more, if pixels would send more than 32
-    on average.
-    """
+def least_price(variance: np.ndarray) -> float:
+    """The price of a ray below which pixels of this variance (p,), see Looks, would send more than 32 on average."""
     prices = max(variance.max(), 1e-300) * np.geomspace(1e-9, 1.0, 30)
-    least = next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1])
-    samples = _samples(variance, max(price, least))
+    return float(next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1]))
+
+
+def choose_samples(variance: np.ndarray, mirrors: np.ndarray, price: float) -> np.ndarray:
+    """(p,) uint16 rays of every pixel in a pass. variance, mirrors: (p,), see Looks. price: variance that a ray should
+    save."""
+    samples = _samples(variance, price)
     return np.where(mirrors, np.maximum(samples, IN_MIRRORS), samples)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .antialiasing import MOST
 from .camera import eye_rays
-from .final_gather import asking_photons, choose_splits, largest_throughput, open_finals, share
+from .final_gather import choose_splits, largest_throughput, open_finals, share
 from .free_space import free_space, largest_disk, unlimited
 from .irradiance_cache import recalled
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
@@ -20,7 +20,7 @@ from .point_tree import empty_walk
 from .radiometry import NONE, excess
 from .rng import path_key, uniform
 from .sampling import basis, cosine_direction, lobe_brdf, mirror, reflect_in_lobe, to_world
-from .splitting import Splitting, recall_chance
+from .splitting import Splitting, gather_chance, recall_chance
 from .surfaces import (
     PATCH_LIMIT,
     facing_side,
@@ -133,10 +133,13 @@ def render_pixels(
             found = len(gathers.ray)
             place, code, turns = np.empty((found, 3)), np.empty(found, np.int32), np.empty(found)
             locate_gathers(surfaces, bounce, *hits, rays, gathers, place, code, turns)
-            numbers, caustics = pixels.ravel(), len(photon_map.photons.caustic) > 0
-            felt = asking_photons(surfaces, radiometry, estimate, numbers, code, rays, gathers, caustics)
-            space = free_space(tracer, surfaces, estimate.reach2, place, code, turns, felt)
-            split = choose_splits(surfaces, radiometry, estimate, numbers, place, code, rays, gathers, space.radius2)
+            numbers, space = pixels.ravel(), unlimited(found, estimate.reach2)
+            of_gathers = surfaces, radiometry, estimate, numbers, place, code, rays, gathers
+            split = choose_splits(*of_gathers, space.radius2, np.arange(found))
+            felt = asking_photons(rays, gathers, photon_map, estimate)
+            if len(felt):
+                space = free_space(tracer, surfaces, estimate.reach2, place, code, turns, felt)
+                split = choose_splits(*of_gathers, space.radius2, felt)
             reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, space, image)
             if bounce > 0:
                 lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, image)
@@ -378,6 +381,16 @@ def locate_gathers(surfaces, bounce, triangle, u, v, rays, gathers, place, code,
         turns[g] = uniform(rays.path[i], _FEELING + bounce)
 
 
+def asking_photons(rays, gathers, photon_map, estimate):
+    """Indices of the gathers that may ask photons, so that the free space around them has to be known.
+
+    Walls raise the variance of photons at least as much as that of rays: what sends rays in the open does so beside
+    them, too, and asks for caustics at most.
+    """
+    caustics, ends = len(photon_map.photons.caustic) > 0, rays.gathered[gathers.ray]
+    return np.flatnonzero(estimate.straight | (~ends & (caustics | (gathers.rays == 0))))
+
+
 def reflect(surfaces, radiometry, photon_map, estimate, ends, triangle, u, v, rays, gathers, space, image):
     """Add to the image what the photons around the gathers reflect.
 
@@ -467,7 +480,7 @@ def _recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays,
                 for b in range(rho.size):
                     out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
             continue
-        chance = min(chance, carried / _LITTLE)
+        chance = gather_chance(estimate.splitting, sheet, carried)
         if choice >= chance:
             continue
         lost[found], weight[found] = i, 1.0 / chance

@@ -14,7 +14,7 @@ import numpy as np
 
 from .free_space import LEAST_FREE
 from .kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
-from .splitting import NEAR, disk_area, rays_alone, rays_beside, shared_area, spread_around
+from .splitting import NEAR, disk_area, rays_alone, rays_beside, shared_area, sharing, spread_around
 from .surfaces import NO_WALL, PATCH_LIMIT, patch_in_ball, unit_normal
 
 _BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
@@ -23,69 +23,40 @@ _BENT = 0.1  # squared difference of the unit normals at which no rays are share
 _WINDOW = 3  # pixels around, in which final gathers share rays
 
 
-def asking_photons(surfaces, radiometry, estimate, pixels, code, rays, gathers, caustics):
-    """Indices of the gathers that may ask photons, so that the free space around has to be known. Fills in `brought`.
+def choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2, chosen):
+    """Choose which gathers send rays, how many, and in which disk neighbours share them.
 
-    pixels: (n,) int64, numbers in the window of the tile's. caustics: whether those that send rays ask
-    for these. Walls raise the variance of photons at least as much as that of rays: what sends rays in the open does so
-    beside them, too.
-    """
-    asks = np.empty(len(gathers.ray), np.bool_)
-    _asking_photons(surfaces, radiometry, estimate, pixels, code, rays, gathers, caustics, asks)
-    return np.flatnonzero(asks)
-
-
-@njit(**KERNEL)
-def _asking_photons(surfaces, radiometry, estimate, pixels, code, rays, gathers, caustics, asks):
-    splitting = estimate.splitting
-    for g in range(gathers.ray.size):
-        i, t, side = gathers.ray[g], code[g] >> 1, code[g] & 1
-        asks[g] = estimate.straight
-        if rays.gathered[i]:
-            continue
-        sheet, pixel = surfaces.sheet[t, side], pixels[rays.pixel[i]]
-        carried = carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g])
-        gathers.brought[g] = splitting.sensitivity[pixel] * carried
-        count, _ = rays_beside(
-            splitting, sheet, spread_around(splitting, pixel, sheet), gathers.brought[g], estimate.reach2,
-            estimate.neighbours, estimate.shrink2,
-        )  # fmt: skip
-        asks[g] |= count == 0 or caustics
-
-
-def choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2):
-    """Choose the gathers that send rays, how many, and in which disk neighbours share them. Returns the number of rays.
-
-    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone. pixels: see
-    asking_photons. free2: (gathers,) float32, m2, of the free space around.
+    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone. pixels: (n,)
+    int64, numbers in the window of the tile's. free2: (gathers,) float32, m2, of the free space around. chosen: (c,)
+    int64, the gathers that are asked about. Returns the number of rays of all.
     """
     patch = np.empty(PATCH_LIMIT, np.int32)
-    return _choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2, patch)
+    _choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2, chosen, patch)
+    return int(gathers.rays.sum())
 
 
 @njit(**KERNEL)
-def _choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2, patch):
-    rays_sent, splitting, k, shrink2 = 0, estimate.splitting, estimate.neighbours, estimate.shrink2
-    for g in range(gathers.ray.size):
+def _choose_splits(surfaces, radiometry, estimate, pixels, place, code, rays, gathers, free2, chosen, patch):
+    splitting, k, shrink2 = estimate.splitting, estimate.neighbours, estimate.shrink2
+    for g in chosen:
         i, t, side = gathers.ray[g], code[g] >> 1, code[g] & 1
         if rays.gathered[i] or radiometry.specular[surfaces.material[t]] == 1.0:
             continue
-        sheet, pixel = surfaces.sheet[t, side], pixels[rays.pixel[i]]
-        brought, spread = gathers.brought[g], spread_around(splitting, pixel, sheet)
-        count, _ = rays_beside(splitting, sheet, spread, brought, float(free2[g]), k, shrink2)
+        sheet, pixel, around2 = surfaces.sheet[t, side], pixels[rays.pixel[i]], float(free2[g])
+        carried = carried_by(radiometry, surfaces.material[t], rays, i, gathers.weight[g])
+        brought, spread = splitting.sensitivity[pixel] * carried, spread_around(splitting, pixel, sheet)
+        count, _ = rays_beside(splitting, sheet, spread, brought, around2, k, shrink2)
         if count == 0:
-            disk = disk_area(splitting.sheets, sheet, spread, float(free2[g]), k, shrink2)
+            disk = disk_area(splitting.sheets, sheet, spread, around2, k, shrink2)
             if _is_cut(surfaces, code[g], place[g], disk, patch):
-                count, _ = rays_alone(splitting, sheet, spread, brought, float(free2[g]), k, shrink2)
+                count, _ = rays_alone(splitting, sheet, spread, brought, around2, k, shrink2)
         if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
             count = max(count, _BESIDE_WALLS)
-        if count > 0:
-            shared = shared_area(splitting.sheets, sheet, spread, float(free2[g]), k, shrink2)
+        gathers.brought[g], gathers.rays[g], gathers.radius2[g] = brought, count, 0.0
+        if count > 0 and sharing(splitting.sheets, sheet, spread, around2, k, shrink2) >= 1.0:
+            shared = shared_area(splitting.sheets, sheet, spread, around2, k, shrink2)
             gathers.radius2[g] = shared / math.pi
             gathers.is_cut[g] = _is_cut(surfaces, code[g], place[g], shared, patch)
-        gathers.rays[g] = count
-        rays_sent += count
-    return rays_sent
 
 
 @njit(inline="always")

@@ -42,10 +42,11 @@ class Cells(NamedTuple):
     """Final gathers on one sheet in one block of pixels, by cell (c,).
 
     key: int64, ascending, block * number of sheets + label of the sheet. brightness: of what rays from there meet,
-    over that from the whole sheet. ray_noise: W2 sr-2 m-4, variance of the
-    radiance that a ray from there meets. closeness: 1 / m, mean to what it meets. density: 1 / m2, gathers of a pass.
-    count: their number, one for each pixel that shows the sheet. carried2: mean square of what they carry, as a share
-    of the pixel, times its sensitivity.
+    over that from the whole sheet. ray_noise: W2 sr-2 m-4, variance of the radiance that a ray from there meets, and of
+    what it recalls. closeness: 1 / m, mean to what it meets. density: 1 / m2, gathers of a pass. rest: W2 sr-2 m-4,
+    variance that photons leave however many rays ask for what they say, and that of caustics. count: of gathers, one
+    for each pixel that shows the sheet. carried2: mean square of what they bring, as a share of the pixel times its
+    sensitivity.
     """
 
     key: np.ndarray

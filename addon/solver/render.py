@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .antialiasing import choose_samples
+from .antialiasing import choose_samples, least_price
 from .camera import Eye, build_eye
 from .emission import Emitters, build_emitters, chosen_numbers, side_power
 from .eye_paths import Estimate, render_pixels
@@ -203,7 +203,8 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         pass_key(0, 10, PILOT), settings.workers,
     )  # fmt: skip
     splitting = plan_splitting(sheets, looks, reach2, settings.neighbours, photons) if photons else None
-    samples = choose_samples(looks.variance, looks.mirrors, splitting.price if splitting else 0.0)
+    price = max(splitting.price if splitting else 0.0, least_price(looks.variance))
+    samples = choose_samples(looks.variance, looks.mirrors, price)
     log.info("%.1f camera rays a pixel and pass", samples.mean())
     weights = band_weights(scene.response, scene.band_edges)
     return Model(

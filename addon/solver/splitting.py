@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .antialiasing import FEWEST, choose_samples
+from .antialiasing import FEWEST, choose_samples, least_price
 from .kernels import KERNEL, njit
 from .looks import Cells, Looks
 from .low_discrepancy import LATTICES
@@ -29,6 +29,7 @@ NEAR = 0.05  # radius of that disk, over the harmonic mean distance of what the 
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
 _LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
+_PIXELS = 4096  # whose camera rays are counted to find the best price
 _USUAL = 0.95  # share of the gathers by which is told what photons leave in the end
 _PRICES = np.geomspace(1e-4, 1e1, 31)  # tried, over that of photons alone
 
@@ -120,38 +121,54 @@ def shared_area(sheets, sheet, spread, free2, k, shrink2):
 
 
 @njit(inline="always")
+def sharing(sheets, sheet, spread, free2, k, shrink2):
+    """How many final gathers of equal weight share rays, those in the disk around one of them; below 1 none but it."""
+    near = NEAR / max(spread.closeness, 1e-30)
+    area = min(shared_area(sheets, sheet, spread, free2, k, shrink2), math.pi * near * near * shrink2)
+    return min(_EQUAL_MOST, _EQUAL * spread.density * area)
+
+
+@njit(inline="always")
 def ray_variance(sheets, sheet, spread, free2, k, shrink2):
     """Variance (W2 sr-2 m-4) of what a perfect reflector reflects by n rays of each final gather around, times
     n^FALL."""
-    near = NEAR / max(spread.closeness, 1e-30)
-    area = min(shared_area(sheets, sheet, spread, free2, k, shrink2), math.pi * near * near * shrink2)
-    return sheets.evenness * spread.ray_noise / max(1.0, min(_EQUAL_MOST, _EQUAL * spread.density * area))
+    return sheets.evenness * spread.ray_noise / max(1.0, sharing(sheets, sheet, spread, free2, k, shrink2))
 
 
 @njit(inline="always")
 def recall_chance(splitting, sheet, carried):
-    """Chance that the end of a ray on a sheet should recall what it reflects, a share `carried` of a pixel.
+    """Chance that the end of a ray on a sheet should recall what it reflects, a share `carried` of a pixel."""
+    return _chance(splitting, sheet, carried, _RECALL)
 
-    Roulette with chance q adds the variance y^2 (1 / q - 1) to what carries y, and saves 1 - q of its time.
-    """
+
+@njit(inline="always")
+def gather_chance(splitting, sheet, carried):
+    """The same where nothing is near that it could recall, so that it has to ask photons itself."""
+    return _chance(splitting, sheet, carried, _GATHER)
+
+
+@njit(inline="always")
+def _chance(splitting, sheet, carried, time):
+    """Roulette with chance q adds the variance y^2 (1 / q - 1) to what carries y, and saves 1 - q of its time."""
     sheets = splitting.sheets
     square = sheets.reflected[sheet] ** 2 + sheets.photon_noise[sheet] / sheets.disk[sheet]  # mean, of what photons say
-    chance = carried * math.sqrt(square / (_RECALL * splitting.price))
-    return min(1.0, max(_LEAST_CHANCE, chance))
+    return min(1.0, max(_LEAST_CHANCE, carried * math.sqrt(square / (time * splitting.price))))
 
 
 def plan_splitting(sheets: Sheets, looks: Looks, reach2: float, neighbours: int, photons: int) -> Splitting:
     """Find the price at which photons, rays and camera rays lower noise times time most. See measure_sheets."""
     splitting = Splitting(sheets, looks.cells, looks.block, looks.sensitivity, math.inf)
     pixels = len(looks.block)
+    some = slice(None, None, max(1, pixels // _PIXELS))
+    variance, mirrors, least = looks.variance[some], looks.mirrors[some], least_price(looks.variance[some])
     rest = _usual(looks.cells.carried2 * looks.cells.rest, looks.cells.count) / pixels
     fixed = _FIXED + _PHOTON * photons / pixels
     noise, _ = noise_and_time(splitting, pixels, reach2, neighbours)
     tried = []
     for price in max(noise + rest, 1e-300) / (fixed + _CAMERA * FEWEST) * _PRICES:
         noise, time = noise_and_time(splitting._replace(price=price), pixels, reach2, neighbours)
-        samples = choose_samples(looks.variance, looks.mirrors, price).astype(np.float64)
-        noise += float(np.mean(looks.variance * samples**-1.5)) + rest
+        samples = choose_samples(variance, mirrors, max(price, least)).astype(np.float64)
+        noise += float(np.mean(variance * samples**-1.5)) + rest
         tried.append((noise * (fixed + time + _CAMERA * samples.mean()), price))
     return splitting._replace(price=min(tried)[1])
 

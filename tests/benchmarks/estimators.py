@@ -42,9 +42,10 @@ from addon.solver.point_tree import morton_order  # noqa: E402
 WALLS = {"room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0}  # K, see the scenes
 
 
-def split_all(surfaces, radiometry, estimate, place, code, rays, gathers, free2):
+def split_all(*arguments):
     """Every gather sends rays."""
-    choose_splits(surfaces, radiometry, estimate, place, code, rays, gathers, free2)
+    choose_splits(*arguments)
+    rays, gathers = arguments[6:8]
     gathers.rays[:] = np.where(rays.gathered[gathers.ray], 0, 32)
     return int(gathers.rays.sum())
 

@@ -27,7 +27,7 @@ from speed_scenes import SCENES  # noqa: E402
 
 from addon.solver import Settings  # noqa: E402
 from addon.solver.sampling import cosine_direction, to_world  # noqa: E402
-from addon.solver.splitting import _radiance  # noqa: E402
+from addon.solver.sheets import _radiance  # noqa: E402
 from addon.solver.surfaces import SAME_SURFACE, put_ray  # noqa: E402
 
 render_module = importlib.import_module("addon.solver.render")  # the package has a function of this name
