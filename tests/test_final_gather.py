@@ -226,7 +226,11 @@ def test_rays_go_out_where_walls_leave_no_room_for_photons(monkeypatch):
 
     monkeypatch.setattr(render_module, "plan_splitting", plan)
     monkeypatch.setattr(eye_paths, "choose_splits", watch)
-    render(corner("closed"), Settings(passes=1, photons_per_pass=20_000))
+    floor, wall = quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), quad((0, 0, 0.5), (0, 2, 0), (0, 0, 0.5))
+    *parts, material = join((*floor, 300.0, 0), (*wall, 320.0, 0))  # the floor goes on behind the wall
+    camera = look((0.3, 0, 1), (0.3, 0, 0), 24, 16, 0.5)
+    scene = make_scene(*parts, (GREY,), camera, EDGES, material, world_temperature=300.0)
+    render(scene, Settings(passes=1, photons_per_pass=20_000))
     assert len(beside) > 0 and min(beside) >= 32
 
 

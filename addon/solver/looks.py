@@ -140,11 +140,16 @@ def look_at_pixels(
 
 
 def _sensitivity(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(p,) change of the apparent temperature with the radiance (p,), W m-2 sr-1, with a mean square of 1."""
-    radiance = np.maximum(radiance, max(_FAINTEST * float(radiance.mean()), 1e-200))
-    slope = (apparent_temperature((1.0 + _STEP) * radiance, edges) - apparent_temperature(radiance, edges)) / radiance
-    size = float(np.sqrt(np.mean(slope**2)))
-    return slope / size if size > 0.0 else np.ones_like(slope)
+    """(p,) change of the apparent temperature with the radiance (p,), W m-2 sr-1, with a mean square of 1; ones where
+    so little is seen that it has no temperature."""
+    mean = float(radiance.mean())
+    radiance = np.maximum(radiance, max(_FAINTEST * mean, 0.0))
+    warmer, kelvin = (apparent_temperature(factor * radiance, edges) for factor in (1.0 + _STEP, 1.0))
+    change = warmer - kelvin
+    if not change.all():
+        return np.ones_like(change)
+    slope = change * (mean / radiance)
+    return slope / np.sqrt(np.mean(slope**2))
 
 
 def _cells(caustic_noise, block, sensitivity, gathers, rays):
