@@ -46,7 +46,7 @@ def by_power_alone(count, sheet, area, matters):
     return np.where(matters, 1.0, DEFENSIVE)
 
 
-def no_walls(tracer, surfaces, reach2, place, code, turns):
+def no_walls(tracer, surfaces, reach2, place, code, turns, felt=None):
     return unlimited(len(place), reach2)
 
 

@@ -125,8 +125,9 @@ open("/proc/self/clear_refs", "w").write("5")  # the peak starts anew
 before = status("VmRSS")
 images(render(scene, settings))
 taken = status("VmHWM") - before
-hits = prepare(scene, settings).hits_per_photon
-needed = memory.memory_beforehand(scene, 1) | memory.memory_of_passes(scene, settings, 1, hits)
+model = prepare(scene, settings)
+known = model.hits_per_photon, model.rays_per_pixel
+needed = memory.memory_beforehand(scene, 1) | memory.memory_of_passes(scene, settings, 1, *known)
 print(sum(needed.values()), taken)
 """
 
@@ -168,7 +169,8 @@ def test_a_render_that_needs_too_much_memory_is_refused(monkeypatch, options, ch
     scene, settings = room(**options), dataclasses.replace(QUICK, **change)
     needed = memory.memory_beforehand(scene, copies)
     if change:
-        needed = memory.memory_of_passes(scene, settings, copies, prepare(scene, settings).hits_per_photon)
+        model = prepare(scene, settings)
+        needed = memory.memory_of_passes(scene, settings, copies, model.hits_per_photon, model.rays_per_pixel)
     total = sum(needed.values())
     monkeypatch.setattr(memory, "available_memory", lambda: 0.99 * total)
     numbers = f"needs about {total / 1e9:.1f} GB of memory, {0.99 * total / 1e9:.1f} GB are available. "
@@ -183,7 +185,9 @@ def test_a_render_that_needs_too_much_memory_is_refused(monkeypatch, options, ch
 def test_a_render_that_fits_is_not_refused(monkeypatch):
     """Where nothing differs from the reference no photon is traced, whatever the settings say."""
     scene, settings = room(293.0, lights=()), dataclasses.replace(QUICK, photons_per_pass=10**12)
-    needed = memory.memory_beforehand(scene) | memory.memory_of_passes(scene, settings, 0, hits_per_photon=0.0)
+    needed = memory.memory_beforehand(scene) | memory.memory_of_passes(
+        scene, settings, 0, hits_per_photon=0.0, rays_per_pixel=4.0
+    )
     monkeypatch.setattr(memory, "available_memory", lambda: sum(needed.values()))
     assert render(scene, settings).photons == 0
 

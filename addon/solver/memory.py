@@ -3,14 +3,15 @@
 
 With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a pass, in bytes:
 
-    film       P (12 l b + 28)                mean in float64, one pass in float32, five more values for the noise
+    film       P (12 l b + 44)                mean in float64, one pass in float32, five more values for the noise, four
+                                              of what looks found
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
-    rays       8 b min(P, 1024 t) 80          of the tile of each thread: camera rays and final gathers of 1024 pixels,
-                                              and what follows on them; 80 a pixel are usual, 256 the most
+    rays       (4 b + 80) min(P, 1024 t) n    of the tile of each thread: n rays for each of 1024 pixels, camera rays and
+                                              final gathers, as many as where most are planned
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
@@ -56,13 +57,16 @@ def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
     }
 
 
-def memory_of_passes(scene: Scene, settings: Settings, copies: int, hits_per_photon: float) -> dict[str, float]:
-    """Bytes that the passes need once the geometry is there. hits_per_photon: that are stored, on average."""
+def memory_of_passes(
+    scene: Scene, settings: Settings, copies: int, hits_per_photon: float, rays_per_pixel: float
+) -> dict[str, float]:
+    """Bytes that the passes need once the geometry is there. hits_per_photon: that are stored, on average.
+    rays_per_pixel: that are under way at once, where most are."""
     hits, bands = settings.photons_per_pass * hits_per_photon, scene.band_count
     further = len(scene_layers(scene)[0]) - 1
     return _images(scene, copies) | {
         "photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands),
-        "rays": 8.0 * bands * min(_pixels(scene), TILE**2 * settings.workers) * 80,
+        "rays": (4.0 * bands + 80.0) * min(_pixels(scene), TILE**2 * settings.workers) * rays_per_pixel,
     }
 
 
@@ -74,7 +78,7 @@ def _pixels(scene: Scene) -> float:
 def _images(scene: Scene, copies: int) -> dict[str, float]:
     pixels, bands = _pixels(scene), scene.band_count
     layers = len(scene_layers(scene)[0])
-    film = 12 * layers * bands + 28 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
+    film = 12 * layers * bands + 44 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
     return {"film": pixels * film, "images": pixels * (4 * copies * (bands + 7) + 64)}
 
 

@@ -40,7 +40,6 @@ class Pilot(NamedTuple):
         bright; sky: how much comes from the surroundings, less where open sides see them. Together at most 1.
     openness: share of cosine-distributed directions from the sides that matter that leave the scene, 0 if none does.
     view: m, width of the frame where the camera's rays meet the scene (median); infinite if they meet nothing.
-    gathering: share of camera rays whose paths gather.
     place, facing: (r, 3) float64, points where camera paths gather and the normals there. code: (r,) int32, 2 triangle
         + side. carried: (r,) float64, share of a pixel that their reflected light makes up.
     left, met: (p,) int32, label of the sheet that camera paths left, mirrored or in a random direction, and triangle
@@ -55,7 +54,6 @@ class Pilot(NamedTuple):
     sky: float
     openness: float
     view: float
-    gathering: float
     place: np.ndarray
     facing: np.ndarray
     code: np.ndarray
@@ -141,7 +139,6 @@ def explore(
         float(importance[-1] * hidden),
         openness,
         view,
-        float(gathers.mean()),
         paths.place[gathers],
         paths.facing[gathers],
         paths.code[gathers],

@@ -42,7 +42,7 @@ from .scene import Scene
 from .sensors import band_weights
 from .settings import Settings
 from .sheets import Trial, dark_sheets, measure_sheets
-from .splitting import Splitting, plan_splitting
+from .splitting import Splitting, most_rays, plan_splitting
 from .surfaces import Geometry, Surfaces, Tracer, areas, build_surfaces, scene_radius, sheet_count
 from .tiles import tiles
 from .transport import Optics, trace_photons
@@ -81,6 +81,7 @@ class Model:
     layer_weights: np.ndarray  # (layers, b) by which their bands count in what the sensor sees
     photons_per_pass: int
     hits_per_photon: float  # that are stored, of trial photons
+    rays_per_pixel: float  # that are under way at once, where most are
 
 
 def render(
@@ -105,7 +106,7 @@ def render(
     """
     check_memory(memory_beforehand(scene, image_copies))
     model = prepare(scene, settings, geometry)
-    check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon))
+    check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon, model.rays_per_pixel))
     x0, y0, x1, y1 = scene.camera.pixels
     numbers = settings.seed, settings.pass_offset
     looks = model.weights, model.layers
@@ -225,6 +226,9 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         layer_weights=layer_factors(layers, scene.band_edges, reference) * weights,
         photons_per_pass=photons,
         hits_per_photon=hits,
+        rays_per_pixel=most_rays(splitting, samples, reach2, settings.neighbours)
+        if splitting
+        else float(samples.max()),
     )
 
 

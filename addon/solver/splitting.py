@@ -16,6 +16,7 @@ from .kernels import KERNEL, njit
 from .looks import Cells, Looks
 from .low_discrepancy import LATTICES
 from .sheets import FALL, Sheets
+from .tiles import TILE
 
 # Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
 _GATHER = 6.0  # of k photons
@@ -182,18 +183,33 @@ def _usual(value: np.ndarray, count: np.ndarray) -> float:
 
 def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours: int) -> tuple[float, float]:
     """Mean variance and time that gathers in free space bring to each of the pixels."""
-    noise, time = _noise_and_time(splitting, reach2, neighbours)
-    return noise / pixels, time / pixels
+    rays, variance = _in_cells(splitting, reach2, neighbours)
+    count = splitting.cells.count
+    return float(np.sum(count * variance)) / pixels, float(np.sum(count * np.where(rays, rays, _GATHER))) / pixels
+
+
+def most_rays(splitting: Splitting, samples: np.ndarray, reach2: float, neighbours: int) -> float:
+    """Rays that a pixel sends, camera rays (p,) and final gathers: the mean of as many blocks as a tile has pixels of,
+    those that send most."""
+    rays, _ = _in_cells(splitting, reach2, neighbours)
+    pixels, cells = np.bincount(splitting.block), splitting.cells
+    sent = np.bincount(splitting.block, samples, len(pixels))
+    sent += np.bincount(cells.key // len(splitting.sheets.density), cells.count * rays, len(pixels))
+    order = np.argsort(-sent / np.maximum(pixels, 1))
+    most = order[: np.searchsorted(np.cumsum(pixels[order]), TILE * TILE) + 1]
+    return float(sent[most].sum() / pixels[most].sum())
+
+
+def _in_cells(splitting, reach2, k):
+    """Rays (c,) of the gathers in each cell in the open, 0 for photons, and their variance."""
+    rays, variance = np.zeros((2, len(splitting.cells.key)))
+    _choose_in_cells(splitting, reach2, k, rays, variance)
+    return rays, variance
 
 
 @njit(**KERNEL)
-def _noise_and_time(splitting, reach2, k):
+def _choose_in_cells(splitting, reach2, k, rays, variance):
     cells, labels = splitting.cells, splitting.sheets.density.size
-    noise = time = 0.0
-    for cell in range(cells.key.size):
-        rays, variance = rays_beside(
-            splitting, cells.key[cell] % labels, spread_in(cells, cell), math.sqrt(cells.carried2[cell]), reach2, k, 1.0
-        )
-        noise += cells.count[cell] * variance
-        time += cells.count[cell] * (rays if rays else _GATHER)
-    return noise, time
+    for cell in range(rays.size):
+        sheet, brought = cells.key[cell] % labels, math.sqrt(cells.carried2[cell])
+        rays[cell], variance[cell] = rays_beside(splitting, sheet, spread_in(cells, cell), brought, reach2, k, 1.0)

@@ -126,9 +126,10 @@ def measure(size, passes):
 
 
 def foreseen_memory(scene, settings):
-    """MB that the engine foresees. What a photon leaves in this room hardly depends on the sizes."""
-    hits = prepare(room(SMALL), settings_of(SMALL, 1)).hits_per_photon
-    parts = memory_beforehand(scene) | memory_of_passes(scene, settings, 0, hits)
+    """MB that the engine foresees. What photons leave and rays are sent in this room hardly depends on the sizes."""
+    model = prepare(room(SMALL), settings_of(SMALL, 1))
+    known = model.hits_per_photon, model.rays_per_pixel
+    parts = memory_beforehand(scene) | memory_of_passes(scene, settings, 0, *known)
     return sum(parts.values()) / 1e6
 
 
