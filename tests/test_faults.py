@@ -185,9 +185,8 @@ def test_a_render_that_needs_too_much_memory_is_refused(monkeypatch, options, ch
 def test_a_render_that_fits_is_not_refused(monkeypatch):
     """Where nothing differs from the reference no photon is traced, whatever the settings say."""
     scene, settings = room(293.0, lights=()), dataclasses.replace(QUICK, photons_per_pass=10**12)
-    needed = memory.memory_beforehand(scene) | memory.memory_of_passes(
-        scene, settings, 0, hits_per_photon=0.0, rays_per_pixel=4.0
-    )
+    rays = prepare(scene, settings).rays_per_pixel
+    needed = memory.memory_beforehand(scene) | memory.memory_of_passes(scene, settings, 0, 0.0, rays)
     monkeypatch.setattr(memory, "available_memory", lambda: sum(needed.values()))
     assert render(scene, settings).photons == 0
 

@@ -10,8 +10,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
-    rays       (4 b + 80) min(P, 1024 t) n    of the tile of each thread: n rays for each of 1024 pixels, camera rays and
-                                              final gathers, as many as where most are planned
+    rays       (4 b + 80) min(P, 1024 t) n    of the tile of each thread: for each of 1024 pixels n rays, camera rays
+                                              and those of final gathers, as many as where most are planned
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
