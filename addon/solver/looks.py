@@ -31,6 +31,7 @@ from .surfaces import (
 _LOOKS = 16  # rays that look at a pixel
 _EDGE, _BLOCKS = 8, 4096  # pixels on each side of a block, at least; and blocks of an image, at most
 _TRIED = 256  # rays of final gathers that are tried in a block
+_TOGETHER = 1 << 10  # pixels that are looked at together
 _STEP = 1e-3  # of the radiance, to see how the temperature changes with it
 _FAINTEST = 0.05  # of the image's mean radiance: fainter pixels are taken to have that, as 0 K has no slope
 _AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
@@ -103,7 +104,7 @@ def look_at_pixels(
     stride = max(1, round(_LOOKS * edge * edge / _TRIED))
 
     def look(first: int):
-        pixels = np.arange(first, min(first + width * edge, len(block)))
+        pixels = np.arange(first, min(first + _TOGETHER, len(block)))
         rays = empty_eye_rays(_LOOKS * len(pixels))
         eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint16), pixels, *rays)
         hits, direction, room = tracer.trace(*rays), rays[1], np.empty(len(surroundings))
@@ -118,18 +119,19 @@ def look_at_pixels(
         tried = tried[(_LOOKS * first + tried) % stride == 0]
         origin, onward = np.empty((2, len(tried), 3), np.float32)
         _start_gathers(surfaces, key, _LOOKS * first, tried, *hits, direction, origin, onward)
-        ends, (met, closeness, noise, rest) = tracer.trace(origin, onward), np.zeros((4, len(tried)))
+        ends, (met, noise, closeness, rest) = tracer.trace(origin, onward), np.zeros((4, len(tried)))
         _see(surfaces, radiometry, sky, sheets.reflected, shines, *ends, onward, met, room)
         _measure(surfaces, sheets, share, *ends, origin, onward, closeness, noise, rest)
         _group(sheet, carried)
-        shown = np.flatnonzero(carried)
+        shown, label = np.flatnonzero(carried), sheet.astype(np.int32)
+        density = 1.0 / footprint[tried]
         return (
-            (first + shown // _LOOKS, sheet[shown], carried[shown]),
-            (first + tried // _LOOKS, sheet[tried], met, noise, closeness, 1.0 / footprint[tried], rest),
+            (first + (shown // _LOOKS).astype(np.int32), label[shown], carried[shown]),
+            (first + tried // _LOOKS, label[tried], met, noise, closeness, density, rest),
         )
 
     with ThreadPoolExecutor(threads) as pool:
-        found = zip(*pool.map(look, range(0, len(block), width * edge)), strict=True)
+        found = zip(*pool.map(look, range(0, len(block), _TOGETHER)), strict=True)
     gathers, rays = (tuple(map(np.concatenate, zip(*part, strict=True))) for part in found)
     sensitivity = _sensitivity(radiometry.reference.sum() + mean, edges)
     cells = _cells(sheets.caustic_noise, block, sensitivity, gathers, rays)
@@ -157,7 +159,6 @@ def _cells(caustic_noise, block, sensitivity, gathers, rays):
     pixel, sheet, carried = gathers
     ray_pixel, ray_sheet, met, noise, closeness, density, rest = rays
     labels = len(caustic_noise)
-    sheet, ray_sheet = sheet.astype(np.int64), ray_sheet.astype(np.int64)
     key, cell = np.unique(block[pixel].astype(np.int64) * labels + sheet, return_inverse=True)
     ray_cell = np.searchsorted(key, block[ray_pixel].astype(np.int64) * labels + ray_sheet)
     count, tried = np.bincount(cell, minlength=len(key)), np.bincount(ray_cell, minlength=len(key))
