@@ -482,3 +482,14 @@ def test_photons_stay_together():
     caustic = built.photons.photons.caustic
     assert same_area == area and 5 < len(marked) < len(every)
     assert np.array_equal(marked, every[caustic[every]])
+
+
+def test_no_surface_before_a_wall_has_no_photons():
+    """A point that float32 puts beyond the rim, at the foot of a wall: the disk before that holds no surface, and what
+    is found there would be divided by nothing."""
+    rim = np.float32(0.5)
+    point = (np.nextafter(rim, np.float32(1.0)), 0.1, 0.0)
+    wall = (-1.0 / (0.25 * (float(point[0]) - 0.5)), 0.0, 0.0)  # a quarter of the way back to the rim
+    built = photon_map(np.random.default_rng(0).uniform(-0.5, 0.5, (500, 3)) * (1, 1, 0), square())
+    kept, area = gathers(built, 0, point, k=10, walls=wall)
+    assert kept[0] == 0 and area[0] > 0

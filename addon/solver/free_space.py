@@ -180,7 +180,7 @@ def _rim(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz):
         ux, uy, uz = unit_normal(surfaces, t)
         u, v = ux * bx + uy * by + uz * bz, ux * cx + uy * cy + uz * cz
         fall = u / (ux * nx + uy * ny + uz * nz)  # of its height, over the feeler's length
-        if height < fall * (end - begin):
+        if fall > 0.0 and height < fall * (end - begin):
             end, edge = begin + height / fall, -1
         height -= fall * (end - begin)
         if end >= 1.0:

@@ -2,6 +2,7 @@
 """The photon map: photons in a tree of points, and the density of the nearest of them."""
 
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -339,6 +340,8 @@ def _gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, on
     members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), wall, patch)
     if members == 0:  # a mesh much finer than the disk
         area = region_area(surfaces, t, side, x, y, z, np.float64(disk2), wall, room.walk)
+    if area <= 0.0:  # at a wall's foot float32 puts points beyond the rim, where nothing lies before the wall
+        return 0, math.pi * disk2, next_guess
     index, codes = room.index, photon_map.photons.surface
     near = 0
     for i in range(count):  # no branch here and below: the order is as good as random
