@@ -26,9 +26,7 @@ from .surfaces import (
     temperature_at,
 )
 
-FALL = (
-    1.25  # exponent at which rays' variance falls with their number: 1.5 for what has straight edges, 1 for small parts
-)
+FALL = 1.25  # exponent at which rays' variance falls with their number: 1.5 at straight edges, 1 for small parts
 _PRIOR = 4.0  # samples that the mean of all sheets is worth on each
 _PLACES = 1024  # at which the extent of sheets is measured
 _LATTICES, _OF_RAYS = 1024, 16  # that say how much less noisy rays of a lattice are than random ones
