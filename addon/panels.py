@@ -283,6 +283,9 @@ class INFRARED_PT_light(InfraredPanel, Panel):
             column.prop(light, "energy", text="Power (W)")
         if light.type in {"POINT", "SPOT"}:
             column.prop(light, "shadow_soft_size", text="Radius")
+        if light.type == "SPOT":  # Blender's own panel for these is a part of EEVEE's
+            column.prop(light, "spot_size", text="Cone")
+            column.prop(light, "spot_blend", text="Blend", slider=True)
         elif light.type == "AREA":
             column.prop(light, "shape")
             two_sizes = light.shape in {"RECTANGLE", "ELLIPSE"}

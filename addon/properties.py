@@ -178,7 +178,7 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
     target_noise: FloatProperty(
         name="Target Noise (K)",
         description="Stop when the standard error of the temperature is below this many kelvin in 95 % of the pixels; "
-        "looked at after 8 passes, and then after every tenth more, about. 0 is no limit",
+        "looked at after 8 passes, and again each time their number has grown by a tenth. 0 is no limit",
         default=0.0,
         min=0.0,
         soft_max=10.0,

@@ -19,8 +19,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from scenes import box, look, make_scene, mean_and_error  # noqa: E402
 
-from addon.solver import Material, PointLight, Settings, render  # noqa: E402
-from addon.solver.emission import light_spectrum  # noqa: E402
+from addon.solver import Material, Settings, render  # noqa: E402
 
 BANDS = np.linspace(7.5, 13.5, 17)  # um
 PHOTONS = 20_000
@@ -44,25 +43,6 @@ def nearest_neighbours(points: int = 4096, rounds: int = 400) -> None:
                 estimates.append(np.mean((k - 1) / (points * np.pi * radius**2)))
             means.append(f"{kind} {np.mean(estimates):.4f} +- {np.std(estimates) / np.sqrt(rounds):.4f}")
         print(f"  k = {k}: " + ", ".join(means))
-
-
-def point_light() -> None:
-    """Radiance of a plane under a point light against the inverse square law."""
-    vertices = np.array([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], float)
-    triangles = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
-    height, power, kelvin = 1.0, 100.0, 1000.0  # m, W, K
-    light = PointLight(np.array([0.0, 0.0, height]), power, temperature=kelvin)
-    camera = look((0, 0, 0.5), (0, 0, 0), tangent=1.5, width=32, height=32)
-    scene = make_scene(vertices, triangles, 0.0, [Material("grey", 0.5)], camera, BANDS, lights=(light,))
-    x = 0.75 * (np.arange(32) - 15.5) / 16  # m, centres of the pixels on the plane
-    distance2 = x[:, None] ** 2 + x**2 + height**2
-    irradiance = power * light_spectrum(light, BANDS).sum() / (4 * np.pi) * height / distance2**1.5
-    exact = (0.5 / np.pi * irradiance).mean()
-    print("plane under a point light, image over the inverse square law:")
-    for neighbours in (10, 50):
-        settings = Settings(passes=128, photons_per_pass=PHOTONS, neighbours=neighbours)
-        mean, error = mean_and_error(scene, settings)
-        print(f"  k = {neighbours}: {mean / exact:.4f} +- {error / exact:.4f}")
 
 
 def room():
@@ -118,7 +98,6 @@ def roulette() -> None:
 
 if __name__ == "__main__":
     nearest_neighbours()
-    point_light()
     reference_subtraction()
     passes()
     roulette()

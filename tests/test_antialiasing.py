@@ -84,7 +84,7 @@ def test_covered_area_is_exact(half):
 
 
 def test_rays_at_edges_beat_as_many_everywhere(monkeypatch):
-    """Root mean square error of the image with no more rays in all, against 4096 of them in every pixel."""
+    """Root mean square error of the image against as many rays in all, or up to twice as many, spread evenly."""
     scene = plate()
     adaptive = prepare(scene, Settings()).samples
     truth = render(scene, Settings(passes=64)).temperature()
@@ -94,7 +94,7 @@ def test_rays_at_edges_beat_as_many_everywhere(monkeypatch):
     monkeypatch.setattr(antialiasing, "MOST", even)
     error.append(np.sqrt(np.mean((render(scene, Settings(passes=1)).temperature() - truth) ** 2, dtype=float)))
     print(f"{adaptive.mean():.1f} rays {error[0]:.4f} K, {even} everywhere {error[1]:.4f} K")
-    assert error[0] < 0.6 * error[1]  # 0.35 for 4 times as many rays at edges, as their error falls with n^-3/4
+    assert error[0] < 0.5 * error[1]  # 0.35 for 4 times as many rays at edges, as their error falls with n^-3/4
 
 
 def test_seed_and_pass_have_no_part_in_it():

@@ -20,11 +20,15 @@ from addon.solver import Settings, render
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests" / "benchmarks")]
 
+import disk_blur  # noqa: E402
 import estimators  # noqa: E402
+import guided_directions  # noqa: E402
 import measure_accuracy  # noqa: E402
 import pages  # noqa: E402
+import photon_index  # noqa: E402
 import scaling  # noqa: E402
 import speed_vs_error  # noqa: E402
+import throughput  # noqa: E402
 
 on_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 
@@ -267,6 +271,27 @@ def test_speed_vs_error_prints_and_draws(small_scenes, monkeypatch, tmp_path, ca
     assert "slope, last decade" in printed and "  ours " in printed and "reference with a standard error" in printed
 
 
+def test_the_small_benchmarks_print(small_scenes, monkeypatch, capsys):
+    """Those that have one table and no page of their own."""
+    room = throughput.room
+    for module in (throughput, photon_index):
+        monkeypatch.setattr(module, "room", lambda bands=16: small(room(bands)))
+        monkeypatch.setattr(module, "REPETITIONS", 2)
+    monkeypatch.setattr(throughput, "PHOTONS_PER_PASS", 2000)
+    monkeypatch.setattr(photon_index, "COUNTS", (500, 1000))
+    monkeypatch.setattr(disk_blur, "PASSES", 1)
+    monkeypatch.setattr(disk_blur, "SEEDS", (1, 2))
+    monkeypatch.setattr(guided_directions, "TESTED", 4)
+    run(throughput, monkeypatch, 1)
+    assert "rays" in capsys.readouterr().out
+    run(photon_index, monkeypatch)
+    assert capsys.readouterr().out.count("  ours ") == 6
+    run(disk_blur, monkeypatch, "room")
+    assert "  plaster " in capsys.readouterr().out
+    run(guided_directions, monkeypatch, "--scene", "ring", "--points", 8, "--rays", 64)
+    assert "| ring | " in capsys.readouterr().out
+
+
 def test_photons_alone_is_a_step_towards_the_papers_estimator(small_scenes):
     """Shared rays bring light in the room's default; photons alone store it, and nothing asks rays. A pass of 2000
     photons errs by some 1.5 % in the mean (the spread of seeds), 16 by 0.4 %: 2 % are five standard errors."""
@@ -308,7 +333,7 @@ def test_every_variant_renders(small_scenes, monkeypatch, capsys, tmp_path):
     options = ("--passes", 2, "--seeds", 1, "--threads", 1, "--cache", tmp_path)
     run(estimators, monkeypatch, "--scene", "ring", "--variant", *variants, *options)
     printed = capsys.readouterr().out
-    assert all(f"  {variant:22s}  " in printed for variant in variants)
+    assert all(f"| {variant} | " in printed for variant in variants)
 
 
 def test_variants_start_in_a_process_of_their_own(monkeypatch, tmp_path):

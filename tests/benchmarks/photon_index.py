@@ -126,7 +126,7 @@ def caustic_case(count):
     place[WIDTH * HEIGHT // 2 :] = near[np.lexsort((near[:, 0], (near[:, 1] * HEIGHT).round()))]
     photons = Photons(
         position, 2 * (position[:, 1] > position[:, 0]).astype(np.int32), np.ones((count, BANDS), np.float32),
-        np.empty((0, 3), np.float32), np.empty(0, bool),
+        np.empty((0, 3), np.float32), np.empty(0, bool), np.empty(0, np.uint8),
     )  # fmt: skip
     return Case(
         "caustic",
