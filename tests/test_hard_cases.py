@@ -275,8 +275,10 @@ def test_photons_of_a_thousand_bounces_end(monkeypatch):
     emissivity, count = 0.001, 1000
     scene, _ = diffuse_sphere(emissivity, emissivity, 1)
     model = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
-    batches = solver.trace_photons(
-        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, count, count
+    batches = list(
+        solver.trace_photons(
+            model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, count, count
+        )
     )
     hits = sum(len(batch.surface) for batch in batches)
     error = math.sqrt((1.0 - emissivity) / count)  # relative
@@ -326,8 +328,18 @@ def test_weight_of_a_photon_is_bounded(roulette, bounded):
     the survival adds, 1 / 4096 a bounce; with the paper's its weight quadruples at a bounce, once it is in one band."""
     settings = dataclasses.replace(QUICK, reference_subtraction=False, roulette=roulette)
     model = solver.prepare(one_band(), settings)
-    batches = solver.trace_photons(
-        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, 20_000, 20_000
+    batches = list(
+        solver.trace_photons(
+            model.tracer,
+            model.surfaces,
+            model.radiometry,
+            model.emitters,
+            model.optics,
+            np.uint64(1),
+            0,
+            20_000,
+            20_000,
+        )
     )
     weights = [batch.power.sum(axis=1, dtype=float).max() for batch in batches]
     growth = max(weights) / weights[0]
@@ -787,8 +799,10 @@ def test_photons_that_coincide(settings):
     scene, truth = beam()
     settings = dataclasses.replace(QUICK, passes=128, photons_per_pass=40, **settings)
     model = solver.prepare(scene, settings)
-    batches = solver.trace_photons(
-        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, 40, 40
+    batches = list(
+        solver.trace_photons(
+            model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, 40, 40
+        )
     )
     places = np.concatenate([batch.position for batch in batches])
     assert len(places) == 40 and len(np.unique(places, axis=0)) == 1

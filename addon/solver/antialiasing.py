@@ -2,12 +2,14 @@
 """How many camera rays a pixel sends in a pass: more where what it sees differs within.
 
 The error of an edge falls as n^-3/2 in variance, as only n^1/2 of n strata lie on it (Mitchell 1996); a further ray
-pays where it saves as much variance as one of a final gather does (see splitting).
+pays where it saves as much variance as one of a final gather does (see splitting). As all passes together are one
+sequence, m passes lower it by m^-3/2, and all other noise by 1 / m. So it counts as after a few passes.
 """
 
 import numpy as np
 
 FEWEST, IN_MIRRORS, MOST = 4, 16, 512  # rays of a pixel in a pass; powers of two: each pass is stratified
+_PASSES = 4.0  # after which noise is weighed: edges trouble the first ones most
 _MEAN = 32.0  # of a pixel at most, where little but edges is noisy
 
 
@@ -24,7 +26,12 @@ def choose_samples(variance: np.ndarray, mirrors: np.ndarray, price: float) -> n
     return np.where(mirrors, np.maximum(samples, IN_MIRRORS), samples)
 
 
+def edge_variance(variance: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """(p,) variance, times the number of passes, that so many rays (p,) of each pass leave in a pixel."""
+    return variance * samples.astype(np.float64) ** -1.5 / np.sqrt(_PASSES)
+
+
 def _samples(variance: np.ndarray, price: float) -> np.ndarray:
-    """Rays n at which a further one saves what it costs: d(variance n^-3/2)/dn = -price, rounded to powers of two."""
-    best = (1.5 * variance / max(price, 1e-300)) ** 0.4
+    """Rays n at which a further one saves what it costs: the slope of edge_variance is -price; to powers of two."""
+    best = (1.5 * variance / np.sqrt(_PASSES) / max(price, 1e-300)) ** 0.4
     return (2 ** np.rint(np.log2(np.clip(best, FEWEST, MOST)))).astype(np.uint16)

@@ -34,7 +34,7 @@ from .surfaces import (
 from .transport import MAX_SURVIVAL
 
 _DIMENSIONS = 4  # random numbers of one bounce
-_RECALLING, _GATHERING, _FEELING, _LAMPS, _SPLITTING = 1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21  # where others start
+_RECALLING, _GATHERING, _FEELING, _LAMPS, _SPLITTING, _AGAIN = (1 << k for k in range(17, 23))  # where others start
 _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
@@ -64,7 +64,8 @@ class Rays(NamedTuple):
     """Camera paths on their way, n of them, those of a pixel one behind the other.
 
     origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32, row of the image that they add to.
-    path: (n,) uint64 key of the random numbers. gathered: (n,) bool, whether it is part of a final gather.
+    path: (n,) uint64 key of the random numbers. gathered: (n,) bool, whether it is part of a final gather. again: (n,)
+    bool, whether it goes on from the end of a ray of one.
     """
 
     origin: np.ndarray
@@ -73,6 +74,7 @@ class Rays(NamedTuple):
     pixel: np.ndarray
     path: np.ndarray
     gathered: np.ndarray
+    again: np.ndarray
 
 
 def empty_rays(count: int, bands: int) -> Rays:
@@ -83,6 +85,7 @@ def empty_rays(count: int, bands: int) -> Rays:
         np.empty((count, bands), np.float32),
         np.empty(count, np.int32),
         np.empty(count, np.uint64),
+        np.empty(count, np.bool_),
         np.empty(count, np.bool_),
     )
 
@@ -125,7 +128,10 @@ def render_pixels(
     bounce = 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
-        gathers = meet(surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, closeness, image)
+        near, again = near_ends(surfaces, photon_map, estimate, *hits, rays), np.zeros(count, np.float32)
+        gathers = meet(
+            surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, near, closeness, image
+        )
         if bounce == 0:
             np.einsum("pb,b->p", image, weights, out=seen)  # not by a library that has threads of its own
         split = 0
@@ -142,7 +148,7 @@ def render_pixels(
                 split = choose_splits(*of_gathers, space.radius2, felt)
             reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, space, image)
             if bounce > 0:
-                lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, image)
+                lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, near, again, image)
                 anywhere = unlimited(len(lost.ray), estimate.reach2)
                 reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, anywhere, image)
         if split:
@@ -150,12 +156,14 @@ def render_pixels(
             image = np.concatenate((image, np.zeros((len(finals[-1].pixel), weights.size), np.float32)))
             closeness = np.concatenate((closeness, np.zeros(len(finals[-1].pixel))))
         shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
-        sent = send_shadows(surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, shadows)
+        sent = send_shadows(
+            surfaces, radiometry, emitters, lamps, lamp_points, bounce, *hits, rays, gathers, near, shadows
+        )
         if sent:
             blocker, _, _ = tracer.trace(shadows.origin[:sent], shadows.direction[:sent], shadows.reach[:sent])
             add_unshadowed(blocker, shadows, image)
-        onward = empty_rays(count + split, bands)
-        count = follow(surfaces, radiometry, bounce, *hits, rays, gathers, onward)
+        onward = empty_rays(count + split + np.count_nonzero(again), bands)
+        count = follow(surfaces, radiometry, bounce, *hits, rays, gathers, again, onward)
         rays = onward
         reach = np.full(count, 1e37, np.float32)
         bounce += 1
@@ -170,7 +178,7 @@ def start_paths(key, samples, pixels, rays):
     row = 0
     for i in range(pixels.size):
         for sample in range(samples[i]):
-            rays.pixel[row], rays.gathered[row] = i, False
+            rays.pixel[row], rays.gathered[row], rays.again[row] = i, False, False
             rays.path[row] = path_key(key, MOST * pixels[i] + sample)
             rays.throughput[row, :] = np.float32(1.0) / samples[i]
             row += 1
@@ -266,16 +274,39 @@ def _empty_excesses(bands):
     return Excesses(np.full(_EXCESSES, -1, np.int32), np.empty(_EXCESSES), np.empty((_EXCESSES, bands), np.float32))
 
 
-def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image):
+def near_ends(surfaces, photon_map, estimate, triangle, u, v, rays):
+    """(n,) bool, rays of final gathers that end nearer to their start than the photons of one estimate lie.
+
+    The light there changes within that disk, as what they start from stands beside it: in corners. So they go on, once,
+    and the next end recalls, where the same blur counts less (Jensen 2001). Not where there are caustics, which no ray
+    finds.
+    """
+    near = np.zeros(len(triangle), np.bool_)
+    if estimate.photons and len(photon_map.photons.caustic) == 0:
+        _find_near_ends(surfaces, estimate, triangle, u, v, rays, near)
+    return near
+
+
+@njit(**KERNEL)
+def _find_near_ends(surfaces, estimate, triangle, u, v, rays, near):
+    for i in range(triangle.size):
+        t = triangle[i]
+        if t >= 0 and rays.gathered[i] and not rays.again[i]:
+            closeness = inverse_distance(surfaces, t, u[i], v[i], rays.origin[i])
+            sheet = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]
+            near[i] = closeness * closeness * estimate.splitting.sheets.disk[sheet] * estimate.shrink2 > math.pi
+
+
+def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, near, closeness, image):
     """Add to the image what the surfaces that the rays meet emit; return the rays that gather what they reflect.
 
     Rays of a pixel that meet one sheet of one material, with throughputs in one proportion, share a gather. Roulette
     decides on those that would carry little. Rays of final gathers leave lamps to shadow rays. straight: see Estimate.
-    closeness: see share.
+    near: see near_ends. closeness: see share.
     """
     gathers, bands = empty_gathers(len(triangle)), radiometry.reference.size
     kept = _meet(
-        surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image, gathers,
+        surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, near, closeness, image, gathers,
         _empty_excesses(bands), np.empty(bands), np.empty(len(triangle), np.int32),
     )  # fmt: skip
     return first_gathers(gathers, kept)
@@ -283,7 +314,7 @@ def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v
 
 @njit(**FAST_KERNEL)
 def _meet(
-    surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, closeness, image, gathers,
+    surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, near, closeness, image, gathers,
     excesses, emitted, place,
 ):  # fmt: skip
     shadowed = lamps.power > 0.0 or straight
@@ -299,7 +330,7 @@ def _meet(
             for b in range(bands):
                 image[pixel, sky + b] += rays.throughput[i, b] * surroundings[b]
             continue
-        if rays.gathered[i]:
+        if rays.gathered[i] and not rays.again[i]:
             closeness[pixel] += inverse_distance(surfaces, t, u[i], v[i], rays.origin[i])
         material = surfaces.material[t]
         side = facing_side(surfaces, t, rays.direction, i)
@@ -318,7 +349,8 @@ def _meet(
                 image[pixel, first + b] += rays.throughput[i, b] * excesses.radiance[slot, b]
         if radiometry.stores[material] == NONE:
             continue
-        if rays.gathered[i] and not (shadowed or emitters.open[t, side]):  # all that it reflects is recalled
+        asks_sky = emitters.open[t, side] and not near[i]
+        if rays.gathered[i] and not (shadowed or asks_sky):  # what it reflects is recalled, or another ray brings it
             continue
         carried = largest_throughput(rays.throughput[i], radiometry.reflectance[material])
         if carried == 0.0:
@@ -331,6 +363,7 @@ def _meet(
                 surfaces.sheet[triangle[other], facing_side(surfaces, triangle[other], rays.direction, other)] == sheet
                 and surfaces.material[triangle[other]] == material
                 and rays.gathered[other] == rays.gathered[i]
+                and near[other] == near[i]
                 and (bounce == 0 or _in_proportion(rays.throughput[i], rays.throughput[other]))
             ):
                 break
@@ -440,20 +473,24 @@ def _reflect(
             _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
 
 
-def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, image):
+def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image):
     """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
 
+    near: see near_ends; again: (n,) float32, set to the factor on the throughput of those of them that go on.
     Returns those far from its points as gathers: there are few photons to count around them.
     """
     lost = empty_gathers(len(triangle))
     found = _recall(
-        surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, image, lost.ray, lost.weight, empty_walk()
-    )
+        surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image, lost.ray, lost.weight,
+        empty_walk(),
+    )  # fmt: skip
     return first_gathers(lost, found)
 
 
 @njit(**FAST_KERNEL)
-def _recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, image, lost, weight, walk):
+def _recall(
+    surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image, lost, weight, walk
+):  # fmt: skip
     found = 0
     for i in range(triangle.size):
         t = triangle[i]
@@ -468,6 +505,9 @@ def _recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays,
         sheet = surfaces.sheet[t, side]
         chance, choice = recall_chance(estimate.splitting, sheet, carried), uniform(rays.path[i], _RECALLING + bounce)
         if choice >= chance:
+            continue
+        if near[i]:
+            again[i] = 1.0 / chance
             continue
         x, y, z = point(surfaces.corners, t, u[i], v[i])
         nx, ny, nz = unit_normal(surfaces, t, side)
@@ -489,18 +529,19 @@ def _recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays,
 
 
 def send_shadows(
-    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, shadows
+    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, near, shadows
 ):  # fmt: skip
     """Shadow rays of the gathers, to lamps and, from open sides, to the surroundings; returns their number."""
     return _send_shadows(
-        surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, shadows,
+        surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, near, shadows,
         np.empty(CANDIDATES), np.empty(radiometry.reference.size),
     )  # fmt: skip
 
 
 @njit(**FAST_KERNEL)
 def _send_shadows(
-    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, shadows, weight, value
+    surfaces, radiometry, emitters, lamps, lamp_points, bounce, triangle, u, v, rays, gathers, near, shadows, weight,
+    value,
 ):  # fmt: skip
     sky = False
     for b in range(value.size):
@@ -509,7 +550,7 @@ def _send_shadows(
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-        if sky and emitters.open[hit.triangle, hit.side] and gathers.rays[g] == 0:
+        if sky and emitters.open[hit.triangle, hit.side] and gathers.rays[g] == 0 and not near[i]:
             send_sky(
                 surfaces, radiometry, emitters, hit, rays.throughput[i], gathers.weight[g], rays.path[i],
                 _LAMPS + 16 * bounce + 2, rays.pixel[i], shadows, sent,
@@ -523,20 +564,25 @@ def _send_shadows(
     return sent
 
 
-def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward):
-    """Send on the rays that meet a specular surface, and those of final gathers; returns their number."""
+def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, again, onward):
+    """Send on the rays that meet a specular surface, those of final gathers, and those that go on (see recall); returns
+    their number."""
     shares = np.zeros(len(gathers.ray))  # of the rays of a final gather that those before had, of all groups
     first = np.empty(len(gathers.ray), np.int64)  # of the rays of each
-    return _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares, first)
+    return _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, again, onward, shares, first)
 
 
 @njit(**FAST_KERNEL)
-def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, onward, shares, first):
+def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, again, onward, shares, first):
     sent = 0
     for i in range(triangle.size):
         if triangle[i] >= 0 and radiometry.specular[surfaces.material[triangle[i]]] > 0.0:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
             sent += _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
+        if again[i] > 0.0:
+            hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
+            _go_on(surfaces, radiometry, hit, bounce, i, again[i], rays, sent, onward)
+            sent += 1
     for g in range(first.size):  # those of a gather lie one behind the other, whichever rays of its group send them
         first[g] = sent
         sent += gathers.rays[g]
@@ -568,7 +614,7 @@ def _split(surfaces, hit, carried, count, before, after, row, path, first, onwar
         lx, ly, lz = cosine_direction(u, v)
         dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
         _leave(surfaces, hit, dx, dy, dz, row, path_key(path, 3 + ray), first + ray, onward)
-        onward.gathered[first + ray] = True
+        onward.gathered[first + ray], onward.again[first + ray] = True, False
         onward.throughput[first + ray, :] = np.float32(carried / count)
 
 
@@ -585,6 +631,19 @@ def _leave(surfaces, hit, dx, dy, dz, pixel, path, row, onward):
         onward.origin, onward.direction, row,
     )  # fmt: skip
     onward.pixel[row], onward.path[row] = pixel, path
+
+
+@njit(inline="always")
+def _go_on(surfaces, radiometry, hit, bounce, i, factor, rays, sent, onward):
+    """Send ray i of a final gather on in one diffuse direction, as ray `sent`. factor: on its throughput."""
+    material, path = surfaces.material[hit.triangle], path_key(rays.path[i], _AGAIN + bounce)
+    lx, ly, lz = cosine_direction(uniform(path, 0), uniform(path, 1))
+    dx, dy, dz = to_world(lx, ly, lz, hit.nx, hit.ny, hit.nz)
+    _leave(surfaces, hit, dx, dy, dz, rays.pixel[i], path, sent, onward)
+    onward.gathered[sent] = onward.again[sent] = True
+    diffuse = np.float32((1.0 - radiometry.specular[material]) * factor)
+    for b in range(rays.throughput.shape[1]):
+        onward.throughput[sent, b] = rays.throughput[i, b] * radiometry.reflectance[material, b] * diffuse
 
 
 @njit(inline="always")
@@ -608,7 +667,7 @@ def _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
     if left <= 0.0 or uniform(path, _DIMENSIONS * bounce + 2) >= survival:
         return 0
     _leave(surfaces, hit, ox, oy, oz, rays.pixel[i], path, sent, onward)
-    onward.gathered[sent] = rays.gathered[i]
+    onward.gathered[sent], onward.again[sent] = rays.gathered[i], rays.again[i]
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
     return 1

@@ -162,7 +162,7 @@ def _rim(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz):
     height = dx * nx + dy * ny + dz * nz
     bx, by, bz = height * nx - dx, height * ny - dy, height * nz - dz  # back along the surface, as long as the feeler
     cx, cy, cz = ny * bz - nz * by, nz * bx - nx * bz, nx * by - ny * bx
-    length2 = bx * bx + by * by + bz * bz
+    length2 = max(bx * bx + by * by + bz * bz, 1e-30)
     begin = 0.0  # on the way back, of the feeler's length
     for _ in range(_RIM_STEPS):
         edge, end, edge_along, edge_across = -1, begin, 0.0, 0.0

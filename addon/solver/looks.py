@@ -5,6 +5,7 @@ depends on its radiance, and how noisy final gathers are there.
 These rays are of a sequence of their own, the same for every seed, so what is decided by them leaves the mean alone.
 """
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -43,11 +44,11 @@ class Cells(NamedTuple):
     """Final gathers on one sheet in one block of pixels, by cell (c,).
 
     key: int64, ascending, block * number of sheets + label of the sheet. brightness: of what rays from there meet,
-    over that from the whole sheet. ray_noise: W2 sr-2 m-4, variance of the radiance that a ray from there meets, and of
-    what it recalls. closeness: 1 / m, mean to what it meets. density: 1 / m2, gathers of a pass. rest: W2 sr-2 m-4,
-    variance that photons leave however many rays ask for what they say, and that of caustics. count: of gathers, one
-    for each pixel that shows the sheet. carried2: mean square of what they bring, as a share of the pixel times its
-    sensitivity.
+    over what photons of the trial pass say of the whole sheet. ray_noise: W2 sr-2 m-4, variance of the radiance that a
+    ray from there meets, and of what it recalls. closeness: 1 / m, mean to what it meets. density: 1 / m2, gathers of a
+    pass. rest: W2 sr-2 m-4, variance that photons leave however many rays ask for what they say, and that of caustics.
+    count: of gathers, one for each pixel that shows the sheet. carried2: mean square of what they bring, as a share of
+    the pixel times its sensitivity.
     """
 
     key: np.ndarray
@@ -82,34 +83,40 @@ def look_at_pixels(
     radiometry: Radiometry,
     surroundings: np.ndarray,
     shines: np.ndarray,
+    is_open: np.ndarray,
     sheets: Sheets,
     eye: Eye,
     edges: np.ndarray,
-    key: int,
+    key: np.uint64,
     threads: int,
+    cancelled: Callable[[], bool],
 ) -> Looks:
     """Look at every pixel, and try a few rays of the final gathers that it might send.
 
     surroundings: (b,) float64, their excess radiance. shines: (t, 2) bool, lamps, which final gathers leave to shadow
-    rays. edges: (b + 1,) um, of the bands. key: of the rays.
+    rays. is_open: (t, 2) bool, sides on which no photons from the surroundings are stored. edges: (b + 1,) um, of the
+    bands. key: of the rays. cancelled: once it is true, what is returned tells nothing.
     """
     x0, y0, x1, y1 = (int(end) for end in eye.window)
     width, height = x1 - x0, y1 - y0
-    edge = max(_EDGE, int(np.ceil(np.sqrt(width * height / _BLOCKS))))
-    rows, columns = np.divmod(np.arange(width * height), width)
-    block = (rows // edge * -(-width // edge) + columns // edge).astype(np.int32)
+    edge = _EDGE
+    while -(-width // edge) * -(-height // edge) > _BLOCKS:
+        edge += 1
+    block = _blocks(width, height, edge)
     mean, variance, mirrors = np.empty(len(block)), np.empty(len(block)), np.empty(len(block), np.bool_)
     share = (1.0 - radiometry.specular) * radiometry.reflectance.mean(axis=1)
     sky, seen_lamps = float(surroundings.sum()), np.zeros_like(shines)
-    stride = max(1, round(_LOOKS * edge * edge / _TRIED))
+    open_sheets = np.zeros(len(sheets.lit), np.bool_)
+    open_sheets[surfaces.sheet[is_open]] = True
+    stride = max(1, round(_LOOKS * len(block) / (_TRIED * (block[-1] + 1))))
 
     def look(first: int):
-        pixels = np.arange(first, min(first + _TOGETHER, len(block)))
+        pixels = np.arange(first, first if cancelled() else min(first + _TOGETHER, len(block)))
         rays = empty_eye_rays(_LOOKS * len(pixels))
         eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint16), pixels, *rays)
         hits, direction, room = tracer.trace(*rays), rays[1], np.empty(len(surroundings))
         seen, specular = np.empty(len(direction)), np.zeros(len(direction), np.bool_)
-        _see(surfaces, radiometry, sky, sheets.reflected, seen_lamps, *hits, direction, seen, room)
+        _see(surfaces, radiometry, share, sky, sheets.reflected, seen_lamps, *hits, direction, seen, room)
         sheet, carried, footprint = np.empty((3, len(direction)))
         _locate(surfaces, radiometry, share, eye, *hits, direction, specular, sheet, carried, footprint)
         each = seen.reshape(-1, _LOOKS)
@@ -120,25 +127,32 @@ def look_at_pixels(
         origin, onward = np.empty((2, len(tried), 3), np.float32)
         _start_gathers(surfaces, key, _LOOKS * first, tried, *hits, direction, origin, onward)
         ends, (met, noise, closeness, rest) = tracer.trace(origin, onward), np.zeros((4, len(tried)))
-        _see(surfaces, radiometry, sky, sheets.reflected, shines, *ends, onward, met, room)
+        stored = (ends[0] >= 0) | ~open_sheets[sheet[tried].astype(np.int64)]
+        _see(surfaces, radiometry, share, sky, sheets.reflected, shines, *ends, onward, met, room)
         _measure(surfaces, sheets, share, *ends, origin, onward, closeness, noise, rest)
         _group(sheet, carried)
         shown, label = np.flatnonzero(carried), sheet.astype(np.int32)
         density = 1.0 / footprint[tried]
         return (
             (first + (shown // _LOOKS).astype(np.int32), label[shown], carried[shown]),
-            (first + tried // _LOOKS, label[tried], met, noise, closeness, density, rest),
+            (first + tried // _LOOKS, label[tried], met, np.abs(met) * stored, noise, closeness, density, rest),
         )
 
     with ThreadPoolExecutor(threads) as pool:
         found = zip(*pool.map(look, range(0, len(block), _TOGETHER)), strict=True)
     gathers, rays = (tuple(map(np.concatenate, zip(*part, strict=True))) for part in found)
     sensitivity = _sensitivity(radiometry.reference.sum() + mean, edges)
-    cells = _cells(sheets.caustic_noise, block, sensitivity, gathers, rays)
+    cells = _cells(sheets, block, sensitivity, gathers, rays)
     variance *= sensitivity**2
     around = np.pad(variance.reshape(height, width), 1)
     around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
     return Looks(sensitivity, np.maximum(variance, _AROUND * around), mirrors, block, cells)
+
+
+def _blocks(width: int, height: int, edge: int) -> np.ndarray:
+    """(pixels,) int32 number of the block of edge x edge pixels that each lies in."""
+    rows, columns = np.arange(height, dtype=np.int32) // edge, np.arange(width, dtype=np.int32) // edge
+    return (rows[:, None] * -(-width // edge) + columns).ravel()
 
 
 def _sensitivity(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -154,11 +168,12 @@ def _sensitivity(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return slope / np.sqrt(np.mean(slope**2))
 
 
-def _cells(caustic_noise, block, sensitivity, gathers, rays):
-    """Gathers (pixel, sheet, carried) and tried rays (pixel, sheet, met, noise, closeness, density, rest) by cell."""
+def _cells(sheets, block, sensitivity, gathers, rays):
+    """Gathers (pixel, sheet, carried) and tried rays (pixel, sheet, met, bright, noise, closeness, density, rest) by
+    cell. bright: what photons would say of what they met, without its sign."""
     pixel, sheet, carried = gathers
-    ray_pixel, ray_sheet, met, noise, closeness, density, rest = rays
-    labels = len(caustic_noise)
+    ray_pixel, ray_sheet, met, bright, noise, closeness, density, rest = rays
+    labels = len(sheets.lit)
     key, cell = np.unique(block[pixel].astype(np.int64) * labels + sheet, return_inverse=True)
     ray_cell = np.searchsorted(key, block[ray_pixel].astype(np.int64) * labels + ray_sheet)
     count, tried = np.bincount(cell, minlength=len(key)), np.bincount(ray_cell, minlength=len(key))
@@ -170,14 +185,14 @@ def _cells(caustic_noise, block, sensitivity, gathers, rays):
     ray_noise = (local * free + _PRIOR * spread[cell_sheet]) / (free + _PRIOR)
 
     def mean_of(value):
-        """In each cell, drawn to that of the whole sheet; and that of the sheet."""
+        """In each cell, drawn to that of all that is seen of the sheet."""
         of_sheet = _moments(ray_sheet, value, labels)[0][cell_sheet]
-        return (np.bincount(ray_cell, value, len(key)) + _PRIOR * of_sheet) / (tried + _PRIOR), of_sheet
+        return (np.bincount(ray_cell, value, len(key)) + _PRIOR * of_sheet) / (tried + _PRIOR)
 
-    bright, of_sheet = mean_of(np.abs(met))
-    brightness = np.where(bright > 0.0, bright / np.maximum(of_sheet, 1e-300), 1.0)
-    noise, closeness, density, rest = (mean_of(value)[0] for value in (noise, closeness, density, rest))
-    rest = rest + caustic_noise[cell_sheet]
+    bright, noise, closeness, density, rest = map(mean_of, (bright, noise, closeness, density, rest))
+    lit = sheets.lit[cell_sheet]
+    brightness = np.where((bright > 0.0) & (lit > 0.0), bright / np.maximum(lit, 1e-300), 1.0)
+    rest = rest + sheets.caustic_noise[cell_sheet]
     return Cells(key, brightness, ray_noise + noise, closeness, density, rest, count, carried2)
 
 
@@ -189,10 +204,11 @@ def _moments(label: np.ndarray, value: np.ndarray, labels: int) -> tuple[np.ndar
 
 
 @njit(**KERNEL)
-def _see(surfaces, radiometry, surroundings, reflected, hidden, triangle, u, v, direction, seen, emitted):
+def _see(surfaces, radiometry, share, surroundings, reflected, hidden, triangle, u, v, direction, seen, emitted):
     """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see, its reflected part as the sheet's mean.
 
-    What mirrors show is not looked at. hidden: (t, 2) bool, whose emission does not count. emitted: (b,) room.
+    What mirrors show is not looked at. share: see _locate. hidden: (t, 2) bool, whose emission does not count.
+    emitted: (b,) room.
     """
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
     for i in range(triangle.size):
@@ -205,8 +221,7 @@ def _see(surfaces, radiometry, surroundings, reflected, hidden, triangle, u, v, 
             excess(radiometry, material, kelvin, 1.0, emitted)
             known, known_kelvin = material, kelvin
         side = facing_side(surfaces, t, direction, i)
-        diffuse = (1.0 - radiometry.specular[material]) * radiometry.reflectance[material].mean()
-        seen[i] = diffuse * reflected[surfaces.sheet[t, side]]
+        seen[i] = share[material] * reflected[surfaces.sheet[t, side]]
         if not hidden[t, side]:
             seen[i] += emitted.sum()
 

@@ -12,7 +12,7 @@ import numpy as np
 from .camera import Eye, empty_eye_rays, eye_rays
 from .kernels import KERNEL, njit
 from .lamps import SKY_RAYS
-from .rng import PILOT, pass_key, path_key, uniform
+from .rng import PILOT, pass_key, path_key, strata, uniform
 from .sampling import cosine_direction, mirror, triangle_point
 from .surfaces import Surfaces, Tracer, facing_side, point, put_ray, sheet_count, start_ray, unit_normal
 
@@ -85,7 +85,7 @@ def explore(
     count = _CAMERA_PATHS
     pixels = int((eye.window[2] - eye.window[0]) * (eye.window[3] - eye.window[1]))
     origin, direction, reach = empty_eye_rays(count)
-    chosen, samples = np.unique(np.arange(count) * pixels // count, return_counts=True)
+    chosen, samples = np.unique(strata(pass_key(0, 8, PILOT), count, pixels), return_counts=True)
     eye_rays(eye, key, 0, samples.astype(np.uint16), chosen, origin, direction, reach)
     paths = _Paths(
         origin, direction, np.ones(count), np.full(count, -1), np.zeros(count, np.bool_),

@@ -12,6 +12,7 @@ for every pass:
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import time
@@ -33,7 +34,7 @@ from .lamps import Lamps, build_lamps, choose_lamps, lamp_points
 from .layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
 from .looks import look_at_pixels
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
-from .photon_map import PhotonMap, PhotonStore, build_photon_map
+from .photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
 from .pilot import explore, gather_reach
 from .radiometry import ALL, STRAIGHT, Radiometry, build_radiometry, emission_range, typical_emissivity
 from .reference import Sources, choose_reference, gather_sources, typical_source
@@ -53,6 +54,7 @@ log = logging.getLogger(__name__)
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
+_SOME = 16  # photons that mattered, from which a guide may learn
 _KNOWN = 512  # photons that mattered, after which no larger trial is made
 _PLAN_PHOTONS = 8192
 _ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
@@ -96,7 +98,8 @@ def render(
     """Render a scene until a stop condition of the settings holds.
 
     on_pass is called after every pass, in this thread, with the film so far (which the next pass changes).
-    cancelled is asked many times a pass; once it is true the unfinished pass is dropped and the film returned.
+    cancelled is asked many times a pass, and before the first one; once it is true the unfinished pass is dropped and
+    the film returned.
     film: of the first passes of this render, to which the others are added: the result is that of a render without a
     break. Only the time limit does not count what it took.
     image_copies: float32 copies of all images that the caller holds, which need memory too.
@@ -105,9 +108,15 @@ def render(
     of this render.
     """
     check_memory(memory_beforehand(scene, image_copies))
-    model = prepare(scene, settings, geometry)
-    check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon, model.rays_per_pixel))
+    model = prepare(scene, settings, geometry, cancelled)
     x0, y0, x1, y1 = scene.camera.pixels
+    if model is None:
+        return (
+            film
+            if film is not None
+            else Film(x1 - x0, y1 - y0, scene.band_edges, 0.0, settings.seed, settings.pass_offset)
+        )
+    check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon, model.rays_per_pixel))
     numbers = settings.seed, settings.pass_offset
     looks = model.weights, model.layers
     empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature, *numbers, *looks)
@@ -154,8 +163,13 @@ def _is_checked(passes: int) -> bool:
     return check == passes
 
 
-def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) -> Model:
-    """Build what the passes need, and only what this scene needs; the log says what that is.
+def prepare(
+    scene: Scene,
+    settings: Settings,
+    geometry: Geometry | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Model | None:
+    """Build what the passes need, and only what this scene needs; the log says what that is. None if it was cancelled.
 
     geometry: of an earlier scene, kept if it is the same.
     """
@@ -188,21 +202,25 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
     optics, storing = _choose_optics(scene, settings, surfaces, radiometry, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
     _log_needs(scene, surfaces, radiometry, reference if settings.reference_subtraction else None, photons)
+    if cancelled():
+        return None
     if photons and len(pilot.place):
         gathers = build_gather_places(pilot.place, pilot.facing, reach2)
-        emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers)
+        emitters = learn_guide(tracer, surfaces, radiometry, emitters, optics, gathers, cancelled)
     sheets, hits = dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
-        trial = trial_pass(tracer, surfaces, radiometry, emitters, optics)
+        trial = trial_pass(tracer, surfaces, radiometry, emitters, optics, cancelled)
         hits = len(trial.code) / trial.photons
         sheets = measure_sheets(
             surfaces, tracer, radiometry, emitters.surroundings, lamps.shines, pilot, trial, area, reach2,
             settings.neighbours, photons, pass_key(0, 11, PILOT),
         )  # fmt: skip
     looks = look_at_pixels(
-        surfaces, tracer, radiometry, emitters.surroundings, lamps.shines, sheets, eye, scene.band_edges,
-        pass_key(0, 10, PILOT), settings.workers,
+        surfaces, tracer, radiometry, emitters.surroundings, lamps.shines, emitters.open, sheets, eye, scene.band_edges,
+        pass_key(0, 10, PILOT), settings.workers, cancelled,
     )  # fmt: skip
+    if cancelled():
+        return None
     splitting = plan_splitting(sheets, looks, reach2, settings.neighbours, photons) if photons else None
     price = max(splitting.price if splitting else 0.0, least_price(looks.variance))
     samples = choose_samples(looks.variance, looks.mirrors, price)
@@ -226,7 +244,7 @@ def prepare(scene: Scene, settings: Settings, geometry: Geometry | None = None) 
         layer_weights=layer_factors(layers, scene.band_edges, reference) * weights,
         photons_per_pass=photons,
         hits_per_photon=hits,
-        rays_per_pixel=most_rays(splitting, samples, reach2, settings.neighbours)
+        rays_per_pixel=most_rays(splitting, samples, looks.mirrors, reach2, settings.neighbours)
         if splitting
         else float(samples.max()),
     )
@@ -279,15 +297,25 @@ def photon_store(bands: int, optics: Optics) -> PhotonStore:
     return PhotonStore(bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
 
 
-def trial_pass(tracer: Tracer, surfaces: Surfaces, radiometry: Radiometry, emitters: Emitters, optics: Optics) -> Trial:
+def trial_pass(
+    tracer: Tracer,
+    surfaces: Surfaces,
+    radiometry: Radiometry,
+    emitters: Emitters,
+    optics: Optics,
+    cancelled: Callable[[], bool],
+) -> Trial:
     """What a pass of _PLAN_PHOTONS stores, to plan splitting by."""
-    key = pass_key(0, len(_TRIAL_PHOTONS), TRIAL)
-    store = photon_store(radiometry.reference.size, optics)
-    for batch in trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, _PLAN_PHOTONS, _PLAN_PHOTONS):
-        store.append(batch)
-    hits = store.photons
-    caustic = hits.caustic if optics.keep_caustic else np.zeros(store.count, np.bool_)
-    return Trial(_PLAN_PHOTONS, hits.position, hits.surface, hits.power.sum(axis=1, dtype=np.float64), caustic)
+
+    def told(hits: Photons):
+        caustic = hits.caustic if optics.keep_caustic else np.zeros(len(hits.surface), np.bool_)
+        return hits.position.copy(), hits.surface.copy(), hits.power.sum(axis=1, dtype=np.float64), caustic.copy()
+
+    key, count = pass_key(0, len(_TRIAL_PHOTONS), TRIAL), _PLAN_PHOTONS
+    nothing = photon_store(radiometry.reference.size, optics).photons
+    batches = trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, count, count, cancelled)
+    parts = zip(*map(told, itertools.chain([nothing], batches)), strict=True)
+    return Trial(count, *map(np.concatenate, parts))
 
 
 def learn_guide(
@@ -297,6 +325,7 @@ def learn_guide(
     emitters: Emitters,
     optics: Optics,
     gathers: GatherPlaces,
+    cancelled: Callable[[], bool],
 ) -> Emitters:
     """The emitters with a guide towards what the image gathers, if photons of a few trial passes say that it helps."""
     for trial, count in enumerate(_TRIAL_PHOTONS):
@@ -306,7 +335,8 @@ def learn_guide(
         def add(triangle, u, v, wave, score=score):
             add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score)
 
-        trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, count, count, on_hits=add)
+        for _ in trace_photons(tracer, surfaces, radiometry, emitters, optics, key, 0, count, count, cancelled, add):
+            pass  # what they store is of no use
         numbers, density = chosen_numbers(emitters.guide, key, count)
         guide, gain = build_guide(numbers, score * density * count, density)
         mattered = np.count_nonzero(score)
@@ -316,7 +346,7 @@ def learn_guide(
         )  # fmt: skip
         if mattered > _ENOUGH * count:
             break
-        if gain >= _WORTHWHILE:
+        if gain >= _WORTHWHILE and mattered >= _SOME:
             emitters = emitters._replace(guide=guide)
         if mattered > _KNOWN:
             break
@@ -349,8 +379,10 @@ def render_pass(
         if cancelled():
             return []
         count = min(PHOTON_CHUNK, total - first)
-        return trace_photons(
-            m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, photon_key, first, count, total, cancelled
+        return list(
+            trace_photons(
+                m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, photon_key, first, count, total, cancelled
+            )
         )
 
     store.clear()

@@ -51,3 +51,9 @@ def uniforms(key, first, count):
     for i in range(count):
         numbers[i] = uniform(path_key(key, first + i), 0)
     return numbers
+
+
+def strata(key: np.uint64, count: int, total: int) -> np.ndarray:
+    """(count,) int64 ascending numbers below `total`: one from each of `count` equal parts, at random, so that no
+    period of what they number (as the columns of a picture) is met again and again."""
+    return np.minimum((np.arange(count) + uniforms(key, 0, count)) * total / count, total - 1).astype(np.int64)

@@ -38,7 +38,8 @@ class Sheets(NamedTuple):
     density: m-2, photons of a pass expected. photon_noise: W2 sr-2 m-2, variance of the radiance (of all bands) that a
     perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
     the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk. disk: m2, that of a
-    gather in the open. reflected: W sr-1 m-2, mean radiance that a perfect reflector reflects. caustic_noise: W2 sr-2
+    gather in the open. reflected: W sr-1 m-2, mean radiance that a perfect reflector reflects, and lit, the same of the
+    photons' powers without their signs. caustic_noise: W2 sr-2
     m-4, variance that caustics leave whatever is chosen. evenness: of the whole scene: the variance of n rays of a
     lattice is that of one times evenness n^-FALL.
     """
@@ -49,6 +50,7 @@ class Sheets(NamedTuple):
     span: np.ndarray
     disk: np.ndarray
     reflected: np.ndarray
+    lit: np.ndarray
     caustic_noise: np.ndarray
     evenness: float
 
@@ -94,6 +96,9 @@ def measure_sheets(
     density = (np.bincount(hit, minlength=labels) + _PRIOR) / (size + other) * (photons / trial.photons)
     photon_noise = (np.bincount(hit, squares * ~trial.caustic, labels) + _PRIOR * mean_square) / (size + other)
     reflected = np.bincount(hit, trial.power, labels) / size / math.pi
+    strength = np.abs(trial.power)
+    mean_strength = float((strength * near).sum()) / max(1, near.sum())
+    lit = (np.bincount(hit, strength, labels) + _PRIOR * mean_strength) / (size + other) / math.pi
     radiance = np.append(_radiance(surfaces, radiometry), surroundings.sum())
     radiance[:-1][shines.any(axis=1)] = 0.0
     met = radiance[pilot.met]
@@ -111,12 +116,12 @@ def measure_sheets(
     )
     caustic_noise = _means(places[some], caustic_noise, labels, 0.0, 1e-9)
     evenness = _evenness(surfaces, tracer, pilot, radiance, key)
-    return Sheets(density, photon_noise, ray_noise, span, disk, reflected, caustic_noise, evenness)
+    return Sheets(density, photon_noise, ray_noise, span, disk, reflected, lit, caustic_noise, evenness)
 
 
 def dark_sheets(labels: int) -> Sheets:
     """Of a scene without photons."""
-    return Sheets(*np.zeros((7, labels)), 1.0)
+    return Sheets(*np.zeros((8, labels)), 1.0)
 
 
 def _evenness(surfaces, tracer, pilot, radiance, key):

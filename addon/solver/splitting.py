@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .antialiasing import FEWEST, choose_samples, least_price
+from .antialiasing import FEWEST, choose_samples, edge_variance, least_price
 from .kernels import KERNEL, njit
 from .looks import Cells, Looks
 from .low_discrepancy import LATTICES
+from .rng import PILOT, pass_key, strata
 from .sheets import FALL, Sheets
 from .tiles import TILE
 
@@ -160,7 +161,7 @@ def plan_splitting(sheets: Sheets, looks: Looks, reach2: float, neighbours: int,
     """Find the price at which photons, rays and camera rays lower noise times time most. See measure_sheets."""
     splitting = Splitting(sheets, looks.cells, looks.block, looks.sensitivity, math.inf)
     pixels = len(looks.block)
-    some = slice(None, None, max(1, pixels // _PIXELS))
+    some = strata(pass_key(0, 7, PILOT), min(_PIXELS, pixels), pixels)
     variance, mirrors, least = looks.variance[some], looks.mirrors[some], least_price(looks.variance[some])
     rest = _usual(looks.cells.carried2 * looks.cells.rest, looks.cells.count) / pixels
     fixed = _FIXED + _PHOTON * photons / pixels
@@ -168,8 +169,8 @@ def plan_splitting(sheets: Sheets, looks: Looks, reach2: float, neighbours: int,
     tried = []
     for price in max(noise + rest, 1e-300) / (fixed + _CAMERA * FEWEST) * _PRICES:
         noise, time = noise_and_time(splitting._replace(price=price), pixels, reach2, neighbours)
-        samples = choose_samples(variance, mirrors, max(price, least)).astype(np.float64)
-        noise += float(np.mean(variance * samples**-1.5)) + rest
+        samples = choose_samples(variance, mirrors, max(price, least))
+        noise += float(edge_variance(variance, samples).mean()) + rest
         tried.append((noise * (fixed + time + _CAMERA * samples.mean()), price))
     return splitting._replace(price=min(tried)[1])
 
@@ -177,8 +178,9 @@ def plan_splitting(sheets: Sheets, looks: Looks, reach2: float, neighbours: int,
 def _usual(value: np.ndarray, count: np.ndarray) -> float:
     """Sum of the values (c,), each so many times, but the largest: little is known of sheets that few photons reach."""
     order = np.argsort(value)
-    kept = np.cumsum(count[order]) <= _USUAL * count.sum()
-    return float(np.sum((value * count)[order][kept]))
+    value, count = value[order], count[order]
+    kept = np.clip(_USUAL * count.sum() - (np.cumsum(count) - count), 0.0, count)
+    return float(np.sum(value * kept))
 
 
 def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours: int) -> tuple[float, float]:
@@ -188,13 +190,14 @@ def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours:
     return float(np.sum(count * variance)) / pixels, float(np.sum(count * np.where(rays, rays, _GATHER))) / pixels
 
 
-def most_rays(splitting: Splitting, samples: np.ndarray, reach2: float, neighbours: int) -> float:
+def most_rays(splitting: Splitting, samples: np.ndarray, mirrors: np.ndarray, reach2: float, neighbours: int) -> float:
     """Rays that a pixel sends, camera rays (p,) and final gathers: the mean of as many blocks as a tile has pixels of,
-    those that send most."""
+    those that send most. mirrors: (p,) bool, pixels that show others what may send as many as any cell."""
     rays, _ = _in_cells(splitting, reach2, neighbours)
     pixels, cells = np.bincount(splitting.block), splitting.cells
     sent = np.bincount(splitting.block, samples, len(pixels))
     sent += np.bincount(cells.key // len(splitting.sheets.density), cells.count * rays, len(pixels))
+    sent += np.bincount(splitting.block, mirrors * rays.max(initial=_FEWEST), len(pixels))
     order = np.argsort(-sent / np.maximum(pixels, 1))
     most = order[: np.searchsorted(np.cumsum(pixels[order]), TILE * TILE) + 1]
     return float(sent[most].sum() / pixels[most].sum())

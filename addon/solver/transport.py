@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Photons travel: Embree traces a wave of rays, a kernel stores and scatters them, until roulette has ended all."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -45,14 +46,13 @@ def trace_photons(
     total: int,
     cancelled=lambda: False,
     on_hits=None,
-) -> list[Photons]:
-    """Trace photons first..first+count-1 of the `total` of a pass; returns what they store, one batch a bounce.
+) -> Iterator[Photons]:
+    """Trace photons first..first+count-1 of the `total` of a pass; yields what they store, one batch a bounce.
 
     on_hits(triangle, u, v, wave) is called before every bounce with what the rays of the wave met.
     """
     wave = empty_wave(count, radiometry.reference.size, optics.keep_layer)
     emit(emitters, surfaces, radiometry, key, first, total, wave)
-    batches = []
     bounce = 0
     while count and not cancelled():
         triangle, u, v = tracer.trace(wave.origin[:count], wave.direction[:count])
@@ -62,9 +62,8 @@ def trace_photons(
         stored = photon_arrays(count, radiometry.reference.size, *marks)
         kept, count = scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored)
         if kept:
-            batches.append(Photons(*(array[:kept] for array in stored)))
+            yield Photons(*(array[:kept] for array in stored))
         bounce += 1
-    return batches
 
 
 @njit(**FAST_KERNEL)

@@ -82,8 +82,8 @@ def main():
     def trace_chunk(first, tracer=model.tracer):
         count = min(PHOTON_CHUNK, PHOTONS_PER_PASS - first)
         m = model
-        return trace_photons(
-            tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first, count, PHOTONS_PER_PASS, lambda: False
+        return list(
+            trace_photons(tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first, count, PHOTONS_PER_PASS)
         )
 
     recorder = Recorder(model.tracer)
