@@ -140,7 +140,7 @@ def test_a_full_disk_is_told_and_the_image_and_older_files_are_kept(infrared, tm
 
 def test_a_render_that_needs_too_much_memory_is_refused(infrared, monkeypatch):
     monkeypatch.setattr(memory, "available_memory", lambda: 10**8)
-    infrared.photons_per_pass = 10**7
+    infrared.photons_per_pass = 10**8
     message = failed_render()
     assert "This render needs about " in message and "0.1 GB are available. The photons of a pass need most" in message
     infrared.photons_per_pass = 1000

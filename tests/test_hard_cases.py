@@ -627,7 +627,7 @@ def test_between_mirrors_that_absorb_little(settings):
     materials = [Material("mirror", 0.001, specular=1.0), GREY]
     camera = look((0.5, 0.5, 0.1), (0.9, 0.55, 0.12), 8, 6)
     scene = make_scene(walls, triangles, 300.0, materials, camera, EDGES, [1] * 8 + [0] * 4)
-    expect(scene, black(EDGES, 300.0), **settings)
+    expect(scene, black(EDGES, 300.0), passes=64, **settings)
 
 
 @pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])

@@ -54,7 +54,6 @@ log = logging.getLogger(__name__)
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
-_SOME = 16  # photons that mattered, from which a guide may learn
 _KNOWN = 512  # photons that mattered, after which no larger trial is made
 _PLAN_PHOTONS = 8192
 _ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
@@ -346,7 +345,7 @@ def learn_guide(
         )  # fmt: skip
         if mattered > _ENOUGH * count:
             break
-        if gain >= _WORTHWHILE and mattered >= _SOME:
+        if gain >= _WORTHWHILE:
             emitters = emitters._replace(guide=guide)
         if mattered > _KNOWN:
             break

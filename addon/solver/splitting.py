@@ -30,6 +30,7 @@ _SHARING = 0.25  # area of the disk in which final gathers share rays, over that
 NEAR = 0.05  # radius of that disk, over the harmonic mean distance of what the rays meet: 5 % of change, about
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
+_UNKNOWN = 64.0  # rays of a final gather that are foreseen where looks tell of none
 _LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
 _PIXELS = 4096  # whose camera rays are counted to find the best price
 _USUAL = 0.95  # share of the gathers by which is told what photons leave in the end
@@ -192,12 +193,14 @@ def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours:
 
 def most_rays(splitting: Splitting, samples: np.ndarray, mirrors: np.ndarray, reach2: float, neighbours: int) -> float:
     """Rays that a pixel sends, camera rays (p,) and final gathers: the mean of as many blocks as a tile has pixels of,
-    those that send most. mirrors: (p,) bool, pixels that show others what may send as many as any cell."""
+    those that send most. mirrors: (p,) bool, pixels that show what is in no cell, and sends as many as those do on
+    average."""
     rays, _ = _in_cells(splitting, reach2, neighbours)
     pixels, cells = np.bincount(splitting.block), splitting.cells
     sent = np.bincount(splitting.block, samples, len(pixels))
     sent += np.bincount(cells.key // len(splitting.sheets.density), cells.count * rays, len(pixels))
-    sent += np.bincount(splitting.block, mirrors * rays.max(initial=_FEWEST), len(pixels))
+    typical = np.average(rays, weights=cells.count) if len(rays) else _UNKNOWN
+    sent += np.bincount(splitting.block, mirrors * typical, len(pixels))
     order = np.argsort(-sent / np.maximum(pixels, 1))
     most = order[: np.searchsorted(np.cumsum(pixels[order]), TILE * TILE) + 1]
     return float(sent[most].sum() / pixels[most].sum())

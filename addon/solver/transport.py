@@ -62,7 +62,8 @@ def trace_photons(
         stored = photon_arrays(count, radiometry.reference.size, *marks)
         kept, count = scatter(surfaces, radiometry, optics, key, bounce, triangle, u, v, wave, stored)
         if kept:
-            yield Photons(*(array[:kept] for array in stored))
+            few = 2 * kept < len(triangle)  # whoever keeps these should not keep the room for all
+            yield Photons(*(array[:kept].copy() if few else array[:kept] for array in stored))
         bounce += 1
 
 
