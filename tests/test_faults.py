@@ -86,6 +86,17 @@ def test_cancelled_at_every_moment_of_a_pass():
         assert film.passes == 0, f"asked for the {moment}th time of {asked}"
 
 
+def test_preparing_can_be_cancelled():
+    """It looks at every pixel: with large pictures whoever ends a render should not wait for that."""
+    assert prepare(room(), QUICK, cancelled=lambda: True) is None
+    saved = render(room(), dataclasses.replace(QUICK, passes=1))
+    assert render(room(), QUICK, cancelled=lambda: True).passes == 0
+    assert render(room(), QUICK, cancelled=lambda: True, film=saved) is saved
+    calls, late = itertools.count(), []
+    render(room(width=400), QUICK, cancelled=lambda: next(calls) >= 20, on_pass=late.append)
+    assert not late and next(calls) < 200  # pieces of looks that have not begun are left out
+
+
 # Beside others --------------------------------------------------------------------------------------------------------
 
 

@@ -16,6 +16,7 @@ from scipy.stats import chi2, chisquare
 
 from addon.solver import Material, rng, sampling
 from addon.solver.radiometry import build_radiometry
+from addon.solver.rng import PILOT, pass_key, strata
 
 P_VALUE = 1e-4
 SAMPLES = 200_000
@@ -380,3 +381,15 @@ def test_pass_keys_differ():
     }
     assert len(keys) == 4 * 501 * 3
     assert rng.pass_key(7, 8, rng.CAMERA) == rng.pass_key(7, 8, rng.CAMERA)
+
+
+@pytest.mark.parametrize("width, height", [(640, 512), (1024, 1024), (4096, 4096), (1, 5000), (24, 18)])
+def test_strata_have_no_period(width, height):
+    """Pixels that are looked at before the first pass lie in all columns, whatever divides the width: 4096 numbers at
+    random meet all but exp(-4096 / width) of them. As many lie in each part of the picture."""
+    numbers = strata(pass_key(0, 8, PILOT), 4096, width * height)
+    assert numbers[0] >= 0 and numbers[-1] < width * height and np.all(np.diff(numbers) >= 0)
+    part = np.bincount(numbers * 8 // (width * height))
+    assert len(part) == 8 and np.all(np.abs(part - 512) <= 1)
+    columns = len(np.unique(numbers % width))
+    assert columns > 0.95 * width * (1.0 - np.exp(-4096 / width))
