@@ -51,6 +51,11 @@ def split_all(*arguments):
     return int(gathers.rays.sum())
 
 
+def no_near_ends(_surfaces, _photon_map, _estimate, triangle, *_):
+    """All ends of rays recall, however near they are."""
+    return np.zeros(len(triangle), np.bool_)
+
+
 def camera_samples(count):
     """Every pixel sends as many, but that those which show a specular surface send 16 at least."""
     return {"antialiasing.FEWEST": count, "antialiasing.MOST": count}
@@ -77,6 +82,8 @@ VARIANTS = {
     "spread of each sheet": {"looks._PRIOR": 1e9},
     "radiance counts, not kelvins": {"looks._sensitivity": lambda radiance, edges: np.ones_like(radiance)},
     "at most 128 camera rays": {"antialiasing.MOST": 128},
+    "edges weighed as after one pass": {"antialiasing._PASSES": 1.0},
+    "no ray goes on": {"eye_paths.near_ends": no_near_ends},
     "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
     "cache in Morton order": {"irradiance_cache.kd_order": morton_order},
     "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
