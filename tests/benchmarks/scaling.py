@@ -12,6 +12,7 @@ compiles the kernels.
 """
 
 import argparse
+import importlib
 import importlib.metadata
 import importlib.util
 import itertools
@@ -24,6 +25,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
@@ -35,9 +37,9 @@ from speed_scenes import Parts  # noqa: E402
 
 from addon.solver import Material, Settings, render  # noqa: E402
 from addon.solver.memory import memory_beforehand, memory_of_passes  # noqa: E402
-from addon.solver.render import prepare  # noqa: E402
 
 CORES = os.cpu_count() or 1
+render_module = importlib.import_module("addon.solver.render")  # the package has a function of this name
 PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "pyluxcore", "bpy")
 
 
@@ -108,29 +110,26 @@ def measure(size, passes):
     scene, settings = room(size), settings_of(size, passes)
     before = resident("VmRSS")
     marks = []  # processor and wall time: at the start, after the preparation, after each pass
+    foreseen = []  # MB
 
     def mark(*_):
         marks.append((time.process_time(), time.perf_counter()))
 
-    def prepared():
-        if len(marks) == 1:  # render() asks for the first time when it has prepared all
-            mark()
-        return False
+    def prepare(*inputs):
+        model = prepare_as_ever(*inputs)
+        mark()
+        known = model.hits_per_photon, model.rays_per_pixel
+        parts = memory_beforehand(scene) | memory_of_passes(scene, settings, 0, *known)
+        foreseen.append(sum(parts.values()) / 1e6)
+        return model
 
+    prepare_as_ever = render_module.prepare
     mark()
-    render(scene, settings, mark, prepared)
+    with patch.object(render_module, "prepare", prepare):
+        render(scene, settings, mark)
     spent = np.diff(marks, axis=0)
     peak = resident("VmHWM")
-    foreseen = foreseen_memory(scene, settings)
-    return Cost(*spent[0], *np.median(spent[1:], axis=0), peak, peak - before, foreseen)
-
-
-def foreseen_memory(scene, settings):
-    """MB that the engine foresees. What photons leave and rays are sent in this room hardly depends on the sizes."""
-    model = prepare(room(SMALL), settings_of(SMALL, 1))
-    known = model.hits_per_photon, model.rays_per_pixel
-    parts = memory_beforehand(scene) | memory_of_passes(scene, settings, 0, *known)
-    return sum(parts.values()) / 1e6
+    return Cost(*spent[0], *np.median(spent[1:], axis=0), peak, peak - before, foreseen[0])
 
 
 def in_own_process(function, *arguments):
