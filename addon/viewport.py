@@ -151,7 +151,14 @@ class ViewportRender:
         if self.picture is None:
             self._tell("Preparing the first picture (kernels are compiled once, on first use)")
 
+        ended = False
+
         def cancelled() -> bool:
+            nonlocal ended
+            ended = ended or is_out_of_date()  # for good, as render() counts on
+            return ended
+
+        def is_out_of_date() -> bool:
             if self._newest is request:
                 return False
             # during a motion requests follow each other so fast that without first pictures of old ones none would come

@@ -50,6 +50,11 @@ def no_walls(tracer, surfaces, reach2, place, code, turns, felt=None):
     return unlimited(len(place), reach2)
 
 
+def no_near_disks(photon_map, estimate):
+    """All ends of rays recall, however near they are to where the ray starts."""
+    return np.empty(0), 0.0
+
+
 def any_reach(area, pilot, photons, neighbours):
     """Disks as wide as the k-th neighbour is far: their limit holds k even where only 1 % of the photons are stored."""
     return 100.0 * neighbours * float(area.sum()) / (math.pi * photons)

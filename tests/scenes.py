@@ -4,6 +4,7 @@
 import numpy as np
 
 from addon.solver import Camera, Scene, render
+from addon.solver.transport import trace_photons
 
 _BOX_FACES = {  # quads seen from inside are back faces or front faces alike: both sides emit and reflect
     "-x": (0, 1, 3, 2),
@@ -95,6 +96,14 @@ def make_scene(vertices, triangles, temperature, materials, camera, band_edges, 
     temperature = np.broadcast_to(np.asarray(temperature, np.float32), (count,)).copy()
     return Scene(
         vertices, triangles, material, temperature, tuple(materials), camera, np.asarray(band_edges), **options
+    )
+
+
+def stored_photons(model, count, key=1):
+    """What a pass of so many photons stores: a list of Photons, one a bounce."""
+    m = model
+    return list(
+        trace_photons(m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, np.uint64(key), 0, count, count)
     )
 
 

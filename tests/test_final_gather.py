@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from paper_estimator import no_near_disks
 from scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 from scipy.stats import t as student
 
@@ -366,12 +367,26 @@ def test_a_corner_is_not_blurred_by_what_rays_recall(monkeypatch):
 
     truth, its_error = rows(1_000_000, range(32))
     found, error = rows(0, range(32, 64))
-    monkeypatch.setattr(eye_paths, "near_ends", lambda surfaces, photon_map, estimate, triangle, *_: triangle < -1)
+    monkeypatch.setattr(eye_paths, "near_disks", no_near_disks)
     blurred, _ = rows(0, range(32, 64))
     error = np.hypot(error, its_error)
     print("deviation", found - truth, "+-", error, "without going on", blurred - truth)
     assert np.all(np.abs(found - truth) < 4 * error)
     assert np.max((truth - blurred) / error) > 4
+
+
+def variance_at(price, scene, settings, monkeypatch):
+    """Variance between the pixels of 24 renders planned at this price of noise, in kelvins as splitting counts them;
+    and the plan: Splitting, Looks, and what plan_splitting got besides."""
+    plans = []
+
+    def plan(sheets, looks, *rest):
+        plans.append((plan_splitting(sheets, looks, *rest)._replace(price=price), looks, *rest))
+        return plans[-1][0]
+
+    monkeypatch.setattr(render_module, "plan_splitting", plan)
+    images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(24)]
+    return np.mean(np.var(images, axis=0, ddof=1).ravel() * plans[-1][1].sensitivity ** 2), plans[-1]
 
 
 def test_noise_of_photons_is_foreseen_where_a_small_part_of_a_floor_is_lit(monkeypatch):
@@ -383,17 +398,9 @@ def test_noise_of_photons_is_foreseen_where_a_small_part_of_a_floor_is_lit(monke
     *parts, material = join((*floor, 293.0, 0), (*panel, 400.0, 1))
     camera = look((0, -0.8, 0.6), (0, 0, 0), 16, 16, 0.8)
     scene = make_scene(*parts, (GREY, BLACK), camera, EDGES, material, world_temperature=293.0)
-    plans = []
-
-    def by_photons(sheets, looks, *rest):
-        plans.append((plan_splitting(sheets, looks, *rest)._replace(price=math.inf), looks, *rest))
-        return plans[-1][0]
-
-    monkeypatch.setattr(render_module, "plan_splitting", by_photons)
-    settings = Settings(passes=1, reference_temperature=293.0)
-    images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(24)]
-    splitting, looks, reach2, neighbours, _ = plans[0]
-    found = np.mean(np.var(images, axis=0, ddof=1) * looks.sensitivity.reshape(16, 16) ** 2)
+    found, (splitting, looks, reach2, neighbours, _) = variance_at(
+        math.inf, scene, Settings(passes=1, reference_temperature=293.0), monkeypatch
+    )
     foreseen, _ = noise_and_time(splitting, len(looks.block), reach2, neighbours)
     print(f"foreseen over found {math.sqrt(foreseen / found):.2f}")
     assert 1.5**-2 < foreseen / found < 1.5**2
@@ -405,26 +412,10 @@ def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
     more time for the same noise, (1.5 + 1 / 1.5) / 2. The camera sees nothing but floor, so no edges add to the noise.
     """
     scene = dataclasses.replace(corner(kind), camera=look((1.0, 1.0, 1.4), (1.1, 0.9, 0.0), 64, 48, 0.3))
-    plans = []
-
-    def plan_at(price):
-        def plan(sheets, looks, *rest):
-            plans.append((plan_splitting(sheets, looks, *rest)._replace(price=price), looks, *rest))
-            return plans[-1][0]
-
-        monkeypatch.setattr(render_module, "plan_splitting", plan)
-
-    def variance():
-        settings = Settings(passes=1, photons_per_pass=20_000, reference_temperature=290.0)
-        images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(24)]
-        return np.mean(np.var(images, axis=0, ddof=1) * plans[-1][1].sensitivity.reshape(48, 64) ** 2)
-
-    plan_at(math.inf)
-    by_photons = variance()
-    plan_at(1e-30)  # no roulette on what rays recall
+    settings = Settings(passes=1, photons_per_pass=20_000, reference_temperature=290.0)
+    by_photons, (splitting, looks, reach2, neighbours, _) = variance_at(math.inf, scene, settings, monkeypatch)
     monkeypatch.setattr(eye_paths, "choose_splits", split_all)
-    by_rays = variance()
-    splitting, looks, reach2, neighbours, _ = plans[0]
+    by_rays, _ = variance_at(1e-30, scene, settings, monkeypatch)  # no roulette on what rays recall
     pixels, cells = len(looks.block), looks.cells
     foreseen_by_photons, _ = noise_and_time(splitting, pixels, reach2, neighbours)
     sheets, labels = splitting.sheets, cells.key % len(splitting.sheets.density)

@@ -17,7 +17,7 @@ import math
 import numpy as np
 import pytest
 import scenes
-from scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere
+from scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
 from scipy import stats
 
 from addon.solver import Camera, Film, Material, PointLight, SceneError, Settings, SpotLight, SunLight, render
@@ -275,11 +275,7 @@ def test_photons_of_a_thousand_bounces_end(monkeypatch):
     emissivity, count = 0.001, 1000
     scene, _ = diffuse_sphere(emissivity, emissivity, 1)
     model = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
-    batches = list(
-        solver.trace_photons(
-            model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, count, count
-        )
-    )
+    batches = stored_photons(model, count)
     hits = sum(len(batch.surface) for batch in batches)
     error = math.sqrt((1.0 - emissivity) / count)  # relative
     print(f"{hits / count:.0f} bounces +- {error:.1%}, {len(batches)} at most")
@@ -328,19 +324,7 @@ def test_weight_of_a_photon_is_bounded(roulette, bounded):
     the survival adds, 1 / 4096 a bounce; with the paper's its weight quadruples at a bounce, once it is in one band."""
     settings = dataclasses.replace(QUICK, reference_subtraction=False, roulette=roulette)
     model = solver.prepare(one_band(), settings)
-    batches = list(
-        solver.trace_photons(
-            model.tracer,
-            model.surfaces,
-            model.radiometry,
-            model.emitters,
-            model.optics,
-            np.uint64(1),
-            0,
-            20_000,
-            20_000,
-        )
-    )
+    batches = stored_photons(model, 20_000)
     weights = [batch.power.sum(axis=1, dtype=float).max() for batch in batches]
     growth = max(weights) / weights[0]
     print(f"{growth:.3g} times the weight within {len(batches)} bounces")
@@ -799,11 +783,7 @@ def test_photons_that_coincide(settings):
     scene, truth = beam()
     settings = dataclasses.replace(QUICK, passes=128, photons_per_pass=40, **settings)
     model = solver.prepare(scene, settings)
-    batches = list(
-        solver.trace_photons(
-            model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(1), 0, 40, 40
-        )
-    )
+    batches = stored_photons(model, 40)
     places = np.concatenate([batch.position for batch in batches])
     assert len(places) == 40 and len(np.unique(places, axis=0)) == 1
     expect(scene, truth, settings, precision=0.01)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import box, look, make_scene, mean_and_error, sphere
+from scenes import box, look, make_scene, mean_and_error, sphere, stored_photons
 from scipy import stats
 
 from addon.solver import Material, Settings, render
@@ -106,9 +106,7 @@ def inner_sides(surfaces):
 
 def absorbed_inside(model, key):
     """(b,) power that the inner sides absorb from the photons of a pass, W."""
-    batches = solver.trace_photons(
-        model.tracer, model.surfaces, model.radiometry, model.emitters, model.optics, np.uint64(key), 0, 4000, 4000
-    )
+    batches = stored_photons(model, 4000, key)
     inner = inner_sides(model.surfaces)
     absorbed = np.zeros(len(EDGES) - 1)
     for batch in batches:

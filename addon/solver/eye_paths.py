@@ -125,12 +125,13 @@ def render_pixels(
     closeness = np.zeros(pixels.size)  # by row: sum of 1 / m to what their rays meet
     seen = np.zeros(pixels.size, np.float32)
     finals = []
+    disks = near_disks(photon_map, estimate)
     bounce = 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
-        near, again = near_ends(surfaces, photon_map, estimate, *hits, rays), np.zeros(count, np.float32)
+        near, again = np.zeros(count, np.bool_), np.zeros(count, np.float32)
         gathers = meet(
-            surfaces, radiometry, emitters, lamps, estimate.straight, bounce, *hits, rays, near, closeness, image
+            surfaces, radiometry, emitters, lamps, estimate.straight, disks, bounce, *hits, rays, near, closeness, image
         )
         if bounce == 0:
             np.einsum("pb,b->p", image, weights, out=seen)  # not by a library that has threads of its own
@@ -274,48 +275,40 @@ def _empty_excesses(bands):
     return Excesses(np.full(_EXCESSES, -1, np.int32), np.empty(_EXCESSES), np.empty((_EXCESSES, bands), np.float32))
 
 
-def near_ends(surfaces, photon_map, estimate, triangle, u, v, rays):
-    """(n,) bool, rays of final gathers that end nearer to their start than the photons of one estimate lie.
+def near_disks(photon_map, estimate):
+    """Areas of the disks of one estimate, (labels,) float64 m2 by sheet, and the factor on them in this pass: rays of
+    final gathers that end nearer to their start than such a disk is wide do not recall.
 
-    The light there changes within that disk, as what they start from stands beside it: in corners. So they go on, once,
+    The light there changes within the disk, as what they start from stands beside it: in corners. So they go on, once,
     and the next end recalls, where the same blur counts less (Jensen 2001). Not where there are caustics, which no ray
-    finds.
+    finds: the factor is 0 then, as it is without photons.
     """
-    near = np.zeros(len(triangle), np.bool_)
     if estimate.photons and len(photon_map.photons.caustic) == 0:
-        _find_near_ends(surfaces, estimate, triangle, u, v, rays, near)
-    return near
+        return estimate.splitting.sheets.disk, estimate.shrink2
+    return np.empty(0), 0.0
 
 
-@njit(**KERNEL)
-def _find_near_ends(surfaces, estimate, triangle, u, v, rays, near):
-    for i in range(triangle.size):
-        t = triangle[i]
-        if t >= 0 and rays.gathered[i] and not rays.again[i]:
-            closeness = inverse_distance(surfaces, t, u[i], v[i], rays.origin[i])
-            sheet = surfaces.sheet[t, facing_side(surfaces, t, rays.direction, i)]
-            near[i] = closeness * closeness * estimate.splitting.sheets.disk[sheet] * estimate.shrink2 > math.pi
-
-
-def meet(surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, near, closeness, image):
+def meet(
+    surfaces, radiometry, emitters, lamps, straight, disks, bounce, triangle, u, v, rays, near, closeness, image
+):  # fmt: skip
     """Add to the image what the surfaces that the rays meet emit; return the rays that gather what they reflect.
 
     Rays of a pixel that meet one sheet of one material, with throughputs in one proportion, share a gather. Roulette
     decides on those that would carry little. Rays of final gathers leave lamps to shadow rays. straight: see Estimate.
-    near: see near_ends. closeness: see share.
+    disks: see near_disks. near: (n,) bool, set for rays that end too near to recall. closeness: see share.
     """
     gathers, bands = empty_gathers(len(triangle)), radiometry.reference.size
     kept = _meet(
-        surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, near, closeness, image, gathers,
-        _empty_excesses(bands), np.empty(bands), np.empty(len(triangle), np.int32),
+        surfaces, radiometry, emitters, lamps, straight, *disks, bounce, triangle, u, v, rays, near, closeness, image,
+        gathers, _empty_excesses(bands), np.empty(bands), np.empty(len(triangle), np.int32),
     )  # fmt: skip
     return first_gathers(gathers, kept)
 
 
 @njit(**FAST_KERNEL)
 def _meet(
-    surfaces, radiometry, emitters, lamps, straight, bounce, triangle, u, v, rays, near, closeness, image, gathers,
-    excesses, emitted, place,
+    surfaces, radiometry, emitters, lamps, straight, disk, shrink2, bounce, triangle, u, v, rays, near, closeness,
+    image, gathers, excesses, emitted, place,
 ):  # fmt: skip
     shadowed = lamps.power > 0.0 or straight
     surroundings, sky = emitters.surroundings, emitters.sky_layer * emitters.surroundings.size
@@ -330,10 +323,12 @@ def _meet(
             for b in range(bands):
                 image[pixel, sky + b] += rays.throughput[i, b] * surroundings[b]
             continue
-        if rays.gathered[i] and not rays.again[i]:
-            closeness[pixel] += inverse_distance(surfaces, t, u[i], v[i], rays.origin[i])
         material = surfaces.material[t]
         side = facing_side(surfaces, t, rays.direction, i)
+        if rays.gathered[i] and not rays.again[i]:
+            inverse = inverse_distance(surfaces, t, u[i], v[i], rays.origin[i])
+            closeness[pixel] += inverse
+            near[i] = shrink2 > 0.0 and inverse * inverse * disk[surfaces.sheet[t, side]] * shrink2 > math.pi
         rough = radiometry.alpha[material] > 0.0
         if not (rays.gathered[i] and lamps.shines[t, side]):
             kelvin = temperature_at(surfaces.temperature, t, u[i], v[i])
@@ -476,7 +471,7 @@ def _reflect(
 def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image):
     """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
 
-    near: see near_ends; again: (n,) float32, set to the factor on the throughput of those of them that go on.
+    near: see meet. again: (n,) float32, set to the factor on the throughput of those of them that go on.
     Returns those far from its points as gathers: there are few photons to count around them.
     """
     lost = empty_gathers(len(triangle))

@@ -119,6 +119,7 @@ def look_at_pixels(
         _see(surfaces, radiometry, share, sky, sheets.reflected, seen_lamps, *hits, direction, seen, room)
         sheet, carried, footprint = np.empty((3, len(direction)))
         _locate(surfaces, radiometry, share, eye, *hits, direction, specular, sheet, carried, footprint)
+        label = sheet.astype(np.int32)
         each = seen.reshape(-1, _LOOKS)
         mean[pixels], variance[pixels] = each.mean(axis=1), each.var(axis=1, ddof=1)
         mirrors[pixels] = specular.reshape(-1, _LOOKS).any(axis=1)
@@ -127,11 +128,11 @@ def look_at_pixels(
         origin, onward = np.empty((2, len(tried), 3), np.float32)
         _start_gathers(surfaces, key, _LOOKS * first, tried, *hits, direction, origin, onward)
         ends, (met, noise, closeness, rest) = tracer.trace(origin, onward), np.zeros((4, len(tried)))
-        stored = (ends[0] >= 0) | ~open_sheets[sheet[tried].astype(np.int64)]
+        stored = (ends[0] >= 0) | ~open_sheets[label[tried]]
         _see(surfaces, radiometry, share, sky, sheets.reflected, shines, *ends, onward, met, room)
         _measure(surfaces, sheets, share, *ends, origin, onward, closeness, noise, rest)
         _group(sheet, carried)
-        shown, label = np.flatnonzero(carried), sheet.astype(np.int32)
+        shown = np.flatnonzero(carried)
         density = 1.0 / footprint[tried]
         return (
             (first + (shown // _LOOKS).astype(np.int32), label[shown], carried[shown]),

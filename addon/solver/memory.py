@@ -10,9 +10,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
-    rays       (4.5 b + 180) min(P, 1024 t) n of the tile of each thread: for each of 1024 pixels n rays, camera rays
-                                              and those of final gathers, as many as where most are planned; and those
-                                              that follow on them
+    rays       (4 b + 90) min(P, 1024 t) n    of the tile of each thread: for each of 1024 pixels n rays, camera rays
+                                              and those of final gathers, as many as where most are planned
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
@@ -67,7 +66,7 @@ def memory_of_passes(
     further = len(scene_layers(scene)[0]) - 1
     return _images(scene, copies) | {
         "photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands),
-        "rays": (4.5 * bands + 180.0) * min(_pixels(scene), TILE**2 * settings.workers) * rays_per_pixel,
+        "rays": (4.0 * bands + 90.0) * min(_pixels(scene), TILE**2 * settings.workers) * rays_per_pixel,
     }
 
 

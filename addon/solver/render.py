@@ -109,16 +109,11 @@ def render(
     check_memory(memory_beforehand(scene, image_copies))
     model = prepare(scene, settings, geometry, cancelled)
     x0, y0, x1, y1 = scene.camera.pixels
+    size, numbers = (x1 - x0, y1 - y0), (settings.seed, settings.pass_offset)
     if model is None:
-        return (
-            film
-            if film is not None
-            else Film(x1 - x0, y1 - y0, scene.band_edges, 0.0, settings.seed, settings.pass_offset)
-        )
+        return Film(*size, scene.band_edges, 0.0, *numbers) if film is None else film
     check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon, model.rays_per_pixel))
-    numbers = settings.seed, settings.pass_offset
-    looks = model.weights, model.layers
-    empty = Film(x1 - x0, y1 - y0, scene.band_edges, model.reference_temperature, *numbers, *looks)
+    empty = Film(*size, scene.band_edges, model.reference_temperature, *numbers, model.weights, model.layers)
     if film is None:
         film = empty
     film.check_same_kind(empty)
@@ -308,7 +303,7 @@ def trial_pass(
 
     def told(hits: Photons):
         caustic = hits.caustic if optics.keep_caustic else np.zeros(len(hits.surface), np.bool_)
-        return hits.position.copy(), hits.surface.copy(), hits.power.sum(axis=1, dtype=np.float64), caustic.copy()
+        return hits.position, hits.surface, hits.power.sum(axis=1, dtype=np.float64), caustic
 
     key, count = pass_key(0, len(_TRIAL_PHOTONS), TRIAL), _PLAN_PHOTONS
     nothing = photon_store(radiometry.reference.size, optics).photons

@@ -39,9 +39,8 @@ class Sheets(NamedTuple):
     perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
     the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk. disk: m2, that of a
     gather in the open. reflected: W sr-1 m-2, mean radiance that a perfect reflector reflects, and lit, the same of the
-    photons' powers without their signs. caustic_noise: W2 sr-2
-    m-4, variance that caustics leave whatever is chosen. evenness: of the whole scene: the variance of n rays of a
-    lattice is that of one times evenness n^-FALL.
+    photons' powers without their signs. caustic_noise: W2 sr-2 m-4, variance that caustics leave whatever is chosen.
+    evenness: of the whole scene: the variance of n rays of a lattice is that of one times evenness n^-FALL.
     """
 
     density: np.ndarray

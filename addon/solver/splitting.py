@@ -193,8 +193,8 @@ def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours:
 
 def most_rays(splitting: Splitting, samples: np.ndarray, mirrors: np.ndarray, reach2: float, neighbours: int) -> float:
     """Rays that a pixel sends, camera rays (p,) and final gathers: the mean of as many blocks as a tile has pixels of,
-    those that send most. mirrors: (p,) bool, pixels that show what is in no cell, and sends as many as those do on
-    average."""
+    those that send most. mirrors: (p,) bool, pixels that also show what is in no cell; it is taken to send as many as
+    a cell does on average."""
     rays, _ = _in_cells(splitting, reach2, neighbours)
     pixels, cells = np.bincount(splitting.block), splitting.cells
     sent = np.bincount(splitting.block, samples, len(pixels))

@@ -31,7 +31,7 @@ import numpy as np
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
 from pages import MADE_AT  # noqa: E402
-from paper_estimator import by_power_alone, no_final_gathers, no_walls  # noqa: E402
+from paper_estimator import by_power_alone, no_final_gathers, no_near_disks, no_walls  # noqa: E402
 from speed_scenes import SCENES  # noqa: E402
 from speed_vs_error import load_reference, user_cache  # noqa: E402
 
@@ -49,11 +49,6 @@ def split_all(*arguments):
     rays, gathers = arguments[6:8]
     gathers.rays[:] = np.where(rays.gathered[gathers.ray], 0, 32)
     return int(gathers.rays.sum())
-
-
-def no_near_ends(_surfaces, _photon_map, _estimate, triangle, *_):
-    """All ends of rays recall, however near they are."""
-    return np.zeros(len(triangle), np.bool_)
 
 
 def camera_samples(count):
@@ -83,7 +78,7 @@ VARIANTS = {
     "radiance counts, not kelvins": {"looks._sensitivity": lambda radiance, edges: np.ones_like(radiance)},
     "at most 128 camera rays": {"antialiasing.MOST": 128},
     "edges weighed as after one pass": {"antialiasing._PASSES": 1.0},
-    "no ray goes on": {"eye_paths.near_ends": no_near_ends},
+    "no ray goes on": {"eye_paths.near_disks": no_near_disks},
     "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
     "cache in Morton order": {"irradiance_cache.kd_order": morton_order},
     "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
