@@ -39,7 +39,7 @@ _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
 _EXCESSES, _PER_KELVIN = 64, 17.0  # slots; and how far apart a material's temperatures lie in them
-_FULL = 1.0 / 64.0  # of a pixel: roulette starts where a path carries less
+_FULL = 1.0 / 64.0  # of a pixel: roulette starts where a path carries less, but for rays of final gathers
 
 
 class Estimate(NamedTuple):
@@ -642,6 +642,14 @@ def _go_on(surfaces, radiometry, hit, bounce, i, factor, rays, sent, onward):
 
 
 @njit(inline="always")
+def _largest(throughput):
+    largest = np.float32(0.0)
+    for b in range(throughput.size):
+        largest = max(largest, throughput[b])
+    return float(largest)
+
+
+@njit(inline="always")
 def _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
     """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live."""
     path = rays.path[i]
@@ -658,7 +666,8 @@ def _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
         )  # fmt: skip
         scale *= weight
     left = scale * largest_throughput(rays.throughput[i], rho)
-    survival = min(MAX_SURVIVAL if bounce >= _SURE else 1.0, left / _FULL)
+    full = _largest(rays.throughput[i]) if rays.gathered[i] else _FULL  # of a final gather each carries little
+    survival = min(MAX_SURVIVAL if bounce >= _SURE else 1.0, left / full)
     if left <= 0.0 or uniform(path, _DIMENSIONS * bounce + 2) >= survival:
         return 0
     _leave(surfaces, hit, ox, oy, oz, rays.pixel[i], path, sent, onward)
