@@ -97,6 +97,32 @@ def test_rays_at_edges_beat_as_many_everywhere(monkeypatch):
     assert error[0] < 0.5 * error[1]  # 0.35 for 4 times as many rays at edges, as their error falls with n^-3/4
 
 
+def test_edges_in_a_mirror_are_as_smooth():
+    """The plate seen in a mirror, by a camera that looks away from it, against the same view straight. Root mean square
+    errors of the edges after one pass, of six seeds: some 60 pixels each, so each is known to 4 %, and their ratio to
+    3 standard errors of 5 %. Were rays of a pixel that sends many weak, roulette would end them in the mirror.
+    """
+    straight = plate()
+    pane = quad((16, 16, 20), (0, 40, 0), (40, 0, 0))
+    parts = ((straight.vertices, straight.triangles, 0.0, 0), (*pane, 300.0, 1))
+    *mesh, temperature, material = join(*parts)
+    temperature[:4] = straight.temperature
+    up = np.diag([1.0, -1.0, -1.0, 1.0])
+    up[1, 3], up[2, 3] = SIZE, 10
+    camera = replace(straight.camera, matrix=up)
+    materials = [straight.materials[0], Material("mirror", 0.02, specular=1.0)]
+    mirrored = make_scene(*mesh, temperature, materials, camera, EDGES, material)
+
+    def error(scene):
+        truth = render(scene, Settings(passes=64, seed=100)).radiance()
+        images = [render(scene, Settings(passes=1, seed=seed)).radiance() for seed in range(6)]
+        return np.sqrt(np.mean((np.array(images) - truth) ** 2, dtype=float))
+
+    ratio = error(mirrored) / (0.98 * error(straight))
+    print(f"error in the mirror over straight {ratio:.2f}")
+    assert abs(ratio - 1.0) < 3 * 0.05
+
+
 def test_seed_and_pass_have_no_part_in_it():
     """So passes rendered elsewhere belong to the same image."""
     vertices, triangles = box((2.0, 2.0, 1.5))

@@ -288,6 +288,15 @@ def test_lamp_emits_by_direction():
     agree(scene, truth)
 
 
+@pytest.mark.parametrize("aside, expected", [(0.0, 0), (5.0, 1280)])
+def test_what_is_mostly_seen_in_part_is_no_lamp(aside, expected):
+    """Behind slats as wide as the gaps between them half of the ball is hidden from anywhere, but one shadow ray says
+    all or nothing. With the slats aside it sees all of it."""
+    slats = [(*quad((aside + 0.08 * i, 0, 0.5), (0.02, 0, 0), (0, 1, 0)), 0.0, 1) for i in range(-12, 13)]
+    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), *slats, half=0.3)
+    assert len(lamp_triangles(scene)) == expected
+
+
 @pytest.mark.parametrize("source", ["point", "area", "ball"])
 def test_wall_hides_a_lamp(source):
     """Behind a black wall nothing arrives, to the last bit; beside it everything."""

@@ -8,7 +8,7 @@ sequence, m passes lower it by m^-3/2, and all other noise by 1 / m. So it count
 
 import numpy as np
 
-FEWEST, IN_MIRRORS, MOST = 4, 16, 512  # rays of a pixel in a pass; powers of two: each pass is stratified
+FEWEST, UNKNOWN, MOST = 4, 16, 512  # rays of a pixel in a pass; powers of two: each pass is stratified
 _PASSES = 4.0  # after which noise is weighed: edges trouble the first ones most
 _MEAN = 32.0  # of a pixel at most, where little but edges is noisy
 
@@ -19,11 +19,11 @@ def least_price(variance: np.ndarray) -> float:
     return float(next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1]))
 
 
-def choose_samples(variance: np.ndarray, mirrors: np.ndarray, price: float) -> np.ndarray:
-    """(p,) uint16 rays of every pixel in a pass. variance, mirrors: (p,), see Looks. price: variance that a ray should
+def choose_samples(variance: np.ndarray, unknown: np.ndarray, price: float) -> np.ndarray:
+    """(p,) uint16 rays of every pixel in a pass. variance, unknown: (p,), see Looks. price: variance that a ray should
     save."""
     samples = _samples(variance, price)
-    return np.where(mirrors, np.maximum(samples, IN_MIRRORS), samples)
+    return np.where(unknown, np.maximum(samples, UNKNOWN), samples)
 
 
 def edge_variance(variance: np.ndarray, samples: np.ndarray) -> np.ndarray:

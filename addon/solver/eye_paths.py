@@ -39,7 +39,7 @@ _SURE = 8  # bounces before which only weak paths end: a view in a mirror has no
 _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 _FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
 _EXCESSES, _PER_KELVIN = 64, 17.0  # slots; and how far apart a material's temperatures lie in them
-_FULL = 1.0 / 64.0  # of a pixel: roulette starts where a path carries less, but for rays of final gathers
+_WEAK = 1.0 / 16.0  # of a camera ray: roulette starts where its path carries less
 
 
 class Estimate(NamedTuple):
@@ -164,7 +164,7 @@ def render_pixels(
             blocker, _, _ = tracer.trace(shadows.origin[:sent], shadows.direction[:sent], shadows.reach[:sent])
             add_unshadowed(blocker, shadows, image)
         onward = empty_rays(count + split + np.count_nonzero(again), bands)
-        count = follow(surfaces, radiometry, bounce, *hits, rays, gathers, again, onward)
+        count = follow(surfaces, radiometry, bounce, *hits, rays, samples, gathers, again, onward)
         rays = onward
         reach = np.full(count, 1e37, np.float32)
         bounce += 1
@@ -559,21 +559,23 @@ def _send_shadows(
     return sent
 
 
-def follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, again, onward):
+def follow(surfaces, radiometry, bounce, triangle, u, v, rays, samples, gathers, again, onward):
     """Send on the rays that meet a specular surface, those of final gathers, and those that go on (see recall); returns
-    their number."""
+    their number. samples: (pixels,), camera rays of each."""
     shares = np.zeros(len(gathers.ray))  # of the rays of a final gather that those before had, of all groups
     first = np.empty(len(gathers.ray), np.int64)  # of the rays of each
-    return _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, again, onward, shares, first)
+    return _follow(surfaces, radiometry, bounce, triangle, u, v, rays, samples, gathers, again, onward, shares, first)
 
 
 @njit(**FAST_KERNEL)
-def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, gathers, again, onward, shares, first):
+def _follow(surfaces, radiometry, bounce, triangle, u, v, rays, samples, gathers, again, onward, shares, first):
     sent = 0
     for i in range(triangle.size):
         if triangle[i] >= 0 and radiometry.specular[surfaces.material[triangle[i]]] > 0.0:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
-            sent += _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward)
+            # of a final gather each ray carries little, so what counts is what the mirror leaves of that
+            full = _largest(rays.throughput[i]) if rays.gathered[i] else _WEAK / samples[rays.pixel[i]]
+            sent += _mirror(surfaces, radiometry, hit, bounce, i, full, rays, sent, onward)
         if again[i] > 0.0:
             hit = _hit(surfaces, rays, i, triangle[i], u[i], v[i])
             _go_on(surfaces, radiometry, hit, bounce, i, again[i], rays, sent, onward)
@@ -650,8 +652,9 @@ def _largest(throughput):
 
 
 @njit(inline="always")
-def _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
-    """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live."""
+def _mirror(surfaces, radiometry, hit, bounce, i, full, rays, sent, onward):
+    """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live, which
+    it does for sure if as much is left as `full`."""
     path = rays.path[i]
     material = surfaces.material[hit.triangle]
     rho = radiometry.reflectance[material]
@@ -666,7 +669,6 @@ def _mirror(surfaces, radiometry, hit, bounce, i, rays, sent, onward):
         )  # fmt: skip
         scale *= weight
     left = scale * largest_throughput(rays.throughput[i], rho)
-    full = _largest(rays.throughput[i]) if rays.gathered[i] else _FULL  # of a final gather each carries little
     survival = min(MAX_SURVIVAL if bounce >= _SURE else 1.0, left / full)
     if left <= 0.0 or uniform(path, _DIMENSIONS * bounce + 2) >= survival:
         return 0

@@ -30,6 +30,7 @@ from .sampling import basis, cone_direction, cosine_stratum, lobe_brdf, to_world
 from .surfaces import (
     CLEAR,
     Surfaces,
+    Tracer,
     centroids,
     clear_of,
     layer_of,
@@ -45,6 +46,8 @@ _RECEIVERS = 512  # points at which they are judged
 _COMPACT = 0.3  # radius over distance, in the mean over what it lights, up to which a surface is a lamp
 _MATTERS = 0.03  # share of the light in the picture above which a surface is a lamp
 _TOGETHER = 0.3  # share of all lamps below which shadow rays do not pay
+_AIMED, _AIMED_FROM = 8, 256  # points on a lamp to which rays are tried, and of how many receivers
+_UNSURE = 0.05  # see _unsureness: what is hidden in part more often is shown better by photons and rays
 _SIDE = 2
 SKY_RAYS = _SIDE * _SIDE  # to the surroundings, of a gather
 POINTS = 4096  # on lamps, in one pass
@@ -69,13 +72,23 @@ class Lamps(NamedTuple):
 
 
 def choose_lamps(
-    surfaces: Surfaces, side_power: np.ndarray, matters: np.ndarray, place: np.ndarray, facing: np.ndarray, lit: float
+    surfaces: Surfaces,
+    tracer: Tracer,
+    side_power: np.ndarray,
+    matters: np.ndarray,
+    place: np.ndarray,
+    facing: np.ndarray,
+    code: np.ndarray,
+    lit: float,
+    key: np.uint64,
 ) -> np.ndarray:
-    """Sheets of surface that are lamps: small against their distance and a good part of the light in the picture.
+    """Sheets of surface that are lamps: small against their distance, a good part of the light in the picture, and
+    hidden or not, but seldom in part.
 
     side_power: (t,) float64 |excess| power of one side of each triangle, W. matters: (t, 2) bool, sides that can light
-    the image (the inside of a closed lamp cannot). place, facing: (r, 3) float64 points that camera paths gather at and
-    their normals. lit: W m-2, mean irradiance there from all surfaces, as far as known.
+    the image (the inside of a closed lamp cannot). place, facing (r, 3) float64, code (r,) int32: points that camera
+    paths gather at, see Pilot. lit: W m-2, mean irradiance there from all surfaces, as far as known. key: of the random
+    numbers.
     Returns (m, 2) bool, which sides of triangles belong to a lamp.
     """
     sheet = surfaces.sheet
@@ -83,10 +96,10 @@ def choose_lamps(
     chosen = np.zeros(power.size, np.bool_)
     labels = np.argsort(-power, kind="stable")[:_MOST]
     labels = labels[power[labels] > 0]
-    step = max(1, len(place) // _RECEIVERS)
-    place, facing = place[::step], facing[::step]
     if len(place) == 0 or len(labels) == 0:
         return chosen[sheet]
+    some = slice(None, None, max(1, len(place) // _RECEIVERS))
+    place, facing, code = place[some], facing[some], code[some]
     row = np.full(power.size, -1, np.int32)
     row[labels] = np.arange(labels.size)
     centre, radius = _spheres(surfaces.corners, sheet, row, labels.size)
@@ -99,9 +112,57 @@ def choose_lamps(
     compact = (irradiance > 0) & (nearness < _COMPACT)
     lit = max(lit, irradiance[compact].sum())
     compact &= irradiance > _MATTERS * lit
+    some = slice(None, None, max(1, len(place) // _AIMED_FROM))
+    receivers = place[some], facing[some], code[some]
+    for lamp in np.flatnonzero(compact):
+        compact[lamp] = _unsureness(surfaces, tracer, side_power, labels[lamp], *receivers, key) < _UNSURE
     if irradiance[compact].sum() > _TOGETHER * lit:
         chosen[labels[compact]] = True
     return chosen[sheet]
+
+
+def _unsureness(surfaces, tracer, side_power, label, place, facing, code, key) -> float:
+    """Variance that shadow rays to one sheet have as other things hide a part of it, over the mean square of what they
+    bring to the places.
+
+    A shadow ray goes to a point in proportion to what it would cause (see send_shadow). With G the mean of that, and E
+    that of the points from which the way is free, it brings G with the chance E / G: a variance of E (G - E).
+    """
+    sides = np.flatnonzero(surfaces.sheet.ravel() == label)
+    cumulative = np.cumsum(side_power[sides >> 1])
+    origin, direction = np.empty((2, _AIMED * len(place), 3), np.float32)
+    caused = np.empty(len(origin))
+    _aim(surfaces, sides, cumulative / cumulative[-1], place, facing, code, key, origin, direction, caused)
+    blocker, _, _ = tracer.trace(origin, direction, np.ones(len(origin), np.float32))
+    caused = caused.reshape(-1, _AIMED)
+    free = (blocker < 0).reshape(caused.shape)
+    unhidden, seen = caused.mean(axis=1), (caused * free).mean(axis=1)
+    total = float(np.sum(seen**2))
+    return float(np.sum(seen * (unhidden - seen))) / total if total > 0.0 else math.inf
+
+
+@njit(**KERNEL)
+def _aim(surfaces, sides, cumulative, place, facing, code, key, origin, direction, caused):
+    """Rays from each place to _AIMED points on a sheet, and the irradiance, m-2, for 1 W of its power, that they would
+    cause. sides: (n,) codes of the sheet. cumulative: (n,) float64, of their power, up to 1."""
+    for i in range(caused.size):
+        path, receiver = path_key(key, i), i // _AIMED
+        chosen = sides[min(np.searchsorted(cumulative, uniform(path, 0)), sides.size - 1)]
+        t = chosen >> 1
+        u, v = triangle_point(uniform(path, 1), uniform(path, 2))
+        nx, ny, nz = unit_normal(surfaces, t, chosen & 1)
+        x, y, z = point(surfaces.corners, t, u, v)
+        x, y, z = clear_of(surfaces, t, x, y, z, nx, ny, nz)
+        fx, fy, fz = facing[receiver]
+        px, py, pz = place[receiver]
+        ox, oy, oz = clear_of(surfaces, code[receiver] >> 1, px, py, pz, fx, fy, fz)
+        dx, dy, dz = x - ox, y - oy, z - oz
+        cos_hit, cos_lamp = dx * fx + dy * fy + dz * fz, -(dx * nx + dy * ny + dz * nz)  # times the distance
+        d2 = dx * dx + dy * dy + dz * dz
+        caused[i] = max(0.0, cos_hit) * max(0.0, cos_lamp) / (math.pi * d2 * d2)
+        further = CLEAR * math.sqrt(d2)  # or the lamp's own surface hides it, see send_shadow
+        dx, dy, dz = dx + further * nx, dy + further * ny, dz + further * nz
+        put_ray(surfaces, code[receiver] >> 1, px, py, pz, fx, fy, fz, dx, dy, dz, origin, direction, i)
 
 
 @njit(cache=True, nogil=True)

@@ -5,6 +5,7 @@ depends on its radiance, and how noisy final gathers are there.
 These rays are of a sequence of their own, the same for every seed, so what is decided by them leaves the mean alone.
 """
 
+import itertools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from .camera import Eye, empty_eye_rays, eye_rays
 from .kernels import KERNEL, njit
 from .radiometry import Radiometry, excess
 from .rng import path_key, uniform
-from .sampling import cosine_direction
+from .sampling import cosine_direction, mirror, reflect_in_lobe
 from .sheets import Sheets
 from .spectrum import apparent_temperature
 from .surfaces import (
@@ -24,12 +25,15 @@ from .surfaces import (
     facing_side,
     inverse_distance,
     point,
+    put_ray,
     start_ray,
     temperature_at,
     unit_normal,
 )
 
 _LOOKS = 16  # rays that look at a pixel
+_BOUNCES = 8  # on specular surfaces, that a look follows
+_FAINT = 1.0 / 64.0  # share of a look below which it does not go on
 _EDGE, _BLOCKS = 8, 4096  # pixels on each side of a block, at least; and blocks of an image, at most
 _TRIED = 256  # rays of final gathers that are tried in a block
 _TOGETHER = 1 << 10  # pixels that are looked at together
@@ -37,7 +41,7 @@ _STEP = 1e-3  # of the radiance, to see how the temperature changes with it
 _FAINTEST = 0.05  # of the image's mean radiance: fainter pixels are taken to have that, as 0 K has no slope
 _AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
 _PRIOR = 32.0  # rays that the spread over a whole sheet is worth in a block: fewer, and what they missed would rule
-_DIMENSION = 1 << 16  # of the random numbers of tried rays: clear of those of the looks
+_DIMENSION = 1 << 16  # of the random numbers of a look after its start, four for each surface
 
 
 class Cells(NamedTuple):
@@ -67,14 +71,31 @@ class Looks(NamedTuple):
     sensitivity: float64, how much the apparent temperature depends on the radiance, with a mean square of 1.
     variance: float64, W2 sr-2 m-4 of the radiance that single camera rays see, times the square of the sensitivity; or
     a sixteenth of those in the pixels around together, if that is more.
-    mirrors: bool, whether it shows a specular surface. block: int32, number of the block it lies in.
+    unknown: bool, whether it shows a specular surface from which a look did not go on, as little was left of it or it
+    was the last of many. block: int32, number of the block it lies in.
     """
 
     sensitivity: np.ndarray
     variance: np.ndarray
-    mirrors: np.ndarray
+    unknown: np.ndarray
     block: np.ndarray
     cells: Cells
+
+
+class _Sight(NamedTuple):
+    """Rays that look, straight from the camera or by way of specular surfaces, those of a pixel one behind the other.
+
+    origin, direction: (n, 3) float32. look: (n,) int64, of which look each is a part. share: (n,) float64, of what they
+    see that reaches the camera. way: (n,) float64, m from the camera to the origin. angle: (n,) float64, sr, solid
+    angle of the pixel; for parallel rays m2.
+    """
+
+    origin: np.ndarray
+    direction: np.ndarray
+    look: np.ndarray
+    share: np.ndarray
+    way: np.ndarray
+    angle: np.ndarray
 
 
 def look_at_pixels(
@@ -103,51 +124,99 @@ def look_at_pixels(
     while -(-width // edge) * -(-height // edge) > _BLOCKS:
         edge += 1
     block = _blocks(width, height, edge)
-    mean, variance, mirrors = np.empty(len(block)), np.empty(len(block)), np.empty(len(block), np.bool_)
-    share = (1.0 - radiometry.specular) * radiometry.reflectance.mean(axis=1)
-    sky, seen_lamps = float(surroundings.sum()), np.zeros_like(shines)
+    mean, variance, unknown = np.empty(len(block)), np.empty(len(block)), np.empty(len(block), np.bool_)
+    reflectance = radiometry.reflectance.mean(axis=1)
+    share = (1.0 - radiometry.specular) * reflectance
+    seen_lamps = np.zeros_like(shines)
     open_sheets = np.zeros(len(sheets.lit), np.bool_)
     open_sheets[surfaces.sheet[is_open]] = True
     stride = max(1, round(_LOOKS * len(block) / (_TRIED * (block[-1] + 1))))
 
-    def look(first: int):
-        pixels = np.arange(first, first if cancelled() else min(first + _TOGETHER, len(block)))
-        rays = empty_eye_rays(_LOOKS * len(pixels))
-        eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint16), pixels, *rays)
-        hits, direction, room = tracer.trace(*rays), rays[1], np.empty(len(surroundings))
-        seen, specular = np.empty(len(direction)), np.zeros(len(direction), np.bool_)
-        _see(surfaces, radiometry, share, sky, sheets.reflected, seen_lamps, *hits, direction, seen, room)
-        sheet, carried, footprint = np.empty((3, len(direction)))
-        _locate(surfaces, radiometry, share, eye, *hits, direction, specular, sheet, carried, footprint)
-        label = sheet.astype(np.int32)
-        each = seen.reshape(-1, _LOOKS)
-        mean[pixels], variance[pixels] = each.mean(axis=1), each.var(axis=1, ddof=1)
-        mirrors[pixels] = specular.reshape(-1, _LOOKS).any(axis=1)
+    def see(hits, direction, hidden):
+        seen = np.empty(len(direction))
+        room, sky = np.empty(len(surroundings)), float(surroundings.sum())
+        _see(surfaces, radiometry, share, sky, sheets.reflected, hidden, *hits, direction, seen, room)
+        return seen
+
+    def try_gathers(first, bounce, hits, sight):
+        sheet, carried, footprint = np.empty((3, len(sight.look)))
+        _locate(surfaces, share, eye.kind == 1, *hits, sight, sheet, carried, footprint)
+        label, pixel = sheet.astype(np.int32), (first + sight.look // _LOOKS).astype(np.int32)
         tried = np.flatnonzero(sheet >= 0)
-        tried = tried[(_LOOKS * first + tried) % stride == 0]
+        tried = tried[(_LOOKS * first + sight.look[tried]) % stride == 0]
         origin, onward = np.empty((2, len(tried), 3), np.float32)
-        _start_gathers(surfaces, key, _LOOKS * first, tried, *hits, direction, origin, onward)
-        ends, (met, noise, closeness, rest) = tracer.trace(origin, onward), np.zeros((4, len(tried)))
+        _start_gathers(surfaces, key, _LOOKS * first, bounce, tried, *hits, sight, origin, onward)
+        ends, (noise, closeness, rest) = tracer.trace(origin, onward), np.zeros((3, len(tried)))
         stored = (ends[0] >= 0) | ~open_sheets[label[tried]]
-        _see(surfaces, radiometry, share, sky, sheets.reflected, shines, *ends, onward, met, room)
+        met = see(ends, onward, shines)
         _measure(surfaces, sheets, share, *ends, origin, onward, closeness, noise, rest)
-        _group(sheet, carried)
+        _group(sight.look, sheet, carried)
         shown = np.flatnonzero(carried)
         density = 1.0 / footprint[tried]
         return (
-            (first + (shown // _LOOKS).astype(np.int32), label[shown], carried[shown]),
-            (first + tried // _LOOKS, label[tried], met, np.abs(met) * stored, noise, closeness, density, rest),
+            (pixel[shown], label[shown], carried[shown]),
+            (pixel[tried], label[tried], met, np.abs(met) * stored, noise, closeness, density, rest),
         )
 
+    def look(first: int):
+        pixels = np.arange(first, first if cancelled() else min(first + _TOGETHER, len(block)))
+        sight, reach = _straight(eye, key, pixels)
+        seen, lost = np.zeros(len(sight.look)), np.zeros(len(sight.look), np.bool_)
+        found = []
+        for bounce in range(_BOUNCES + 1):
+            hits = tracer.trace(sight.origin, sight.direction, reach)
+            seen[sight.look] += sight.share * see(hits, sight.direction, seen_lamps)
+            found.append(try_gathers(first, bounce, hits, sight))
+            onward = _Sight(*map(np.empty_like, sight))
+            sent = _follow(
+                surfaces, radiometry, reflectance, key, _LOOKS * first, bounce, *hits, sight, lost, onward
+            )  # fmt: skip
+            sight = _Sight(*(column[:sent] for column in onward))
+            if len(sight.look) == 0:
+                break
+            reach = np.full(len(sight.look), 1e37, np.float32)
+        each = seen.reshape(-1, _LOOKS)
+        mean[pixels], variance[pixels] = each.mean(axis=1), each.var(axis=1, ddof=1)
+        unknown[pixels] = lost.reshape(-1, _LOOKS).any(axis=1)
+        return found
+
     with ThreadPoolExecutor(threads) as pool:
-        found = zip(*pool.map(look, range(0, len(block), _TOGETHER)), strict=True)
-    gathers, rays = (tuple(map(np.concatenate, zip(*part, strict=True))) for part in found)
+        found = itertools.chain.from_iterable(pool.map(look, range(0, len(block), _TOGETHER)))
+        gathers, rays = (tuple(map(np.concatenate, zip(*part, strict=True))) for part in zip(*found, strict=True))
     sensitivity = _sensitivity(radiometry.reference.sum() + mean, edges)
     cells = _cells(sheets, block, sensitivity, gathers, rays)
     variance *= sensitivity**2
     around = np.pad(variance.reshape(height, width), 1)
     around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
-    return Looks(sensitivity, np.maximum(variance, _AROUND * around), mirrors, block, cells)
+    return Looks(sensitivity, np.maximum(variance, _AROUND * around), unknown, block, cells)
+
+
+def _straight(eye: Eye, key: np.uint64, pixels: np.ndarray) -> tuple[_Sight, np.ndarray]:
+    """The looks of some pixels (n,), and the reach of each: float32, see eye_rays."""
+    count = _LOOKS * len(pixels)
+    origin, direction, reach = empty_eye_rays(count)
+    eye_rays(eye, key, 0, np.full(len(pixels), _LOOKS, np.uint16), pixels, origin, direction, reach)
+    way, angle = np.empty((2, count))
+    _open(eye, origin, direction, way, angle)
+    return _Sight(origin, direction, np.arange(count), np.ones(count), way, angle), reach
+
+
+@njit(**KERNEL)
+def _open(eye, origin, direction, way, angle):
+    """The way that camera rays (n,) have come where they start, and the solid angle of the pixels around them."""
+    size = (eye.frame[1] - eye.frame[0]) / eye.width * ((eye.frame[3] - eye.frame[2]) / eye.height)
+    for i in range(way.size):
+        square = length2 = rise = 0.0
+        for axis in range(3):
+            d = float(direction[i, axis])
+            square += (origin[i, axis] - eye.matrix[axis, 3]) ** 2
+            length2 += d * d
+            rise += d * eye.matrix[axis, 1]
+        way[i], angle[i] = np.sqrt(square), size
+        if eye.kind == 0:
+            angle[i] /= length2 * np.sqrt(length2)
+        elif eye.kind == 2:
+            angle[i] *= np.sqrt(max(1.0 - rise * rise, 0.0))  # circles of latitude are shorter
 
 
 def _blocks(width: int, height: int, edge: int) -> np.ndarray:
@@ -206,10 +275,10 @@ def _moments(label: np.ndarray, value: np.ndarray, labels: int) -> tuple[np.ndar
 
 @njit(**KERNEL)
 def _see(surfaces, radiometry, share, surroundings, reflected, hidden, triangle, u, v, direction, seen, emitted):
-    """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see, its reflected part as the sheet's mean.
+    """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see, its reflected part as the sheet's mean,
+    without what its specular lobe shows.
 
-    What mirrors show is not looked at. share: see _locate. hidden: (t, 2) bool, whose emission does not count.
-    emitted: (b,) room.
+    share: see _locate. hidden: (t, 2) bool, whose emission does not count. emitted: (b,) room.
     """
     known, known_kelvin = -1, -1.0  # material and temperature whose excess `emitted` holds
     for i in range(triangle.size):
@@ -228,47 +297,80 @@ def _see(surfaces, radiometry, share, surroundings, reflected, hidden, triangle,
 
 
 @njit(**KERNEL)
-def _locate(surfaces, radiometry, share, eye, triangle, u, v, direction, specular, sheet, carried, footprint):
+def _locate(surfaces, share, is_parallel, triangle, u, v, sight, sheet, carried, footprint):
     """Where looks (n,) meet surfaces that reflect diffusely: the label of the sheet, else -1; the share of the pixel
     that one of them carries after it; and how much surface a pixel covers there, m2.
 
-    share: (materials,), mean diffuse reflectance of all bands. specular: (n,) bool, set where a surface is.
+    share: (materials,), mean diffuse reflectance of all bands. is_parallel: whether the camera's rays are.
     """
     for i in range(triangle.size):
         t = triangle[i]
         sheet[i], carried[i], footprint[i] = -1.0, 0.0, 0.0
-        if t < 0:
+        if t < 0 or share[surfaces.material[t]] == 0.0:
             continue
-        material, side = surfaces.material[t], facing_side(surfaces, t, direction, i)
-        specular[i] = radiometry.specular[material] > 0.0
-        if share[material] > 0.0:
-            sheet[i], carried[i] = surfaces.sheet[t, side], share[material] / _LOOKS
-            footprint[i] = _footprint(surfaces, eye, t, point(surfaces.corners, t, u[i], v[i]), direction[i])
+        sheet[i] = surfaces.sheet[t, facing_side(surfaces, t, sight.direction, i)]
+        carried[i] = sight.share[i] * share[surfaces.material[t]] / _LOOKS
+        way = 1.0 if is_parallel else _way(surfaces, sight, i, t, u[i], v[i])
+        footprint[i] = max(sight.angle[i] * way * way / max(_cosine(surfaces, sight, i, t), 1e-3), 1e-30)
 
 
 @njit(inline="always")
-def _footprint(surfaces, eye, t, place, direction):
-    """Surface (m2) of triangle t that a pixel shows at a place, along a camera ray of this direction."""
+def _way(surfaces, sight, i, t, u, v):
+    """m from the camera to where look i meets triangle t."""
+    return sight.way[i] + 1.0 / inverse_distance(surfaces, t, u, v, sight.origin[i])
+
+
+@njit(inline="always")
+def _cosine(surfaces, sight, i, t):
+    """Of the angle at which look i meets triangle t."""
     nx, ny, nz = unit_normal(surfaces, t)
-    dx, dy, dz = float(direction[0]), float(direction[1]), float(direction[2])
-    length = np.sqrt(dx * dx + dy * dy + dz * dz)
-    cosine = max(abs(nx * dx + ny * dy + nz * dz) / length, 1e-3)
-    x, y, z = place[0] - eye.matrix[0, 3], place[1] - eye.matrix[1, 3], place[2] - eye.matrix[2, 3]
-    distance = 1.0 if eye.kind == 1 else np.sqrt(x * x + y * y + z * z) / length
-    side = (eye.frame[1] - eye.frame[0]) / eye.width, (eye.frame[3] - eye.frame[2]) / eye.height
-    return max(side[0] * side[1] * distance * distance / cosine, 1e-30)
+    dx, dy, dz = float(sight.direction[i, 0]), float(sight.direction[i, 1]), float(sight.direction[i, 2])
+    return abs(nx * dx + ny * dy + nz * dz) / np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 @njit(**KERNEL)
-def _start_gathers(surfaces, key, first, tried, triangle, u, v, direction, origin, onward):
+def _follow(surfaces, radiometry, reflectance, key, first, bounce, triangle, u, v, sight, lost, onward):
+    """Send looks on that meet a specular surface, in one direction of its lobe; returns how many.
+
+    reflectance: (materials,), mean of all bands. lost: (looks,) bool, set for those that end there.
+    """
+    sent = 0
+    for i in range(triangle.size):
+        t = triangle[i]
+        if t < 0 or radiometry.specular[surfaces.material[t]] == 0.0:
+            continue
+        material, path = surfaces.material[t], path_key(key, first + sight.look[i])
+        nx, ny, nz = unit_normal(surfaces, t, facing_side(surfaces, t, sight.direction, i))
+        dx, dy, dz = float(sight.direction[i, 0]), float(sight.direction[i, 1]), float(sight.direction[i, 2])
+        inverse, weight, alpha = 1.0 / np.sqrt(dx * dx + dy * dy + dz * dz), 1.0, float(radiometry.alpha[material])
+        dx, dy, dz = dx * inverse, dy * inverse, dz * inverse
+        cosine = max(1e-6, -(nx * dx + ny * dy + nz * dz))
+        if alpha == 0.0:
+            dx, dy, dz = mirror(dx, dy, dz, nx, ny, nz, cosine)
+        else:
+            s, w = uniform(path, _DIMENSION + 4 * bounce + 2), uniform(path, _DIMENSION + 4 * bounce + 3)
+            dx, dy, dz, weight = reflect_in_lobe(dx, dy, dz, nx, ny, nz, cosine, alpha, s, w)
+        share = sight.share[i] * radiometry.specular[material] * reflectance[material] * weight
+        if share < _FAINT or bounce == _BOUNCES:
+            lost[sight.look[i]] = True
+            continue
+        x, y, z = point(surfaces.corners, t, u[i], v[i])
+        put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, onward.origin, onward.direction, sent)
+        onward.look[sent], onward.share[sent], onward.angle[sent] = sight.look[i], share, sight.angle[i]
+        onward.way[sent] = _way(surfaces, sight, i, t, u[i], v[i])
+        sent += 1
+    return sent
+
+
+@njit(**KERNEL)
+def _start_gathers(surfaces, key, first, bounce, tried, triangle, u, v, sight, origin, onward):
     """Start a ray of a final gather from each of the tried looks."""
     for row in range(tried.size):
         i = tried[row]
-        path, t = path_key(key, first + i), triangle[i]
-        x, y, z = cosine_direction(uniform(path, _DIMENSION), uniform(path, _DIMENSION + 1))
-        start_ray(
-            surfaces, 2 * t + facing_side(surfaces, t, direction, i), u[i], v[i], x, y, z, origin, onward, row
-        )  # fmt: skip
+        path, t, dimension = path_key(key, first + sight.look[i]), triangle[i], _DIMENSION + 4 * bounce
+        x, y, z = cosine_direction(uniform(path, dimension), uniform(path, dimension + 1))
+        code = 2 * t + facing_side(surfaces, t, sight.direction, i)
+        start_ray(surfaces, code, u[i], v[i], x, y, z, origin, onward, row)
 
 
 @njit(**KERNEL)
@@ -296,11 +398,14 @@ def _measure(surfaces, sheets, share, triangle, u, v, origin, direction, closene
 
 
 @njit(**KERNEL)
-def _group(sheet, carried):
+def _group(look, sheet, carried):
     """Looks of one pixel at one sheet gather together: the first carries what all do, the others nothing."""
-    for first in range(0, sheet.size, _LOOKS):
-        for i in range(first, first + _LOOKS):
-            for j in range(i + 1, first + _LOOKS):
-                if sheet[i] >= 0.0 and sheet[j] == sheet[i]:
-                    carried[i] += carried[j]
-                    carried[j] = 0.0
+    for i in range(look.size):
+        if sheet[i] < 0.0:
+            continue
+        j = i + 1
+        while j < look.size and look[j] // _LOOKS == look[i] // _LOOKS:
+            if sheet[j] == sheet[i]:
+                carried[i] += carried[j]
+                carried[j] = 0.0
+            j += 1

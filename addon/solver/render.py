@@ -186,7 +186,9 @@ def prepare(
     )
     power = side_power(surfaces, radiometry, area)
     lit = float(np.sum(pilot.importance * power / area))
-    lamp = choose_lamps(surfaces, power, pilot.matters, pilot.place, pilot.facing, lit)
+    lamp = choose_lamps(
+        surfaces, tracer, power, pilot.matters, pilot.place, pilot.facing, pilot.code, lit, pass_key(0, 12, PILOT)
+    )
     emitters = build_emitters(
         scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, area, power, lamp, pilot.open,
         layers[sky].traced if sky else scene.world_temperature, sky,
@@ -217,7 +219,7 @@ def prepare(
         return None
     splitting = plan_splitting(sheets, looks, reach2, settings.neighbours, photons) if photons else None
     price = max(splitting.price if splitting else 0.0, least_price(looks.variance))
-    samples = choose_samples(looks.variance, looks.mirrors, price)
+    samples = choose_samples(looks.variance, looks.unknown, price)
     log.info("%.1f camera rays a pixel and pass", samples.mean())
     weights = band_weights(scene.response, scene.band_edges)
     return Model(
@@ -238,7 +240,7 @@ def prepare(
         layer_weights=layer_factors(layers, scene.band_edges, reference) * weights,
         photons_per_pass=photons,
         hits_per_photon=hits,
-        rays_per_pixel=most_rays(splitting, samples, looks.mirrors, reach2, settings.neighbours)
+        rays_per_pixel=most_rays(splitting, samples, looks.unknown, reach2, settings.neighbours)
         if splitting
         else float(samples.max()),
     )

@@ -63,7 +63,7 @@ class Spread(NamedTuple):
 @njit(inline="always")
 def spread_around(splitting, pixel, sheet):
     """The Spread of a gather on a sheet that a pixel of the window shows. On sheets that none of the looks around met
-    (mirrors show them) it is that of the whole sheet, and nobody shares."""
+    (lobes show them) it is that of the whole sheet, and nobody shares."""
     key = splitting.block[pixel] * np.int64(splitting.sheets.density.size) + sheet
     keys = splitting.cells.key
     low, high = 0, keys.size
@@ -163,14 +163,14 @@ def plan_splitting(sheets: Sheets, looks: Looks, reach2: float, neighbours: int,
     splitting = Splitting(sheets, looks.cells, looks.block, looks.sensitivity, math.inf)
     pixels = len(looks.block)
     some = strata(pass_key(0, 7, PILOT), min(_PIXELS, pixels), pixels)
-    variance, mirrors, least = looks.variance[some], looks.mirrors[some], least_price(looks.variance[some])
+    variance, unknown, least = looks.variance[some], looks.unknown[some], least_price(looks.variance[some])
     rest = _usual(looks.cells.carried2 * looks.cells.rest, looks.cells.count) / pixels
     fixed = _FIXED + _PHOTON * photons / pixels
     noise, _ = noise_and_time(splitting, pixels, reach2, neighbours)
     tried = []
     for price in max(noise + rest, 1e-300) / (fixed + _CAMERA * FEWEST) * _PRICES:
         noise, time = noise_and_time(splitting._replace(price=price), pixels, reach2, neighbours)
-        samples = choose_samples(variance, mirrors, max(price, least))
+        samples = choose_samples(variance, unknown, max(price, least))
         noise += float(edge_variance(variance, samples).mean()) + rest
         tried.append((noise * (fixed + time + _CAMERA * samples.mean()), price))
     return splitting._replace(price=min(tried)[1])
@@ -191,16 +191,16 @@ def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours:
     return float(np.sum(count * variance)) / pixels, float(np.sum(count * np.where(rays, rays, _GATHER))) / pixels
 
 
-def most_rays(splitting: Splitting, samples: np.ndarray, mirrors: np.ndarray, reach2: float, neighbours: int) -> float:
+def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, reach2: float, neighbours: int) -> float:
     """Rays that a pixel sends, camera rays (p,) and final gathers: the mean of as many blocks as a tile has pixels of,
-    those that send most. mirrors: (p,) bool, pixels that also show what is in no cell; it is taken to send as many as
+    those that send most. unknown: (p,) bool, pixels that also show what is in no cell; it is taken to send as many as
     a cell does on average."""
     rays, _ = _in_cells(splitting, reach2, neighbours)
     pixels, cells = np.bincount(splitting.block), splitting.cells
     sent = np.bincount(splitting.block, samples, len(pixels))
     sent += np.bincount(cells.key // len(splitting.sheets.density), cells.count * rays, len(pixels))
     typical = np.average(rays, weights=cells.count) if len(rays) else _UNKNOWN
-    sent += np.bincount(splitting.block, mirrors * typical, len(pixels))
+    sent += np.bincount(splitting.block, unknown * typical, len(pixels))
     order = np.argsort(-sent / np.maximum(pixels, 1))
     most = order[: np.searchsorted(np.cumsum(pixels[order]), TILE * TILE) + 1]
     return float(sent[most].sum() / pixels[most].sum())

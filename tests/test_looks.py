@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What looks tell before the first pass, of all that the camera sees, in mirrors too."""
+
+import math
+
+import numpy as np
+import pytest
+from scenes import join, look, make_scene, quad, sphere
+
+from addon.solver import Camera, Material, Settings
+from addon.solver.antialiasing import FEWEST, UNKNOWN
+from addon.solver.looks import Cells
+from addon.solver.render import prepare
+
+EDGES = np.linspace(8.0, 12.0, 3)
+SIZE = 32  # pixels on each side
+REFLECTANCE = 0.8
+GREY, MIRROR = Material("grey", 0.5), Material("mirror", 1.0 - REFLECTANCE, specular=1.0)
+DENSITY, COUNT, CARRIED2 = map(Cells._fields.index, ("density", "count", "carried2"))
+
+
+def floor():
+    """Grey, and a warm plate to the side above it: vertices, triangles, K, material."""
+    return [(*quad((0, 0, 0), (20, 0, 0), (0, 20, 0)), 300.0, 0), (*quad((12, 0, 9), (0, 2, 0), (2, 0, 0)), 320.0, 0)]
+
+
+def cells_of(parts, camera):
+    """The columns of Cells, of those on the front of the first part alone."""
+    *mesh, material = join(*parts)
+    scene = make_scene(*mesh, [GREY, MIRROR], camera, EDGES, material, world_temperature=250.0)
+    model = prepare(scene, Settings(photons_per_pass=20_000))
+    cells, sheets = model.splitting.cells, model.splitting.sheets.density.size
+    seen = cells.key % sheets == model.surfaces.sheet[0, 0]
+    return [value[seen] for value in cells]
+
+
+def shown_area(cells):
+    """m2 of all pixels together: each shows one gather's share."""
+    return np.sum(cells[COUNT] / cells[DENSITY])
+
+
+def above(z):
+    matrix = np.eye(4)
+    matrix[2, 3] = z
+    return matrix
+
+
+@pytest.mark.parametrize(
+    "kind, frame, area",
+    [
+        ("PERSPECTIVE", (-1.5, 1.5, -1.0, 1.0), 6.0 * 4.0**2),
+        ("PERSPECTIVE", (0.5, 1.5, 0.0, 2.0), 2.0 * 4.0**2),
+        ("ORTHOGRAPHIC", (-3.0, 1.0, -2.0, 2.0), 16.0),
+    ],
+)
+def test_pixels_cover_the_area_that_the_camera_sees(kind, frame, area):
+    """Of a floor 4 m below: a pixel covers as much of it anywhere. To float32's rounding of rays."""
+    found = shown_area(cells_of(floor(), Camera(SIZE, SIZE, above(4.0), kind, frame)))
+    assert found == pytest.approx(area, rel=1e-4)
+
+
+def test_pixels_of_a_panorama_cover_less_near_the_poles():
+    """From within a sphere: the area between two parallels, to what its 1280 flat triangles, whose cosines lie within
+    1 % of 1, and the rows of pixels leave open."""
+    vertices, triangles = sphere(3, 2.0)
+    camera = Camera(SIZE, SIZE, np.eye(4), "PANORAMA", frame=(0.0, 1.0, 1.0, 1.1))
+    found = shown_area(cells_of([(vertices, triangles[:, ::-1], 300.0, 0)], camera))
+    assert found == pytest.approx((math.sin(1.1) - math.sin(1.0)) * 2.0**2, rel=0.03)
+
+
+PANES = {
+    "one": ([quad((0, 0, 5), (0, 3, 0), (3, 0, 0))], (0, 0, 3), (0, 0, 5), 7.0),  # looks up into it: 2 m and 5 m
+    "two": (  # to the right, by one to the left, by the other down: 6 m, 5 m and 6 m
+        [quad((0, 0, 6), (0, 0, 3), (2, 2, 0)), quad((0, 5, 6), (0, 5, -5), (5, 0, 0))], (-6, 0, 6), (0, 0, 6), 17.0
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("panes, position, target, way", PANES.values(), ids=PANES)
+def test_mirrors_show_what_their_images_would(panes, position, target, way):
+    """A camera that sees the floor by way of mirrors counts the same gathers on as much of it as one straight above,
+    as far away as the way is long, each bringing the mirrors' share less. To float32's rounding of rays."""
+    straight = cells_of(floor(), look((0, 0, way), (0, 0, 0), SIZE, SIZE, 0.2))
+    mirrors = [(*pane, 300.0, 1) for pane in panes]
+    reflected = cells_of([*floor(), *mirrors], look(position, target, SIZE, SIZE, 0.2))
+    assert shown_area(reflected) == pytest.approx(shown_area(straight), rel=1e-4)
+    assert np.sum(reflected[COUNT]) == np.sum(straight[COUNT]) == SIZE * SIZE
+    share = np.average(reflected[CARRIED2], weights=reflected[COUNT]) ** 0.5
+    assert share == pytest.approx(0.5 * REFLECTANCE ** len(panes), rel=1e-4)
+
+
+def test_what_looks_do_not_follow_is_told():
+    """Pixels of a surface that hardly reflects send more rays, as nobody knows what it shows; those of a mirror that
+    shows a plain floor as many as that takes."""
+    panes = [(*quad((x, 0, 5), (0, 3, 0), (1, 0, 0)), 300.0, material) for x, material in ((-1.0, 1), (1.0, 2))]
+    *mesh, material = join(*floor(), *panes)
+    materials = [GREY, MIRROR, Material("faint", 0.99, specular=1.0)]
+    camera = look((0, 0, 3), (0, 0, 5), SIZE, SIZE, 0.2)
+    samples = prepare(make_scene(*mesh, materials, camera, EDGES, material), Settings()).samples.reshape(SIZE, SIZE)
+    columns = sorted((samples[:, :10], samples[:, -10:]), key=np.sum)
+    assert np.all(columns[0] == FEWEST) and np.all(columns[1] >= UNKNOWN)
+
+
+def test_rough_lobes_send_as_many_rays_as_what_they_show_differs():
+    """A rough pane that shows a small hot plate in a cold sky needs many rays where it is near the plate's image, and
+    fewest where nothing but the sky is there."""
+    pane, plate = (
+        (*quad((0, 0, 0), (3, 0, 0), (0, 3, 0)), 300.0, 1),
+        (*quad((-2, 0, 1), (0, 0.2, 0), (0.2, 0, 0)), 600.0, 0),
+    )
+    *mesh, material = join(pane, plate)
+    materials = [Material("black", 1.0), Material("rough", 0.2, specular=1.0, roughness=0.4)]
+    camera = Camera(SIZE, SIZE, above(4.0), "ORTHOGRAPHIC", frame=(-3, 3, -3, 3))
+    scene = make_scene(*mesh, materials, camera, EDGES, material, world_temperature=250.0)
+    samples = prepare(scene, Settings()).samples.reshape(SIZE, SIZE)
+    beside = samples[12:20, 8:11]  # 0.5 m from the plate, in x
+    far = samples[:, -6:]
+    print(f"{beside.mean():.0f} rays near it, {far.mean():.1f} far off")
+    assert beside.mean() > 8 * far.mean()
