@@ -229,4 +229,61 @@ def street():
     return parts.scene(look((-0.6, -4.0, 3.2), (0.3, 12.0, 2.4), WIDTH, HEIGHT, 0.6), LWIR, 235.0)
 
 
-SCENES = {scene.__name__: scene for scene in (room, ring, cavity, engine, street)}
+def office():
+    """A closed office of 7 x 5 x 3 m with cold windows, metal furniture, small lamps, and a mirror that shows them."""
+    parts = Parts()
+    plaster, paint, glass = Material("plaster", PLASTER), Material("paint", PAINT), Material("glass", GLASS)
+    steel, aluminium, wood = Material("steel", 0.25), Material("aluminium", 0.12), Material("wood", 0.9)
+    vertices, triangles = box((7.0, 5.0, 3.0))
+    shell = zip((290, 288, 295, 291, 287, 296), (plaster, paint, plaster, paint, wood, plaster), strict=True)
+    for face, (temperature, material) in enumerate(shell):
+        parts.add((vertices, triangles[2 * face : 2 * face + 2, ::-1]), temperature, material)
+    parts.add(grid((6.99, 0.5, 0.9), (0, 0, 1.5), (0, 2.0, 0)), 275.0, glass)
+    parts.add(grid((6.99, 3.0, 0.9), (0, 0, 1.5), (0, 1.5, 0)), 276.0, glass)
+    parts.add(grid((2.0, 4.99, 0.8), (2.0, 0, 0), (0, 0, 1.4)), 292.0, Material("mirror", 0.06, specular=1.0))
+    for x in (1.5, 3.2, 4.9):  # desks with a screen, a computer and a lamp
+        parts.add(box((1.3, 0.7, 0.03)), 291.0, wood, (x, 1.0, 0.72))
+        parts.add(box((0.05, 0.6, 0.72)), 291.0, steel, (x + 0.05, 1.05, -0.01))
+        parts.add(box((0.05, 0.6, 0.72)), 291.0, steel, (x + 1.2, 1.05, -0.01))
+        parts.add(box((0.5, 0.03, 0.35)), 300.0 + 4.0 * x, aluminium, (x + 0.4, 1.5, 0.8))
+        parts.add(box((0.2, 0.4, 0.4)), 305.0 + 5.0 * x, steel, (x + 0.9, 1.1, 0.05))
+        parts.add(sphere(3, 0.06), 340.0, wood, (x + 0.1, 1.2, 1.1))
+    for shelf in range(4):
+        parts.add(box((0.9, 0.3, 0.02)), 291.5, aluminium, (0.2, 2.5, 0.5 + 0.5 * shelf))
+    parts.add(box((1.0, 0.4, 1.8)), 289.0, steel, (5.5, 4.5, -0.01))
+    parts.add(cylinder((4.5, 3.2, -0.01), (4.5, 3.2, 1.3), 0.22, 32), 303.0, paint)  # a person
+    parts.add(sphere(3, 0.13), 307.0, Material("skin", 0.98), (4.5, 3.2, 1.5))
+    return parts.scene(look((0.4, 0.5, 1.8), (4.5, 3.0, 0.9), WIDTH, HEIGHT, 0.7), LWIR, 285.0)
+
+
+def bay():
+    """An engine bay where parts reach through one another, few of them hot, among these rings: 100,000 triangles."""
+    random = np.random.default_rng(11)
+    parts = Parts()
+    temperatures = np.round(np.linspace(300, 800, 20))
+    materials = [Material("rust", RUST), Material("enamel", ENAMEL), Material("aluminium", 0.2), Material("iron", 0.6)]
+    vertices, triangles = box((1.4, 1.0, 0.5))
+    parts.add((vertices, triangles[:10, ::-1]), 305.0, materials[1])
+    parts.add(grid((-3, -3, -0.001), (8, 0, 0), (0, 8, 0)), 290.0, materials[3])
+
+    def pick():
+        return temperatures[int(20 * random.random() ** 2.5)], materials[random.integers(4)]
+
+    while sum(map(len, parts.triangles)) < 100_000:
+        kind, at = random.integers(4), random.uniform((0.05, 0.05, 0.03), (1.3, 0.9, 0.4))
+        if kind == 0:
+            radius, tube = random.uniform(0.03, 0.08), random.uniform(0.004, 0.012)
+            angle = np.linspace(0, 2 * np.pi, 13)
+            profile = np.column_stack((radius + tube * np.cos(angle), tube * np.sin(angle)))
+            parts.add(revolve(profile, 40), *pick(), at)
+        elif kind == 1:
+            parts.add(box(random.uniform(0.03, 0.1, 3)), *pick(), at)
+        elif kind == 2:
+            parts.add(sphere(3, random.uniform(0.01, 0.05)), *pick(), at)
+        else:
+            end = at + random.normal(0, 0.1, 3)
+            parts.add(cylinder(at, end, random.uniform(0.005, 0.03), 32, 6), *pick())
+    return parts.scene(look((0.7, 0.2, 1.5), (0.7, 0.5, 0.1), WIDTH, HEIGHT, 0.45), ENGINE_BANDS, 255.0)
+
+
+SCENES = {scene.__name__: scene for scene in (room, ring, cavity, engine, street, office, bay)}

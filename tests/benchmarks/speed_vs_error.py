@@ -42,7 +42,15 @@ from speed_scenes import SCENES  # noqa: E402
 from addon.solver import Settings, render  # noqa: E402
 from addon.solver.spectrum import apparent_temperature  # noqa: E402
 
-TARGETS = {"room": (200, 20), "ring": (10, 10), "cavity": (10, 10), "engine": (10, 10)}  # trimmed, all pixels
+ROOM, OTHER = (200, 20), (10, 10)  # trimmed, all pixels
+TARGETS = {
+    "room": ROOM,
+    "ring": OTHER,
+    "cavity": OTHER,
+    "engine": OTHER,
+    "office": ROOM,
+    "bay": OTHER,
+}  # trimmed, all pixels
 # K of the isothermal scene that the reference subtracts (0: none), and the s that it takes.
 REFERENCES = {
     "room": (291.0, 100),
@@ -50,6 +58,8 @@ REFERENCES = {
     "cavity": (300.0, 400),
     "engine": (290.0, 250),
     "street": (277.0, 80),
+    "office": (291.0, 110),
+    "bay": (300.0, 150),
 }
 OTHER_REFERENCE = (0.0, 600)  # of scenes that are not in the list
 REFERENCE_PEER = "mitsuba"  # renders negative radiance too
