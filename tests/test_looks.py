@@ -103,7 +103,7 @@ def test_what_looks_do_not_follow_is_told():
 
 def test_rough_lobes_send_as_many_rays_as_what_they_show_differs():
     """A rough pane that shows a small hot plate in a cold sky needs many rays where it is near the plate's image, and
-    fewest where nothing but the sky is there."""
+    fewer far away. Of a lobe looks do not tell all, so those are 16."""
     pane, plate = (
         (*quad((0, 0, 0), (3, 0, 0), (0, 3, 0)), 300.0, 1),
         (*quad((-2, 0, 1), (0, 0.2, 0), (0.2, 0, 0)), 600.0, 0),
@@ -116,4 +116,4 @@ def test_rough_lobes_send_as_many_rays_as_what_they_show_differs():
     beside = samples[12:20, 8:11]  # 0.5 m from the plate, in x
     far = samples[:, -6:]
     print(f"{beside.mean():.0f} rays near it, {far.mean():.1f} far off")
-    assert beside.mean() > 8 * far.mean()
+    assert beside.mean() > 4 * far.mean() and np.all(far >= UNKNOWN)

@@ -353,8 +353,12 @@ def test_exported_bands_obey_plancks_law(hour, exported):
         def mean(share, kelvin, wavelength=wavelength * 1e-6):
             return np.mean(share * 2e-6 * h * c**2 / wavelength**5 / np.expm1(h * c / (wavelength * k * kelvin)))
 
-        least = mean(emissivity, table) + mean(1 - emissivity, sky)
-        most = least + share * (mean(1 - emissivity, ring) - mean(1 - emissivity, sky))
+        # a band's reflectance is one mean, weighted by what most of the light comes from (docs/method.md, section 2)
+        reflectance = [mean(1 - emissivity, source) / mean(1.0, source) for source in (table, sky, ring)]
+        least = mean(emissivity, table) + min(reflectance) * mean(1.0, sky)
+        most = mean(emissivity, table) + max(reflectance) * (
+            mean(1.0, sky) + share * (mean(1.0, ring) - mean(1.0, sky))
+        )
         image = images[f"{low:.2f}-{high:.2f}um".replace(".", ",") + ".V"][corner]
         kelvin = 3 * images["Noise.V"][corner]  # standard errors
         slack = kelvin * (mean(1.0, table + 0.5) - mean(1.0, table - 0.5))

@@ -71,8 +71,9 @@ class Looks(NamedTuple):
     sensitivity: float64, how much the apparent temperature depends on the radiance, with a mean square of 1.
     variance: float64, W2 sr-2 m-4 of the radiance that single camera rays see, times the square of the sensitivity; or
     a sixteenth of those in the pixels around together, if that is more.
-    unknown: bool, whether it shows a specular surface from which a look did not go on, as little was left of it or it
-    was the last of many. block: int32, number of the block it lies in.
+    unknown: bool, whether it shows a rough lobe, of which a few looks do not say all, or a specular surface from which
+    a look did not go on, as little was left of it or it was the last of many. block: int32, number of the block it lies
+    in.
     """
 
     sensitivity: np.ndarray
@@ -161,7 +162,7 @@ def look_at_pixels(
     def look(first: int):
         pixels = np.arange(first, first if cancelled() else min(first + _TOGETHER, len(block)))
         sight, reach = _straight(eye, key, pixels)
-        seen, lost = np.zeros(len(sight.look)), np.zeros(len(sight.look), np.bool_)
+        seen, unclear = np.zeros(len(sight.look)), np.zeros(len(sight.look), np.bool_)
         found = []
         for bounce in range(_BOUNCES + 1):
             hits = tracer.trace(sight.origin, sight.direction, reach)
@@ -169,7 +170,7 @@ def look_at_pixels(
             found.append(try_gathers(first, bounce, hits, sight))
             onward = _Sight(*map(np.empty_like, sight))
             sent = _follow(
-                surfaces, radiometry, reflectance, key, _LOOKS * first, bounce, *hits, sight, lost, onward
+                surfaces, radiometry, reflectance, key, _LOOKS * first, bounce, *hits, sight, unclear, onward
             )  # fmt: skip
             sight = _Sight(*(column[:sent] for column in onward))
             if len(sight.look) == 0:
@@ -177,7 +178,7 @@ def look_at_pixels(
             reach = np.full(len(sight.look), 1e37, np.float32)
         each = seen.reshape(-1, _LOOKS)
         mean[pixels], variance[pixels] = each.mean(axis=1), each.var(axis=1, ddof=1)
-        unknown[pixels] = lost.reshape(-1, _LOOKS).any(axis=1)
+        unknown[pixels] = unclear.reshape(-1, _LOOKS).any(axis=1)
         return found
 
     with ThreadPoolExecutor(threads) as pool:
@@ -329,10 +330,11 @@ def _cosine(surfaces, sight, i, t):
 
 
 @njit(**KERNEL)
-def _follow(surfaces, radiometry, reflectance, key, first, bounce, triangle, u, v, sight, lost, onward):
+def _follow(surfaces, radiometry, reflectance, key, first, bounce, triangle, u, v, sight, unclear, onward):
     """Send looks on that meet a specular surface, in one direction of its lobe; returns how many.
 
-    reflectance: (materials,), mean of all bands. lost: (looks,) bool, set for those that end there.
+    reflectance: (materials,), mean of all bands. unclear: (looks,) bool, set for those that end there and for those
+    that met a rough lobe, which differs from ray to ray.
     """
     sent = 0
     for i in range(triangle.size):
@@ -351,8 +353,9 @@ def _follow(surfaces, radiometry, reflectance, key, first, bounce, triangle, u, 
             s, w = uniform(path, _DIMENSION + 4 * bounce + 2), uniform(path, _DIMENSION + 4 * bounce + 3)
             dx, dy, dz, weight = reflect_in_lobe(dx, dy, dz, nx, ny, nz, cosine, alpha, s, w)
         share = sight.share[i] * radiometry.specular[material] * reflectance[material] * weight
-        if share < _FAINT or bounce == _BOUNCES:
-            lost[sight.look[i]] = True
+        ends = share < _FAINT or bounce == _BOUNCES
+        unclear[sight.look[i]] |= ends or alpha > 0.0
+        if ends:
             continue
         x, y, z = point(surfaces.corners, t, u[i], v[i])
         put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, onward.origin, onward.direction, sent)
