@@ -340,7 +340,8 @@ def test_exported_bands_obey_plancks_law(hour, exported):
     than the sky nor brighter than a blackbody at its own temperature (the table is colder)."""
     header, images = exported
     edges = np.array([float(edge) for edge in header["bandEdges"].split()])
-    table, sky, ring = hour["temperature"], 250.0, 340.0  # K; all but the first as the file has it
+    table, sky, ring, heater = hour["temperature"], 250.0, 340.0, 1000.0  # K; all but the first as the file has it
+    reference = float(header["referenceTemperature"])
     radius, height, nearest = 0.106, 0.05, hour["nearest corner"] - 0.01  # m, outer ring; 0.01: more than two pixels
     # share of the hemisphere, by cosine, of a sector as wide as the ring and as high as its near side
     share = np.arcsin(radius / nearest) / np.pi * np.sin(np.arctan(height / (nearest - radius))) ** 2
@@ -353,12 +354,13 @@ def test_exported_bands_obey_plancks_law(hour, exported):
         def mean(share, kelvin, wavelength=wavelength * 1e-6):
             return np.mean(share * 2e-6 * h * c**2 / wavelength**5 / np.expm1(h * c / (wavelength * k * kelvin)))
 
-        # a band's reflectance is one mean, weighted by what most of the light comes from (docs/method.md, section 2)
-        reflectance = [mean(1 - emissivity, source) / mean(1.0, source) for source in (table, sky, ring)]
-        least = mean(emissivity, table) + min(reflectance) * mean(1.0, sky)
-        most = mean(emissivity, table) + max(reflectance) * (
-            mean(1.0, sky) + share * (mean(1.0, ring) - mean(1.0, sky))
-        )
+        # a band's reflectance is one mean, weighted by what lights the image, and light counts by what it differs from
+        # that at T0 (docs/method.md, sections 2 and 3)
+        reflectance = [mean(1 - emissivity, source) / mean(1.0, source) for source in (table, sky, ring, heater)]
+        even = mean(1.0, reference) + mean(emissivity, table) - mean(emissivity, reference)
+        lit = np.array([mean(1.0, sky), mean(1.0, sky) + share * (mean(1.0, ring) - mean(1.0, sky))])
+        possible = even + np.outer(reflectance, lit - mean(1.0, reference))
+        least, most = possible[:, 0].min(), possible[:, 1].max()
         image = images[f"{low:.2f}-{high:.2f}um".replace(".", ",") + ".V"][corner]
         kelvin = 3 * images["Noise.V"][corner]  # standard errors
         slack = kelvin * (mean(1.0, table + 0.5) - mean(1.0, table - 0.5)) + 1e-6 * least  # float32
