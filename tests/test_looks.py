@@ -59,13 +59,17 @@ def test_pixels_cover_the_area_that_the_camera_sees(kind, frame, area):
     assert found == pytest.approx(area, rel=1e-4)
 
 
-def test_pixels_of_a_panorama_cover_less_near_the_poles():
+@pytest.mark.parametrize("top, least", [(1.1, 0.97), (math.pi / 2, 0.45)])
+def test_pixels_of_a_panorama_cover_less_near_the_poles(top, least):
     """From within a sphere: the area between two parallels, to what its 1280 flat triangles, whose cosines lie within
-    1 % of 1, and the rows of pixels leave open."""
+    1 % of 1, and the rows of pixels leave open. At a pole it is less, as densities are averaged, not areas: rows at i =
+    1 .. n from it have the harmonic mean of i, n / (ln n + 0.58), for (n + 1) / 2, at worst: 0.48 of it for 32."""
     vertices, triangles = sphere(3, 2.0)
-    camera = Camera(SIZE, SIZE, np.eye(4), "PANORAMA", frame=(0.0, 1.0, 1.0, 1.1))
+    camera = Camera(SIZE, SIZE, np.eye(4), "PANORAMA", frame=(0.0, 1.0, top - 0.1, top))
     found = shown_area(cells_of([(vertices, triangles[:, ::-1], 300.0, 0)], camera))
-    assert found == pytest.approx((math.sin(1.1) - math.sin(1.0)) * 2.0**2, rel=0.03)
+    truth = (math.sin(top) - math.sin(top - 0.1)) * 2.0**2
+    print(f"{found / truth:.3f}")
+    assert least < found / truth < 1.03
 
 
 PANES = {
@@ -97,8 +101,7 @@ def test_what_looks_do_not_follow_is_told():
     materials = [GREY, MIRROR, Material("faint", 0.99, specular=1.0)]
     camera = look((0, 0, 3), (0, 0, 5), SIZE, SIZE, 0.2)
     samples = prepare(make_scene(*mesh, materials, camera, EDGES, material), Settings()).samples.reshape(SIZE, SIZE)
-    columns = sorted((samples[:, :10], samples[:, -10:]), key=np.sum)
-    assert np.all(columns[0] == FEWEST) and np.all(columns[1] >= UNKNOWN)
+    assert np.all(samples[:, :10] >= UNKNOWN) and np.all(samples[:, -10:] == FEWEST)  # who looks up sees +x at the left
 
 
 def test_rough_lobes_send_as_many_rays_as_what_they_show_differs():

@@ -654,7 +654,7 @@ def _largest(throughput):
 @njit(inline="always")
 def _mirror(surfaces, radiometry, hit, bounce, i, full, rays, sent, onward):
     """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live, which
-    it does for sure if as much is left as `full`."""
+    but after many bounces it does for sure if as much is left as `full`."""
     path = rays.path[i]
     material = surfaces.material[hit.triangle]
     rho = radiometry.reflectance[material]

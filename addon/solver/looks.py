@@ -35,7 +35,7 @@ _LOOKS = 16  # rays that look at a pixel
 _BOUNCES = 8  # on specular surfaces, that a look follows
 _FAINT = 1.0 / 64.0  # share of a look below which it does not go on
 _EDGE, _BLOCKS = 8, 4096  # pixels on each side of a block, at least; and blocks of an image, at most
-_TRIED = 256  # rays of final gathers that are tried in a block
+_TRIED = 256  # rays of final gathers that are tried in a block, of those after as many bounces
 _TOGETHER = 1 << 10  # pixels that are looked at together
 _STEP = 1e-3  # of the radiance, to see how the temperature changes with it
 _FAINTEST = 0.05  # of the image's mean radiance: fainter pixels are taken to have that, as 0 K has no slope
@@ -51,8 +51,8 @@ class Cells(NamedTuple):
     over what photons of the trial pass say of the whole sheet. ray_noise: W2 sr-2 m-4, variance of the radiance that a
     ray from there meets, and of what it recalls. closeness: 1 / m, mean to what it meets. density: 1 / m2, gathers of a
     pass. rest: W2 sr-2 m-4, variance that photons leave however many rays ask for what they say, and that of caustics.
-    count: of gathers, one for each pixel that shows the sheet. carried2: mean square of what they bring, as a share of
-    the pixel times its sensitivity.
+    count: of gathers, one for each pixel and number of bounces that shows the sheet. carried2: mean square of what they
+    bring, as a share of the pixel times its sensitivity.
     """
 
     key: np.ndarray
@@ -205,19 +205,21 @@ def _straight(eye: Eye, key: np.uint64, pixels: np.ndarray) -> tuple[_Sight, np.
 @njit(**KERNEL)
 def _open(eye, origin, direction, way, angle):
     """The way that camera rays (n,) have come where they start, and the solid angle of the pixels around them."""
-    size = (eye.frame[1] - eye.frame[0]) / eye.width * ((eye.frame[3] - eye.frame[2]) / eye.height)
+    high = (eye.frame[3] - eye.frame[2]) / eye.height
+    size = (eye.frame[1] - eye.frame[0]) / eye.width * high
     for i in range(way.size):
-        square = length2 = rise = 0.0
+        square = length2 = right = back = 0.0
         for axis in range(3):
             d = float(direction[i, axis])
             square += (origin[i, axis] - eye.matrix[axis, 3]) ** 2
             length2 += d * d
-            rise += d * eye.matrix[axis, 1]
+            right += d * eye.matrix[axis, 0]
+            back += d * eye.matrix[axis, 2]
         way[i], angle[i] = np.sqrt(square), size
         if eye.kind == 0:
             angle[i] /= length2 * np.sqrt(length2)
-        elif eye.kind == 2:
-            angle[i] *= np.sqrt(max(1.0 - rise * rise, 0.0))  # circles of latitude are shorter
+        elif eye.kind == 2:  # circles of latitude are shorter; next to a pole as in the middle of a pixel
+            angle[i] *= max(np.sqrt(right * right + back * back), 0.5 * high)
 
 
 def _blocks(width: int, height: int, edge: int) -> np.ndarray:

@@ -32,7 +32,7 @@ _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
 _UNKNOWN = 64.0  # rays of a final gather that are foreseen where looks tell of none
 _LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
-_PIXELS = 4096  # whose camera rays are counted to find the best price
+_PIXELS, _CELLS = 4096, 1 << 16  # whose rays are counted to find the best price, at most
 _USUAL = 0.95  # share of the gathers by which is told what photons leave in the end
 _PRICES = np.geomspace(1e-4, 1e1, 31)  # tried, over that of photons alone
 
@@ -63,7 +63,7 @@ class Spread(NamedTuple):
 @njit(inline="always")
 def spread_around(splitting, pixel, sheet):
     """The Spread of a gather on a sheet that a pixel of the window shows. On sheets that none of the looks around met
-    (lobes show them) it is that of the whole sheet, and nobody shares."""
+    (small, or seen by many mirrors) it is that of the whole sheet, and nobody shares."""
     key = splitting.block[pixel] * np.int64(splitting.sheets.density.size) + sheet
     keys = splitting.cells.key
     low, high = 0, keys.size
@@ -166,14 +166,24 @@ def plan_splitting(sheets: Sheets, looks: Looks, reach2: float, neighbours: int,
     variance, unknown, least = looks.variance[some], looks.unknown[some], least_price(looks.variance[some])
     rest = _usual(looks.cells.carried2 * looks.cells.rest, looks.cells.count) / pixels
     fixed = _FIXED + _PHOTON * photons / pixels
-    noise, _ = noise_and_time(splitting, pixels, reach2, neighbours)
+    usual, pixels = _fewer_cells(splitting, pixels)
+    noise, _ = noise_and_time(usual, pixels, reach2, neighbours)
     tried = []
     for price in max(noise + rest, 1e-300) / (fixed + _CAMERA * FEWEST) * _PRICES:
-        noise, time = noise_and_time(splitting._replace(price=price), pixels, reach2, neighbours)
+        noise, time = noise_and_time(usual._replace(price=price), pixels, reach2, neighbours)
         samples = choose_samples(variance, unknown, max(price, least))
         noise += float(edge_variance(variance, samples).mean()) + rest
         tried.append((noise * (fixed + time + _CAMERA * samples.mean()), price))
     return splitting._replace(price=min(tried)[1])
+
+
+def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:
+    """The same with _CELLS of its cells at most, and the pixels that have as many."""
+    cells = splitting.cells
+    if len(cells.key) <= _CELLS:
+        return splitting, pixels
+    some = strata(pass_key(0, 13, PILOT), _CELLS, len(cells.key))
+    return splitting._replace(cells=Cells(*(column[some] for column in cells))), pixels * _CELLS / len(cells.key)
 
 
 def _usual(value: np.ndarray, count: np.ndarray) -> float:
@@ -184,7 +194,7 @@ def _usual(value: np.ndarray, count: np.ndarray) -> float:
     return float(np.sum(value * kept))
 
 
-def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours: int) -> tuple[float, float]:
+def noise_and_time(splitting: Splitting, pixels: float, reach2: float, neighbours: int) -> tuple[float, float]:
     """Mean variance and time that gathers in free space bring to each of the pixels."""
     rays, variance = _in_cells(splitting, reach2, neighbours)
     count = splitting.cells.count
@@ -193,7 +203,7 @@ def noise_and_time(splitting: Splitting, pixels: int, reach2: float, neighbours:
 
 def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, reach2: float, neighbours: int) -> float:
     """Rays that a pixel sends, camera rays (p,) and final gathers: the mean of as many blocks as a tile has pixels of,
-    those that send most. unknown: (p,) bool, pixels that also show what is in no cell; it is taken to send as many as
+    those that send most. unknown: (p,) bool, pixels that may show what is in no cell; it is taken to send as many as
     a cell does on average."""
     rays, _ = _in_cells(splitting, reach2, neighbours)
     pixels, cells = np.bincount(splitting.block), splitting.cells
