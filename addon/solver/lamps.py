@@ -141,6 +141,18 @@ def _unsureness(surfaces, tracer, side_power, label, place, facing, code, key) -
     return float(np.sum(seen * (unhidden - seen))) / total if total > 0.0 else math.inf
 
 
+@njit(inline="always")
+def _point_on(surfaces, code, s, w):
+    """Barycentric coordinates, place and normal of a point on side `code` (2 triangle + side), uniform over its area
+    and clear of it."""
+    t = code >> 1
+    nx, ny, nz = unit_normal(surfaces, t, code & 1)
+    u, v = triangle_point(s, w)
+    x, y, z = point(surfaces.corners, t, u, v)
+    x, y, z = clear_of(surfaces, t, x, y, z, nx, ny, nz)
+    return u, v, x, y, z, nx, ny, nz
+
+
 @njit(**KERNEL)
 def _aim(surfaces, sides, cumulative, place, facing, code, key, origin, direction, caused):
     """Rays from each place to _AIMED points on a sheet, and the irradiance, m-2, for 1 W of its power, that they would
@@ -148,11 +160,7 @@ def _aim(surfaces, sides, cumulative, place, facing, code, key, origin, directio
     for i in range(caused.size):
         path, receiver = path_key(key, i), i // _AIMED
         chosen = sides[min(np.searchsorted(cumulative, uniform(path, 0)), sides.size - 1)]
-        t = chosen >> 1
-        u, v = triangle_point(uniform(path, 1), uniform(path, 2))
-        nx, ny, nz = unit_normal(surfaces, t, chosen & 1)
-        x, y, z = point(surfaces.corners, t, u, v)
-        x, y, z = clear_of(surfaces, t, x, y, z, nx, ny, nz)
+        _, _, x, y, z, nx, ny, nz = _point_on(surfaces, chosen, uniform(path, 1), uniform(path, 2))
         fx, fy, fz = facing[receiver]
         px, py, pz = place[receiver]
         ox, oy, oz = clear_of(surfaces, code[receiver] >> 1, px, py, pz, fx, fy, fz)
@@ -234,12 +242,7 @@ def lamp_points(lamps, surfaces, key):
         points.entry[i] = entry
         s, w = uniform(path, 1), uniform(path, 2)
         if entry < lamps.code.size:
-            code = lamps.code[entry]
-            t = code >> 1
-            nx, ny, nz = unit_normal(surfaces, t, code & 1)
-            u, v = triangle_point(s, w)
-            x, y, z = point(surfaces.corners, t, u, v)
-            x, y, z = clear_of(surfaces, t, x, y, z, nx, ny, nz)
+            u, v, x, y, z, nx, ny, nz = _point_on(surfaces, lamps.code[entry], s, w)
             points.position[i, 0], points.position[i, 1], points.position[i, 2] = x, y, z
             points.normal[i, 0], points.normal[i, 1], points.normal[i, 2] = nx, ny, nz
             points.u[i], points.v[i] = u, v

@@ -125,7 +125,7 @@ def look_at_pixels(
     while -(-width // edge) * -(-height // edge) > _BLOCKS:
         edge += 1
     block = _blocks(width, height, edge)
-    mean, variance, unknown = np.empty(len(block)), np.empty(len(block)), np.empty(len(block), np.bool_)
+    mean, variance, unknown = np.zeros(len(block)), np.zeros(len(block)), np.zeros(len(block), np.bool_)
     reflectance = radiometry.reflectance.mean(axis=1)
     share = (1.0 - radiometry.specular) * reflectance
     seen_lamps = np.zeros_like(shines)
