@@ -44,7 +44,7 @@ SIZE = 256  # pixels on each side of a picture, as in the paper
 PHOTONS = 30_000_000  # thrown in all, of which about a tenth is stored: the paper's 3,000,000
 TIMED = (1, 2, 5, 10, 30, 60)  # passes of figure 2
 GATHERED = 600  # photons that all maps together count in one estimate, figure 2
-SEEDS = 2  # of figure 3, to tell chance
+SEEDS = 5  # of figure 3, to tell chance
 NOISE_PHOTONS, NOISE_NEIGHBOURS = 3_000_000, 50  # of a pass of figure 4, a tenth of the paper's
 NOISE_PASSES = (1, 5, 20, 250)  # of its pictures
 TUBE_PHOTONS, TUBE_PASSES = 1_360_000, 50  # thrown in one pass of figure 1, of which a million are stored
@@ -253,16 +253,23 @@ def keep(counts: tuple[int, ...], who: str, panels: Panels) -> Callable[[Film], 
     return on_pass
 
 
-def ours_after(counts: tuple[int, ...], scene: Scene, photons: int) -> Panels:
-    """Images of the engine's estimator after so many passes, each of so many photons."""
+def ours_after(counts: tuple[int, ...], scene: Scene, photons: int, blocks: Blocks) -> Panels:
+    """Images of the engine's estimator after so many passes, each of so many photons. blocks: to be filled."""
     panels = []
-    ours(scene, keep(counts, "here", panels), passes=counts[-1], photons_per_pass=photons, threads=0)
+    keep_panels = keep(counts, "here", panels)
+
+    def on_pass(film):
+        blocks.add(film)
+        keep_panels(film)
+
+    ours(scene, on_pass, passes=counts[-1], photons_per_pass=photons, threads=0)
     return panels
 
 
 def tube() -> str:
     """Figure 1: few and many photons."""
-    counts, scene, phases, blocks = (1, TUBE_PASSES), tube_scene(), Phases(), Blocks((1, TUBE_PASSES // 2))
+    counts, scene, phases = (1, TUBE_PASSES), tube_scene(), Phases()
+    blocks, of_ours = (Blocks((1, TUBE_PASSES // 2)) for _ in range(2))
     stored, theirs = [], []
     keep_theirs = keep(counts, "paper", theirs)
     with phases.watch() as add_times:
@@ -274,12 +281,16 @@ def tube() -> str:
             stored.append(phases.stored)
 
         papers(scene, on_pass, passes=TUBE_PASSES, photons_per_pass=TUBE_PHOTONS, neighbours=50)
-    draw("tube", [theirs, ours_after(counts, scene, TUBE_PHOTONS)], RADIANCE)
+    draw("tube", [theirs, ours_after(counts, scene, TUBE_PHOTONS, of_ours)], RADIANCE)
+
+    def noises(passes):
+        return f"{blocks.noise(passes):.3f}", f"{of_ours.noise(passes):.3f}"
+
     return table(
-        ("passes", "photons stored", "paper: photons in the map", "noise, W m-2 sr-1"),
-        (1, f"{stored[0]:,}", "1,000,000", f"{blocks.noise(1):.3f}"),
-        (TUBE_PASSES // 2, f"{stored[-1] // 2:,}", "", f"{blocks.noise(TUBE_PASSES // 2):.3f}"),
-        (TUBE_PASSES, f"{stored[-1]:,}", "about 100,000,000", ""),
+        ("passes", "photons stored", "paper: photons in the map", "noise, W m-2 sr-1", "noise of ours"),
+        (1, f"{stored[0]:,}", "1,000,000", *noises(1)),
+        (TUBE_PASSES // 2, f"{stored[-1] // 2:,}", "", *noises(TUBE_PASSES // 2)),
+        (TUBE_PASSES, f"{stored[-1]:,}", "about 100,000,000", "", ""),
     )
 
 
@@ -300,9 +311,11 @@ def times() -> str:
     rows = []
     for m, p in theirs.items():
         camera = p.rendering - p.gathering
-        spent = (p.tracing, p.sorting, p.rendering, p.gathering, camera, p.total, p.total - camera, here[m].total)
+        spent = (p.tracing, p.sorting, p.rendering, p.gathering, camera, p.total, p.total - camera)
+        spent += (here[m].tracing, here[m].sorting, here[m].rendering, here[m].total)
         rows.append((m, f"{p.stored:,}", GATHERED // m, *(f"{seconds:.1f}" for seconds in spent)))
-    seconds = (f"{name}, s" for name in (*head, "our estimator, all"))
+    head += tuple(f"ours: {name}" for name in ("tracing", "sorting", "rendering", "all"))
+    seconds = (f"{name}, s" for name in head)
     return table(("passes", "photons stored", "neighbours", *seconds), *rows)
 
 
@@ -369,7 +382,8 @@ def noise() -> str:
     """Figure 4: more and more passes."""
     most = NOISE_PASSES[-1]
     sizes = (*NOISE_PASSES[:-1], 2 * NOISE_PASSES[1], 2 * NOISE_PASSES[2], most // 2)
-    scene, blocks, theirs = ring_scene(), Blocks(tuple(sorted(sizes))), []
+    scene, theirs = ring_scene(), []
+    blocks, of_ours = (Blocks(tuple(sorted(sizes))) for _ in range(2))
     keep_theirs = keep(NOISE_PASSES, "paper", theirs)
 
     def on_pass(film):
@@ -377,12 +391,16 @@ def noise() -> str:
         keep_theirs(film)
 
     papers(scene, on_pass, passes=most, photons_per_pass=NOISE_PHOTONS, neighbours=NOISE_NEIGHBOURS)
-    draw("noise", [theirs, ours_after(NOISE_PASSES, scene, NOISE_PHOTONS)], RADIANCE)
-    one = blocks.noise(1)
+    draw("noise", [theirs, ours_after(NOISE_PASSES, scene, NOISE_PHOTONS, of_ours)], RADIANCE)
+
+    def noises(of, passes):
+        return f"{of.noise(passes):.4f}", f"{of.noise(passes) / of.noise(1):.4f}"
+
+    head = "noise, W m-2 sr-1", "over that of 1 pass", "1 / root of the passes", "paper: 1 / passes"
     return table(
-        ("passes", "blocks", "noise, W m-2 sr-1", "over that of 1 pass", "1 / root of the passes", "paper: 1 / passes"),
+        ("passes", "blocks", *head, "noise of ours", "over that of 1 pass"),
         *(
-            (m, len(images), f"{blocks.noise(m):.4f}", f"{blocks.noise(m) / one:.4f}", f"{m**-0.5:.4f}", f"{1 / m:.4f}")
+            (m, len(images), *noises(blocks, m), f"{m**-0.5:.4f}", f"{1 / m:.4f}", *noises(of_ours, m))
             for m, images in blocks.images.items()
         ),
     )

@@ -245,17 +245,17 @@ def plates(view, hot=0.8, cold=0.4, specular=0.0, edges=NARROW):
     return scene, {"hot": j1, "cold": j2, "both": (j1 + j2) / 2}[view]
 
 
-def closed_sphere(view, cap=0.3, rest=0.9, edges=NARROW, hottest=None, subdivisions=4):
+def closed_sphere(view, cap=0.3, rest=0.9, edges=NARROW, hottest=None):
     """A closed diffuse sphere.
 
     A cap of a quarter of the area at 400 K, the rest at 300 K. E / pi = sum of f e B over sum of f e at every point, f
     the shares of the area; L = e B + (1 - e) E / pi (Modest, chapter 5; on a sphere every point has the same view
-    factor to an element of area). f is that of the mesh. "Ramp": the cap's temperature grows linearly with z inside
-    each triangle, up to 500 K, and B is integrated over the triangles (midpoints of edges).
+    factor to an element of area). f is that of the mesh, which is that of the sphere to 1e-4. "Ramp": the cap's
+    temperature grows linearly with z inside each triangle, up to 500 K, and B is integrated over the triangles
+    (midpoints of edges).
     """
-    vertices, triangles = sphere(subdivisions)
+    vertices, triangles, is_cap = globe(0.5)
     corners = vertices[triangles]
-    is_cap = corners.mean(axis=1)[:, 2] > 0.5
     area = areas(corners)
     cap, rest = (np.broadcast_to(np.asarray(e, float), len(edges) - 1) for e in (cap, rest))
     materials = [Material("cap", stepped(edges, cap)), Material("rest", stepped(edges, rest))]
@@ -291,21 +291,41 @@ def concentric(view, inner=0.8, outer=0.4, edges=NARROW, subdivisions=4):
     return make_scene(*mesh, materials, camera, edges, index), truth
 
 
-def cavity(cut, emissivity=0.5, sky=0.0, edges=NARROW, subdivisions=4):
+def globe(cut, rings=96, segments=256):
+    """Unit sphere by latitude and longitude with a ring of edges at height `cut`: vertices, triangles, and which of
+    them lie above it. What lies above has the share (1 - cut) / 2 of the area, as on a sphere, to 1e-4 of it."""
+    middle = math.acos(cut)
+    above = max(2, round(rings * middle / math.pi))
+    polar = np.concatenate((np.linspace(0, middle, above + 1), np.linspace(middle, math.pi, rings - above + 1)[1:]))
+    turn = 2 * math.pi * np.arange(segments) / segments
+    sine, cosine = np.sin(polar)[1:-1, None], np.cos(polar)[1:-1, None]
+    circles = np.stack(np.broadcast_arrays(sine * np.cos(turn), sine * np.sin(turn), cosine), axis=-1)
+    vertices = np.concatenate((circles.reshape(-1, 3), [(0, 0, 1), (0, 0, -1)]))
+    here = np.arange(segments)
+    there, last = (here + 1) % segments, segments * (rings - 2)
+    strip = np.concatenate(
+        [np.stack((here, here + segments, there), 1), np.stack((there, here + segments, there + segments), 1)]
+    )
+    north = np.stack((np.full(segments, len(vertices) - 2), here, there), 1)
+    south = np.stack((last + there, last + here, np.full(segments, len(vertices) - 1)), 1)
+    strips = (strip + segments * np.arange(rings - 2)[:, None, None]).reshape(-1, 3)
+    triangles = np.concatenate((north, strips, south)).astype(np.int32)
+    return vertices, triangles, vertices[triangles].mean(axis=1)[:, 2] > cut
+
+
+def cavity(cut, emissivity=0.5, sky=0.0, edges=NARROW):
     """Spherical cavities.
 
-    A diffuse sphere at 300 K without its cap above z = cut. Its effective emissivity is e / (e + (1 - e) f) at every
-    point, f the cap's share of the area, here of the mesh (Modest, chapter 5); it reflects the rest of the sky.
+    A diffuse sphere at 300 K without its cap above z = cut, the share f = (1 - cut) / 2 of the area. Its effective
+    emissivity is e / (e + (1 - e) f) at every point (Modest, chapter 5); it reflects the rest of the sky. The mesh has
+    a ring of edges at the rim, and its f is that of the sphere to 1e-4.
     """
-    vertices, triangles = sphere(subdivisions)
-    corners = vertices[triangles]
-    area = areas(corners)
-    keep = corners.mean(axis=1)[:, 2] < cut
+    vertices, triangles, is_cap = globe(cut)
     e = np.broadcast_to(np.asarray(emissivity, float), len(edges) - 1)
-    effective = e / (e + (1 - e) * area[~keep].sum() / area.sum())
+    effective = e / (e + (1 - e) * (1 - cut) / 2)
     wall = Material("wall", stepped(edges, e))
     camera = look((0, 0, 0.5), (0, 0, -1))
-    scene = make_scene(vertices, triangles[keep], 300.0, [wall], camera, edges, world_temperature=sky)
+    scene = make_scene(vertices, triangles[~is_cap], 300.0, [wall], camera, edges, world_temperature=sky)
     outside = blackbody(edges, sky) if sky else 0.0
     return scene, effective * blackbody(edges, 300.0) + (1 - effective) * outside
 

@@ -19,7 +19,6 @@ from exact_cases import (
     OFF,
     PHOTONS,
     SIGMA,
-    WINDOWS,
     WRONG,
     blackbody,
     cavity,
@@ -31,6 +30,7 @@ from exact_cases import (
     disks,
     disks_image,
     ggx,
+    globe,
     isothermal,
     lobe_albedo,
     mean_over,
@@ -45,6 +45,8 @@ from scenes import pass_means, quad
 from scipy.stats import t as student
 
 from addon.solver import Settings, render
+from addon.solver.spectrum import band_radiance
+from addon.solver.surfaces import areas
 
 pytestmark = pytest.mark.statistics
 
@@ -128,14 +130,16 @@ def test_pixels_on_an_edge():
 
 def test_blackbody():
     """Printed integrals of Planck's law (the second share: up to its maximum), to their last digit."""
-    bands = {
-        293.15: (1.44748, 34.3344),
-        300.0: (1.86596, 38.5004),
-        500.0: (167.528, 289.833),
-        1000.0: (6506.73, 1602.83),
+    bands = {  # 3-5, 8-12, 8-14 and 7.5-13 um
+        293.15: (1.44748, 34.3344, 49.3729, 45.9676),
+        300.0: (1.86596, 38.5004, 54.9335, 51.4770),
+        500.0: (167.528, 289.833, 369.121, 386.575),
+        1000.0: (6506.73, 1602.83, 1924.07, 2179.04),
     }
-    for kelvin, expected in bands.items():
-        np.testing.assert_allclose(blackbody(WINDOWS, kelvin)[[0, 2]], expected, rtol=5e-6)
+    for planck in (blackbody, band_radiance):  # that of the truths, and the engine's
+        for kelvin, expected in bands.items():
+            found = [planck(np.array(band), kelvin)[0] for band in ((3.0, 5.0), (8.0, 12.0), (8.0, 14.0), (7.5, 13.0))]
+            np.testing.assert_allclose(found, expected, rtol=5e-6)
     shares = {1000: 0.000321, 2897.771955: 0.250055, 5000: 0.633726, 10_000: 0.914157, 50_000: 0.998904}
     for wavelength_times_kelvin, expected in shares.items():
         below = blackbody(np.array([0.3, wavelength_times_kelvin / 1000.0]), 1000.0)[0]
@@ -178,9 +182,10 @@ def test_polygons_serve_as_disks(receiver, emitter, distance):
 
 
 def test_enclosures():
-    """Printed values: radiosities of plates over pi at 10 um, and the heat flux between concentric spheres.
+    """Printed values: radiosities of plates over pi at 10 um, radiances in a sphere, the heat flux between concentric
+    spheres, and effective emissivities of cavities.
 
-    1e-6: the narrow band is not one wavelength; 1e-7 of a blackbody lies outside ALL.
+    1e-6: the narrow band is not one wavelength; 1e-7 of a blackbody lies outside ALL. 2e-5: the area of the mesh.
     """
     width = blackbody(NARROW, 300.0)[0] / 9.924033  # um: over B(10 um, 300 K)
     assert plates("hot")[1][0] / width == pytest.approx(31.41425, rel=1e-6)
@@ -188,6 +193,19 @@ def test_enclosures():
     radiosity = concentric("inner", edges=ALL)[1][0]
     flux = math.pi * (blackbody(ALL, 400.0)[0] - radiosity) / (1 / 0.8 - 1)
     assert flux == pytest.approx(610.6557, rel=1e-6)
+    assert closed_sphere("cap")[1][0] / width == pytest.approx(18.67055, rel=2e-5)
+    assert closed_sphere("rest")[1][0] / width == pytest.approx(10.16043, rel=2e-5)
+    for cut, expected in ((0.98, 0.990099), (0.8, 0.909091), (0.0, 0.666667)):
+        assert cavity(cut)[1][0] / blackbody(NARROW, 300.0)[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("cut", [0.98, 0.8, 0.5, 0.0])
+def test_share_of_a_cap(cut):
+    """That of a sphere to 1e-4, which changes the emissivity of a cavity by a third of it at most; and no gaps."""
+    vertices, triangles, is_cap = globe(cut)
+    area = areas(vertices[triangles])
+    assert area[is_cap].sum() / area.sum() == pytest.approx((1 - cut) / 2, rel=1e-4)
+    assert len(vertices) - len(triangles) // 2 == 2  # Euler: as all of its edges have two faces
 
 
 @pytest.mark.parametrize("cosine", [1.0, 0.5, 0.2])

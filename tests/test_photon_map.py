@@ -174,7 +174,7 @@ def test_nearest_are_those_of_a_kd_tree(name, k):
     bound = 4.0
     built = photon_map(points, square())
     distance2, within = search_all(built.photons, k, queries, UP, bound)
-    tree = cKDTree(points)
+    tree = cKDTree(np.unique(points, axis=0))  # those in one place count as one
     expected = np.minimum(tree.query(queries, [k])[0][:, 0] ** 2, bound)
     # three float32 differences, squared and summed: 6 roundings of 2^-24
     np.testing.assert_allclose(distance2, expected, rtol=6 * 2.0**-24)
@@ -398,20 +398,40 @@ def test_density_between_walls_and_edges(region, cells):
 
 
 @pytest.mark.parametrize("count", [1, 49, 50, 51, 300, 5000])
-@pytest.mark.parametrize("query", [(0.2, 0.1, 0.0), (0.2 + 1e-7, 0.1, 0.0)])
+@pytest.mark.parametrize("query", [(0.2, 0.1, 0.0), (0.25 + 1e-7, 0.1, 0.0), (0.25, 0.1, 0.0)])
 def test_coincident_photons(count, query):
-    """All at one point, seen from elsewhere: a finite estimate, of all where fewer than k are in reach."""
-    built = photon_map(np.tile((0.25, 0.1, 0.0), (count, 1)), square())
-    kept, area = gathers(built, 0, [query], k=50, reach2=0.01)
-    assert np.isfinite(area[0]) and area[0] > 0
-    assert kept[0] == (count if count < 50 else 0)
+    """All at one point, seen from elsewhere and from there: they count as one, and all of their power is spread over
+    the largest disk, the second time from the guess that the first search left, too."""
+    power = np.arange(count, dtype=np.float32)[:, None]
+    built = photon_map(np.tile((0.25, 0.1, 0.0), (count, 1)), square(), power=power)
+    assert len(built.photons.photons.surface) == 1
+    kept, area, following = gather_one(built, 0, query, k=50, reach2=0.01)
+    assert len(kept) == 1 and area == pytest.approx(np.pi * 0.01, rel=1e-6)
+    assert built.photons.photons.power[0, 0] == count * (count - 1) // 2
+    assert gather_one(built, 0, query, k=50, reach2=0.01, guess=following)[1] == area
 
 
-@pytest.mark.parametrize("spread", [0.0, 1e-20])
-@pytest.mark.parametrize("count", [1, 50, 300, 5000])
-def test_coincident_photons_at_the_query(count, spread):
-    """All at the point itself, twice, the second time from the guess that the first search left."""
-    points = np.random.default_rng(19).uniform(-spread, spread, (count, 3)) * (1, 1, 0)
+def test_photons_that_coincide_on_other_sides_stay_apart():
+    """Those of both sides, of two layers, and caustics and others; and in each, however they come, all become one."""
+    rng = np.random.default_rng(19)
+    n = 4000
+    codes, caustic, layer = rng.integers(0, 2, n).astype(np.int32), rng.random(n) < 0.5, rng.integers(0, 2, n)
+    order = np.lexsort((layer, caustic, codes))  # those that are alike lie together
+    codes, caustic, layer = codes[order], caustic[order], layer[order].astype(np.uint8)
+    store = PhotonStore(1, True, True, True)
+    power = rng.integers(1, 10, (n, 1)).astype(np.float32)
+    store.append(Photons(np.zeros((n, 3), np.float32), codes, power, np.zeros((n, 3), np.float32), caustic, layer))
+    photons = build_photon_map(store.photons, square()).photons
+    kinds = np.stack((codes, caustic, layer), 1)
+    expected = {tuple(kind): power[np.all(kinds == kind, axis=1)].sum() for kind in np.unique(kinds, axis=0)}
+    found = zip(photons.surface, photons.caustic, photons.layer, strict=True)
+    assert dict(zip(map(tuple, found), photons.power[:, 0], strict=True)) == expected
+
+
+@pytest.mark.parametrize("count", [50, 300, 5000])
+def test_photons_nearer_than_float32_resolves(count):
+    """Around the point itself, from where all distances are nothing: a finite estimate, the second time as well."""
+    points = np.random.default_rng(19).uniform(-1e-20, 1e-20, (count, 3)) * (1, 1, 0)
     built = photon_map(points, square())
     _, area, following = gather_one(built, 0, (0, 0, 0), k=50, reach2=0.01)
     assert np.isfinite(area) and area > 0
@@ -419,15 +439,18 @@ def test_coincident_photons_at_the_query(count, spread):
     assert again == area
 
 
-@pytest.mark.parametrize(
-    "ties",
-    [255, 260, 264, 266, 270, 1000],
-)
+@pytest.mark.parametrize("ties", [255, 260, 264, 266, 270, 1000])
 def test_nearer_photons_outlast_many_at_one_distance(ties):
-    """More photons at exactly one distance than a search has room for must not push out the nearer ones."""
-    points = np.concatenate((np.tile((-0.25, -0.125, 0.0), (ties, 1)), np.tile((0.03, 0.02, 0.0), (10, 1))))
-    built = photon_map(points, square(), 2 * triangle_under(points, 1))
-    kept, _ = gathers(built, 0, [(0, 0, 0)], k=50, reach2=1.0)
+    """More photons at exactly one distance than a search has room for must not push out the nearer ones.
+
+    They lie in one place, but each on another triangle, so they stay apart.
+    """
+    cells = 23
+    near = np.column_stack((0.03 + 0.001 * np.arange(10), np.full(10, 0.02), np.zeros(10)))
+    points = np.concatenate((np.tile((-0.25, -0.125, 0.0), (ties, 1)), near))
+    codes = 2 * np.concatenate((np.arange(ties), triangle_under(near, cells)))
+    built = photon_map(points, square(cells), codes)
+    kept, _ = gathers(built, triangle_under(np.zeros((1, 3)), cells), [(0, 0, 0)], k=50, reach2=1.0)
     assert kept[0] == 10
 
 
@@ -438,7 +461,7 @@ def test_result_depends_on_the_order_of_photons_alone():
     """Not on how they come in batches, nor on what the store held before; equal Morton codes keep their order."""
     rng = np.random.default_rng(20)
     points = rng.uniform(-0.5, 0.5, (4000, 3)) * (1, 1, 0)
-    points[:500] = points[500:1000]  # coincident pairs, told apart by their power
+    points[:500] = points[500:1000]  # coincident pairs, whose power is added
     power = rng.normal(size=(4000, 2)).astype(np.float32)
     codes = 2 * triangle_under(points, 1)
     reference = photon_map(points, square(), codes, power)

@@ -161,6 +161,49 @@ def _permute(rows, walk):
                 rows[i, b] = kept[b]
 
 
+@njit(inline="always")
+def _same_place(position, i, j):
+    return position[i, 0] == position[j, 0] and position[i, 1] == position[j, 1] and position[i, 2] == position[j, 2]
+
+
+@njit(cache=True, nogil=True)
+def _coincident(position):
+    """How many of sorted photons (n, 3) lie where the one before them does."""
+    count = 0
+    for i in range(1, len(position)):
+        count += _same_place(position, i, i - 1)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _merge(photons):
+    """Make one of sorted photons that lie in one place, on one side and of one layer; returns how many are left.
+
+    k of them or more would leave estimates a disk that holds none: as one they are spread over the largest disk, and
+    none of their power is lost. Where they came from differently, the first one's way stands for all.
+    """
+    last = 0
+    for i in range(1, len(photons.surface)):
+        alike = _same_place(photons.position, i, last) and photons.surface[i] == photons.surface[last]
+        if photons.caustic.size:
+            alike &= photons.caustic[i] == photons.caustic[last]
+        if photons.layer.size:
+            alike &= photons.layer[i] == photons.layer[last]
+        if alike:
+            photons.power[last] += photons.power[i]
+            continue
+        last += 1
+        photons.position[last], photons.surface[last] = photons.position[i], photons.surface[i]
+        photons.power[last] = photons.power[i]
+        if photons.incoming.size:
+            photons.incoming[last] = photons.incoming[i]
+        if photons.caustic.size:
+            photons.caustic[last] = photons.caustic[i]
+        if photons.layer.size:
+            photons.layer[last] = photons.layer[i]
+    return last + 1
+
+
 def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap:
     """Photon map of photons on the surfaces, which are sorted in place. run: map, or a pool's."""
     walk = _cycles(morton_order(photons.position))
@@ -176,6 +219,11 @@ def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap
             _fill_leaves(photons, surfaces.plane, surfaces.sheet, leaves)
 
     list(run(sort, (True, False)))
+    if _coincident(photons.position):
+        left = _merge(photons)
+        photons = Photons(*(array[:left] for array in photons))
+        leaves = empty_leaves(left, 7)
+        _fill_leaves(photons, surfaces.plane, surfaces.sheet, leaves)
     return PhotonMap(build_tree(leaves), photons)
 
 
