@@ -182,7 +182,7 @@ def machine():
     versions = [f"{name} {importlib.metadata.version(name)}" for name in PACKAGES if importlib.util.find_spec(name)]
     text = (
         f"{processor}, {CORES} cores, {memory:.0f} GB of memory; "
-        f"{platform.freedesktop_os_release()['PRETTY_NAME']}, Linux {platform.release()}; "
+        f"{platform.freedesktop_os_release()['PRETTY_NAME']}, Linux {'.'.join(platform.release().split('.')[:2])}; "
         f"Python {platform.python_version()}, {', '.join(versions)}. "
         f"Load of the machine before (mean number of waiting threads in 1, 5 and 15 minutes): "
         f"{', '.join(f'{load:.1f}' for load in os.getloadavg())}."
