@@ -206,7 +206,7 @@ def read_response(infrared, sensor: str | None = None) -> Response | None:
 def read_band_edges(infrared) -> np.ndarray:
     """Band edges (b + 1,) in um from scene.infrared. Raises SceneError if they are no ascending numbers above 0."""
     if infrared.band_mode == "UNIFORM":
-        return uniform_edges(infrared.wavelength_min, infrared.wavelength_max, infrared.band_count)
+        return uniform_edges(*_typed_ends(infrared), infrared.band_count)
     if infrared.band_mode == "ADAPTIVE":
         return read_adaptive_bands(infrared).edges
     words = [word.strip() for word in infrared.band_edges.split(",")]
@@ -226,9 +226,13 @@ def read_band_edges(infrared) -> np.ndarray:
 def read_band_range(infrared) -> tuple[float, float]:
     """Ends of the bands, um, without the look at all objects that adaptive edges need. Raises as read_band_edges."""
     adaptive = infrared.band_mode == "ADAPTIVE"
-    ends = infrared.wavelength_min, infrared.wavelength_max
-    edges = uniform_edges(*ends, 1) if adaptive else read_band_edges(infrared)
+    edges = uniform_edges(*_typed_ends(infrared), 1) if adaptive else read_band_edges(infrared)
     return float(edges[0]), float(edges[-1])
+
+
+def _typed_ends(infrared) -> tuple[float, float]:
+    """Shortest and longest wavelength of bands that are not custom ones, um."""
+    return as_typed(infrared.wavelength_min), as_typed(infrared.wavelength_max)
 
 
 def read_adaptive_bands(infrared) -> Partition:
@@ -254,9 +258,8 @@ def read_adaptive_bands(infrared) -> Partition:
     for material in materials - {None}:
         with suppress(SceneError):
             curves.add(np.array(read_material(material, infrared.default_emissivity).curve).tobytes())
-    low, high, tolerance = (
-        as_typed(value) for value in (infrared.wavelength_min, infrared.wavelength_max, infrared.band_tolerance)
-    )
+    low, high = _typed_ends(infrared)
+    tolerance = as_typed(infrared.band_tolerance)
     count = 0 if tolerance > 0 else infrared.band_count
     spectra = (tuple(sorted(each)) for each in (curves, temperatures or [0.0], lights))
     response = read_response(infrared)

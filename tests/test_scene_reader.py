@@ -9,6 +9,9 @@ bpy = pytest.importorskip("bpy")
 from blender_helpers import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
+from addon import scene_reader  # noqa: E402
+from addon.checks import scene_checks  # noqa: E402
+from addon.scene_reader import read_adaptive_bands, read_band_range, read_group_temperatures  # noqa: E402
 from addon.solver import Settings, library, render  # noqa: E402
 from addon.solver.scene import AreaLight, PointLight, SceneError, SpotLight, SunLight  # noqa: E402
 
@@ -647,7 +650,11 @@ def test_bands():
     np.testing.assert_allclose(read()[0].band_edges, np.linspace(7.5, 14.0, 17))
     infrared.band_mode, infrared.band_edges = "CUSTOM", " 3, 5,8.25 "
     np.testing.assert_array_equal(read()[0].band_edges, [3, 5, 8.25])
-    infrared.band_mode, infrared.wavelength_min = "UNIFORM", 20.0
+    infrared.band_mode, infrared.wavelength_min, infrared.wavelength_max = "UNIFORM", 0.9, 1.7
+    infrared.band_count = 8
+    np.testing.assert_array_equal(read()[0].band_edges, np.linspace(0.9, 1.7, 9))  # not of 0.9 as a float32
+    assert read_band_range(infrared) == (0.9, 1.7)
+    infrared.wavelength_min = 20.0
     with pytest.raises(SceneError, match="ascend"):
         read()
 
