@@ -698,14 +698,15 @@ def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
     if light.energy == 0:
         return []
     common = {"temperature": temperature, "name": obj.name}
-    position, direction = matrix[:3, 3], -_unit(matrix[:3, 2], owner)
     if sun:
+        direction = -_unit(matrix[:3, 2], owner)
         return [SunLight(direction=direction, irradiance=light.energy, angle=light.angle, **common)]
-    common |= {"position": position, "power": light.energy / metres**2}
+    common |= {"position": matrix[:3, 3], "power": light.energy / metres**2}
     if light.type == "AREA":
         return [_area_light(light, matrix, common)]
     common["radius"] = light.shadow_soft_size
     if light.type == "SPOT":
+        direction = -_unit(matrix[:3, 2], owner)
         return [SpotLight(direction=direction, cone_angle=light.spot_size, blend=light.spot_blend, **common)]
     return [PointLight(**common)]
 

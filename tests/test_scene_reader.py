@@ -561,6 +561,14 @@ def test_area_light(shape, half_y, ellipse, mirrored):
     np.testing.assert_allclose(towards / np.linalg.norm(towards), (0, 0, -1), atol=1e-6)
 
 
+def test_a_light_without_a_direction_may_have_no_scale():
+    lamp = light("POINT", matrix=Matrix.Translation((1, 2, 3)) @ Matrix.Diagonal((0.0, 0.0, 0.0, 1.0)), energy=40.0)
+    np.testing.assert_allclose(read_light().position, (1, 2, 3))
+    lamp.data.type = "SPOT"
+    with pytest.raises(SceneError, match="Light 'Lamp': its scale is 0, so it points nowhere"):
+        read()
+
+
 def test_dark_light_is_dropped_and_negative_energy_refused():
     obj = light("POINT", energy=0.0)
     assert read()[0].lights == ()
