@@ -181,16 +181,16 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += sensor_checks(infrared)
     found += detector_checks(scene)
     found += camera_checks(scene, depsgraph)
-    found += [Check("WARNING", message) for message in reader.ignored_scene_settings(scene)]
+    found += [Check("WARNING", message) for message in reader.ignored_scene_settings(scene, view_layer)]
     found += problems(reader.check_faces, view_layer, any(map(reader.may_have_faces, objects)))
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
-    found += problems(reader.world_temperature, scene.world)
+    found += problems(reader.world_temperature, reader.layer_world(scene, view_layer))
     for material in materials:
         found += material_checks(material, infrared)
     for obj in objects:
         found += object_checks(obj, infrared, depsgraph)
     if infrared.group_exr_path:
-        found += problems(reader.read_group_temperatures, scene, objects)
+        found += problems(reader.read_group_temperatures, scene, view_layer)
     return sorted(dict.fromkeys(found), key=lambda check: list(ICONS).index(check.level))
 
 

@@ -77,7 +77,8 @@ def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) ->
     surfaces = surfaces or render_reader(depsgraph)
     contents = read_contents(depsgraph, surfaces)
     solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, surfaces.warnings)
-    warnings = surfaces.warnings.messages() + list(ignored_scene_settings(depsgraph.scene_eval))
+    ignored = ignored_scene_settings(depsgraph.scene_eval, depsgraph.view_layer_eval)
+    warnings = surfaces.warnings.messages() + list(ignored)
     return Scene(**contents, camera=solver_camera), warnings
 
 
@@ -115,9 +116,10 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
         elif obj.type in UNSUPPORTED:
             warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
     check_faces(layer, bool(surfaces.triangles))
-    return surfaces.arrays(scene.world) | {
+    world = layer_world(scene, layer)
+    return surfaces.arrays(world) | {
         "band_edges": read_band_edges(scene.infrared),
-        "world_temperature": world_temperature(scene.world),
+        "world_temperature": world_temperature(world),
         "lights": tuple(lights),
         "response": read_response(scene.infrared),
     }
@@ -246,9 +248,10 @@ def read_adaptive_bands(infrared) -> Partition:
     infrared = scene.infrared
     materials = {layer.material_override for layer in scene.view_layers}
     curves, temperatures, lights = set(), [], set()
-    with suppress(SceneError):
-        temperatures.append(world_temperature(scene.world))
-    for obj in scene_objects(scene):
+    for world in {layer_world(scene, layer) for layer in scene.view_layers}:
+        with suppress(SceneError):
+            temperatures.append(world_temperature(world))
+    for obj in layers_objects(scene.view_layers):
         with suppress(SceneError):
             if obj.type in SURFACE_TYPES:
                 materials.update(slot.material for slot in obj.material_slots)
@@ -299,9 +302,9 @@ def rendered_objects(objects: Iterable) -> dict:
     return found
 
 
-def scene_objects(scene) -> dict:
-    """The objects that some view layer of a scene renders, once and in order (keys)."""
-    shown = (layer_objects(layer.layer_collection) for layer in scene.view_layers)
+def layers_objects(layers: Iterable) -> dict:
+    """The objects that some of these view layers render, once and in order (keys)."""
+    shown = (layer_objects(layer.layer_collection) for layer in layers)
     return rendered_objects(dict.fromkeys(obj for objects in shown for obj in objects))
 
 
@@ -313,21 +316,22 @@ def object_temperatures(obj, ambient: float) -> list[float]:
     return [float(values.min()), float(values.max())]
 
 
-def read_group_temperatures(scene, objects: Iterable | None = None) -> dict[str, float]:
-    """The temperature (K) of each group that a scene's objects and world are in now, as the interface shows them.
+def read_group_temperatures(scene, layer=None) -> dict[str, float]:
+    """The temperature (K) of each group that a scene's objects and worlds are in now, as the interface shows them.
 
-    objects: those that are rendered; None is all that some view layer renders.
+    layer: the view layer whose objects and world count; None is all that some view layer renders.
     Raises SceneError if a temperature makes no sense, or differs within a group.
     """
     groups = GroupReader()
-    objects = scene_objects(scene) if objects is None else objects
-    for obj in sorted(objects, key=lambda obj: obj.name_full):
+    layers = [layer] if layer else list(scene.view_layers)
+    for obj in sorted(layers_objects(layers), key=lambda obj: obj.name_full):
         if obj.type in SURFACE_TYPES and read_group(obj, f"Object '{obj.name}'"):
             kelvin = object_temperatures(obj, scene.infrared.ambient_temperature)
             groups.number(obj, f"Object '{obj.name}'", np.float32(kelvin))
-    if scene.world is not None:
-        kelvin = world_temperature(scene.world)
-        groups.number(scene.world, f"World '{scene.world.name}'", np.float32([kelvin]))
+    worlds = dict.fromkeys(layer_world(scene, each) for each in layers)
+    worlds.pop(None, None)
+    for world in worlds:
+        groups.number(world, f"World '{world.name}'", np.float32([world_temperature(world)]))
     return groups.temperatures
 
 
@@ -336,14 +340,16 @@ def read_group_temperatures(scene, objects: Iterable | None = None) -> dict[str,
 RAYS = ("camera", "diffuse", "glossy", "shadow")  # kinds that Blender's objects can be hidden from
 
 
-def ignored_scene_settings(scene) -> Iterator[str]:
-    """What a scene's render settings ask for and the engine does not do, each with what it does instead."""
+def ignored_scene_settings(scene, layer) -> Iterator[str]:
+    """What the settings of a scene and a view layer ask for and the engine does not do, and what it does instead."""
     if scene.render.use_multiview:
         yield "Stereoscopy is not supported: all views show the active camera's picture"
     if scene.render.use_motion_blur:
         yield "Motion blur is ignored: everything stands still in a picture"
     if scene.render.film_transparent:
         yield "A transparent film is ignored: what is behind the objects is seen at the temperature of the surroundings"
+    if layer.samples != 0:
+        yield f"View layer '{layer.name}': its {layer.samples} samples are ignored; all layers have the same passes"
 
 
 def ignored_settings(obj, layer) -> Iterator[str]:
@@ -405,6 +411,11 @@ def read_temperature(id_block, default: float, owner: str) -> float:
     temperature = _number(id_block, "temperature", default, owner, " in kelvin")
     check_temperature(temperature, owner)
     return temperature
+
+
+def layer_world(scene, layer):
+    """The world that a view layer shows, or None: its own if it overrides the scene's."""
+    return layer.world_override or scene.world
 
 
 def world_temperature(world) -> float:

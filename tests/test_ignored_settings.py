@@ -96,6 +96,13 @@ def test_settings_of_the_scene_that_are_ignored_are_named(cube, name, message):
     assert found.text.startswith(message)
 
 
+def test_samples_of_a_view_layer_are_named(cube):
+    bpy.context.view_layer.samples = 8
+    (found,) = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    assert read()[1] == [found.text] and found.level == "WARNING"
+    assert found.text.startswith("View layer 'ViewLayer': its 8 samples are ignored")
+
+
 @pytest.mark.parametrize(
     ("name", "message"), [("holdout", "holdout and shadow catcher"), ("indirect_only", r"off: camera\)")]
 )

@@ -346,6 +346,34 @@ def test_world_temperature_and_its_absence():
     assert read()[0].world_temperature == 250.0
 
 
+def test_a_view_layers_own_world_counts_in_it():
+    """As it is at the frame, in the surroundings, in its group and in what adaptive bands count on."""
+    scene = bpy.context.scene
+    link("Cube", cube_mesh(), temperature=300.0)
+    sky, night = (bpy.data.worlds.new(name) for name in ("Sky", "Night"))
+    scene.world, sky["temperature"], sky["temperature_group"] = sky, 250.0, "sky"
+    night["temperature"], night["temperature_group"] = 0.0, "night"
+    night.driver_add('["temperature"]').driver.expression = "frame + 100"
+    scene.view_layers.new("Other").world_override = night
+    scene.frame_set(51)
+    scene.infrared.group_exr_path = "//groups"
+    assert read()[0].world_temperature == 250.0 and read()[0].groups == ("sky",)
+    other = read("Other")[0]
+    assert other.world_temperature == pytest.approx(151.0) and other.groups == ("night",)
+    night.driver_remove('["temperature"]')
+    night["temperature"] = 3000.0
+    assert read_group_temperatures(scene) == {"sky": 250.0, "night": 3000.0}
+    assert read_group_temperatures(scene, scene.view_layers["Other"]) == {"night": 3000.0}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene_reader, "_choose_bands", lambda *arguments: arguments)
+        assert read_adaptive_bands(scene.infrared)[3] == (250.0, 300.0, 3000.0)
+    night["temperature"] = -1.0
+    with pytest.raises(SceneError, match="World 'Night': temperature -1 K"):
+        read("Other")
+    assert "World 'Night'" in str(scene_checks(scene, scene.view_layers["Other"]))
+    assert "World 'Night'" not in str(scene_checks(scene, scene.view_layers["ViewLayer"]))
+
+
 def test_keyframes_and_drivers_on_custom_properties():
     obj = link("Cube", cube_mesh(), temperature=300.0)
     obj.keyframe_insert('["temperature"]', frame=1)
