@@ -20,7 +20,7 @@ import numpy as np
 DOCS = Path(__file__).resolve().parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests"), str(DOCS)]
 
-from exact_cases import CASES, PHOTONS, Case, closed_sphere, concentric, parallel_image, plates  # noqa: E402
+from exact_cases import CASES, PHOTONS, Case, cavity, closed_sphere, concentric, parallel_image, plates  # noqa: E402
 from pages import write_blocks  # noqa: E402
 from scenes import mean_and_error, pass_means  # noqa: E402
 
@@ -313,15 +313,17 @@ def tessellation(threads: int) -> str:
     """Coarser and finer spheres against the closed form of the sphere: a table."""
     settings = Settings(passes=MODEL_PASSES, photons_per_pass=PHOTONS, threads=threads)
     lines = ["| triangles of a sphere | case | deviation | standard error |", "|---|---|---|---|"]
+
+    def add(triangles: int, name: str, scene, truth) -> None:
+        mean, error = mean_and_error(scene, settings)
+        lines.append(f"| {triangles} | {name} | {mean / truth.sum() - 1:+.3%} | {error / truth.sum():.3%} |")
+
+    for rings, segments in ((6, 16), (12, 32), (24, 64), (96, 256)):
+        count = 2 * segments * (rings - 1)
+        add(count, "closed sphere", *closed_sphere("rest", rings=rings, segments=segments))
+        add(count, "cavity, f = 0.1", *cavity(0.8, rings=rings, segments=segments))
     for subdivisions in (1, 2, 3, 4):
-        for name, build, view in (
-            ("closed sphere", closed_sphere, "rest"),
-            ("concentric spheres", concentric, "inner"),
-        ):
-            scene, truth = build(view, subdivisions=subdivisions)
-            mean, error = mean_and_error(scene, settings)
-            found = f"{mean / truth.sum() - 1:+.3%} | {error / truth.sum():.3%}"
-            lines.append(f"| {20 * 4**subdivisions} | {name} | {found} |")
+        add(20 * 4**subdivisions, "concentric spheres", *concentric("inner", subdivisions=subdivisions))
     return "\n".join(lines)
 
 

@@ -245,7 +245,7 @@ def plates(view, hot=0.8, cold=0.4, specular=0.0, edges=NARROW):
     return scene, {"hot": j1, "cold": j2, "both": (j1 + j2) / 2}[view]
 
 
-def closed_sphere(view, cap=0.3, rest=0.9, edges=NARROW, hottest=None):
+def closed_sphere(view, cap=0.3, rest=0.9, edges=NARROW, hottest=None, **mesh):
     """A closed diffuse sphere.
 
     A cap of a quarter of the area at 400 K, the rest at 300 K. E / pi = sum of f e B over sum of f e at every point, f
@@ -254,7 +254,7 @@ def closed_sphere(view, cap=0.3, rest=0.9, edges=NARROW, hottest=None):
     temperature grows linearly with z inside each triangle, up to 500 K, and B is integrated over the triangles
     (midpoints of edges).
     """
-    vertices, triangles, is_cap = globe(0.5)
+    vertices, triangles, is_cap = globe(0.5, **mesh)
     corners = vertices[triangles]
     area = areas(corners)
     cap, rest = (np.broadcast_to(np.asarray(e, float), len(edges) - 1) for e in (cap, rest))
@@ -313,14 +313,14 @@ def globe(cut, rings=96, segments=256):
     return vertices, triangles, vertices[triangles].mean(axis=1)[:, 2] > cut
 
 
-def cavity(cut, emissivity=0.5, sky=0.0, edges=NARROW):
+def cavity(cut, emissivity=0.5, sky=0.0, edges=NARROW, **mesh):
     """Spherical cavities.
 
     A diffuse sphere at 300 K without its cap above z = cut, the share f = (1 - cut) / 2 of the area. Its effective
     emissivity is e / (e + (1 - e) f) at every point (Modest, chapter 5); it reflects the rest of the sky. The mesh has
     a ring of edges at the rim, and its f is that of the sphere to 1e-4.
     """
-    vertices, triangles, is_cap = globe(cut)
+    vertices, triangles, is_cap = globe(cut, **mesh)
     e = np.broadcast_to(np.asarray(emissivity, float), len(edges) - 1)
     effective = e / (e + (1 - e) * (1 - cut) / 2)
     wall = Material("wall", stepped(edges, e))
