@@ -24,6 +24,7 @@ from addon.solver import Camera, Film, Material, PointLight, SceneError, Setting
 from addon.solver.emission import light_spectrum
 from addon.solver.spectrum import apparent_temperature, band_radiance
 from addon.solver.surfaces import CLEAR, areas
+from addon.solver.transport import trace_photons
 
 solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
 
@@ -34,7 +35,11 @@ SUBTRACTION = [
     pytest.param({}, id="subtraction"),
     pytest.param({"reference_subtraction": False}, id="no-subtraction"),
 ]
+WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0")
+# Under a sky of 0 K the solver may choose 0 K, which traces the same as without the subtraction: a given one does not
+WARM = pytest.param({"reference_temperature": 300.0}, id="T0=300")
 ROUNDING = 5e-7  # of images: float32 keeps 6e-8, and differences to a reference a few of that
+SUMMED = 128 * 2.0**-24  # of a pixel: at most so many rays, each alike and rounded alike in the sum
 CHANCE = 2 * stats.norm.sf(3.0)  # of more than 3 standard errors
 
 
@@ -90,14 +95,14 @@ def expect(scene, truth, settings=QUICK, precision=0.005, allowance=ROUNDING, **
 
 
 def expect_black(scene, kelvin=300.0, settings=QUICK, precision=0.005):
-    """Black at its temperature: every pixel and band with the subtraction, the mean without it or with a wrong T0."""
+    """Black at its temperature in every band: each pixel with the subtraction, the mean without it or from another."""
     truth = band_radiance(scene.band_edges, kelvin)
     film = checked_render(scene, dataclasses.replace(settings, passes=2))
     pixels = film.bands() * np.diff(scene.band_edges)[:, None, None]
     np.testing.assert_allclose(pixels, np.broadcast_to(truth[:, None, None], pixels.shape), rtol=ROUNDING)
     assert np.all(film.noise() == 0)
-    expect(scene, truth.sum(), settings, precision, reference_subtraction=False)
-    expect(scene, truth.sum(), settings, precision, reference_temperature=1.05 * kelvin)
+    expect(scene, truth, settings, precision, reference_subtraction=False)
+    expect(scene, truth, settings, precision, reference_temperature=1.05 * kelvin)
 
 
 # Temperatures
@@ -123,6 +128,27 @@ def test_three_kelvin_in_the_far_infrared(settings):
     edges = np.array([500.0, 1000.0, 2000.0])
     scene = make_scene(*box(), 0.0, [GREY], look((2, 2, 2), (0.5, 0.5, 0.5), 8, 6, 0.05), edges, world_temperature=3.0)
     expect(scene, 0.5 * black(edges, 3.0), **settings)
+
+
+FAR = np.array([500.0, 1000.0, 2000.0])  # um: around the peak of the spectrum of 3 K (1 mm)
+
+
+def test_walls_of_three_kelvin_are_black():
+    """They emit all there is to see, and rays and photons carry it as they do at 300 K."""
+    expect_black(room(kelvin=3.0, edges=FAR), 3.0)
+
+
+@pytest.mark.parametrize("settings", [*SUBTRACTION, pytest.param({"reference_temperature": 200.0}, id="T0=200")])
+@pytest.mark.parametrize("edges", [EDGES, FAR], ids=["8-12 um", "0.5-2 mm"])
+@pytest.mark.parametrize("hot, cold", [(300.0, 3.0), (3.0, 300.0)])
+def test_three_kelvin_beside_300(hot, cold, edges, settings):
+    """Two parts of a diffuse ball (see diffuse_sphere): what is at 3 K reflects the other, and takes from it as much as
+    it must. In 8-12 um it emits less than the smallest float32, in 0.5-2 mm up to a thousandth of the other.
+
+    1 %: what 300 K has above 200 K there is a half of what 3 K lacks, so that photons of both signs make the picture.
+    """
+    scene, truth = diffuse_sphere(0.4, 0.6, kelvin=(hot, cold), edges=edges)
+    expect(scene, truth, precision=0.01, **settings)
 
 
 FILAMENT = np.array([3.0, 3.01, 5.0])  # um: in the first band 3000 K is 2.2e6 times as bright as 300 K, in both 6e4
@@ -175,11 +201,10 @@ def test_filament_and_walls_in_one_picture(settings):
     np.testing.assert_allclose(pixels[:, :, 25:], beside, rtol=ROUNDING)
     inside = pixels[0] > 0.999 * filament[0]
     assert np.count_nonzero(inside) >= 4
-    summed = 128 * 2.0**-24  # at most so many rays of a pixel, each alike and rounded alike in the sum
-    np.testing.assert_allclose(pixels[:, inside], np.broadcast_to(filament[:, None], (2, inside.sum())), rtol=summed)
+    np.testing.assert_allclose(pixels[:, inside], np.broadcast_to(filament[:, None], (2, inside.sum())), rtol=SUMMED)
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WARM])
 def test_temperature_that_runs_steeply_over_one_triangle(settings):
     """300 K to 1500 K over one triangle in 3-5 um: what it emits is Planck's law at each point, not of the mean.
 
@@ -234,8 +259,28 @@ def test_perfect_absorber_and_perfect_reflector(specular, settings):
     np.testing.assert_allclose(film.radiance(), black(EDGES, 900.0), rtol=ROUNDING)
 
 
-def diffuse_sphere(e_hot, e_cold, subdivisions=2):
-    """The cold part of a ball from its inside, hot above: the scene, and its radiance over all bands, W m-2 sr-1.
+@pytest.mark.parametrize("specular", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+def test_perfect_reflector_lights_nothing(specular, settings):
+    """A patch at 900 K of emissivity exactly 0, beside a grey wall in a room at 300 K: the wall is black at 300 K.
+
+    With an emissivity of 0.5 the patch would light it by more than a half of that: so the test would see it. Where the
+    patch is a mirror nothing is random, and what is left is the rounding of sums over rays (see `SUMMED`).
+    """
+    patch = quad((0.5, 0.5, 0.01), (0.3, 0, 0), (0, 0.3, 0))
+    *mesh, material = join((*box(), 300.0, 0), (*patch, 900.0, 1))
+    material[:2] = 2  # the wall at x = 0
+    camera = look((0.8, 0.5, 0.3), (0.0, 0.5, 0.3), 8, 6, 0.3)
+    materials = [Material("black", 1.0), Material("perfect", 0.0, specular), GREY]
+    scene = make_scene(*mesh, materials, camera, EDGES, material)
+    truth = band_radiance(EDGES, 300.0)
+    expect(scene, truth, allowance=SUMMED, **settings)
+    lit = dataclasses.replace(scene, materials=(materials[0], Material("hot", 0.5, specular), GREY))
+    assert pass_means(lit, dataclasses.replace(QUICK, passes=2, **settings)).mean(axis=0).sum() > 1.5 * truth.sum()
+
+
+def diffuse_sphere(e_hot, e_cold, subdivisions=2, kelvin=(400.0, 300.0), edges=EDGES):
+    """The cold part of a ball from its inside, hot above: the scene, and its radiance in each band, W m-2 sr-1.
 
     E / pi = sum f e B / sum f e everywhere, f the shares of the mesh's area (Modest, chapter 5).
     """
@@ -244,14 +289,12 @@ def diffuse_sphere(e_hot, e_cold, subdivisions=2):
     area = areas(vertices[triangles].astype(np.float32))
     share = area[hot].sum() / area.sum()
     power = share * e_hot, (1 - share) * e_cold
-    incident = (power[0] * black(EDGES, 400.0) + power[1] * black(EDGES, 300.0)) / sum(power)
+    above, below = (band_radiance(edges, each) for each in kelvin)
+    incident = (power[0] * above + power[1] * below) / sum(power)
     materials = [Material("hot", e_hot), Material("cold", e_cold)]
     camera = look((0, 0, 0), (0, 0, -1), 8, 6)
-    scene = make_scene(vertices, triangles, np.where(hot, 400, 300), materials, camera, EDGES, np.where(hot, 0, 1))
-    return scene, e_cold * black(EDGES, 300.0) + (1 - e_cold) * incident
-
-
-WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0")
+    scene = make_scene(vertices, triangles, np.where(hot, *kelvin), materials, camera, edges, np.where(hot, 0, 1))
+    return scene, e_cold * below + (1 - e_cold) * incident
 
 
 @pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
@@ -268,22 +311,39 @@ def test_a_thousand_bounces(settings, monkeypatch):
 def test_photons_of_a_thousand_bounces_end(monkeypatch):
     """How often a photon is reflected is a geometric variable: 1 / eps on average and nearly as much in its spread.
 
-    Energy is conserved if what is absorbed at all hits is what was emitted; both within 3 standard errors. The last of
-    the photons ends after ln(photons / chance) / eps bounces at the latest, but for that chance.
+    So all hits together are known within 3 standard errors, and the last of the photons ends after
+    ln(photons / chance) / eps bounces at the latest, but for that chance.
+
+    What is not chance is exact. No ray of a million that leaves a hit misses the ball, so less than 3e-6 is lost at a
+    bounce (rule of three). And as walls are grey, survival is their reflectance and no photon's power ever changes.
+    Each bounce rounds it to float32 (6e-8 for each of two factors), at random: 7000 of them, as many as the longest way
+    has, are off by sqrt(7000) of that, 1e-5. Some photons leave the outside, and are gone at once.
     """
     monkeypatch.setattr(solver, "_PLAN_PHOTONS", 512)
-    emissivity, count = 0.001, 1000
+    emissivity, count = 0.001, 1100
     scene, _ = diffuse_sphere(emissivity, emissivity, 1)
-    model = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
-    batches = stored_photons(model, count)
-    hits = sum(len(batch.surface) for batch in batches)
+    m = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    emitted, drifts, hits, missed = [], [], [], []
+
+    def on_hits(triangle, _u, _v, wave):
+        alive = len(triangle)
+        if not emitted:
+            emitted.append(wave.power.copy())
+        relative = wave.power[:alive] / emitted[0][wave.photon[:alive]] - 1.0
+        drifts.append(float(np.abs(relative).max()))
+        hits.append(np.count_nonzero(triangle >= 0))
+        missed.append(alive - hits[-1])
+
+    tables = m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics
+    stored = sum(len(b.surface) for b in trace_photons(*tables, np.uint64(1), 0, count, count, on_hits=on_hits))
+    count = hits[0]  # that start inside
     error = math.sqrt((1.0 - emissivity) / count)  # relative
-    print(f"{hits / count:.0f} bounces +- {error:.1%}, {len(batches)} at most")
-    assert abs(hits * emissivity / count - 1.0) < 3 * error
-    assert len(batches) < math.log(count / 1e-9) / emissivity
-    emitted = batches[0].power.sum(axis=0, dtype=float)
-    absorbed = emissivity * sum(batch.power.sum(axis=0, dtype=float) for batch in batches)
-    np.testing.assert_allclose(absorbed, emitted, rtol=3 * error)
+    print(f"{sum(hits) / count:.0f} bounces +- {error:.1%}, {len(hits)} at most, power drifts by {max(drifts):.1e}")
+    assert np.all(emitted[0] > 0)
+    assert sum(missed[1:]) == 0 and stored == sum(hits) > 1_000_000
+    assert max(drifts) < 1e-4
+    assert abs(sum(hits) * emissivity / count - 1.0) < 3 * error
+    assert len(hits) < math.log(count / 1e-9) / emissivity
 
 
 def one_band():
@@ -297,7 +357,8 @@ def one_band():
     return make_scene(*mesh, [Material("one band", curve), Material("black", 1.0)], camera, edges, material)
 
 
-def test_error_where_one_band_reflects_all():
+@pytest.mark.parametrize("settings", [SUBTRACTION[1], WRONG])
+def test_error_where_one_band_reflects_all(settings):
     """Reflectance 1 in one band of four and 0 in the others. All at one temperature, so the band is black as others
     are, but all of its light comes from the plate, after twenty bounces on average (areas 3.76 and 0.18 m2).
 
@@ -307,7 +368,7 @@ def test_error_where_one_band_reflects_all():
     errors of the factor's logarithm are as much.
     """
     scene = one_band()
-    settings = dataclasses.replace(QUICK, photons_per_pass=20_000, reference_subtraction=False)
+    settings = dataclasses.replace(QUICK, photons_per_pass=20_000, **settings)
     truth = band_radiance(scene.band_edges, 300.0)
     errors = {}
     for roulette in ("POWER", "BAND_AVERAGE"):
@@ -318,19 +379,27 @@ def test_error_where_one_band_reflects_all():
     expect(scene, truth.sum(), settings)
 
 
+@pytest.mark.parametrize("settings", [SUBTRACTION[1], WRONG])
 @pytest.mark.parametrize("roulette, bounded", [("POWER", True), ("BAND_AVERAGE", False)])
-def test_weight_of_a_photon_is_bounded(roulette, bounded):
+def test_weight_of_a_photon_is_bounded(roulette, bounded, settings):
     """The power roulette never lets a photon weigh more over all bands than it left with, but for what the limit of
     the survival adds, 1 / 4096 a bounce; with the paper's its weight quadruples at a bounce, once it is in one band."""
-    settings = dataclasses.replace(QUICK, reference_subtraction=False, roulette=roulette)
-    model = solver.prepare(one_band(), settings)
-    batches = stored_photons(model, 20_000)
-    weights = [batch.power.sum(axis=1, dtype=float).max() for batch in batches]
-    growth = max(weights) / weights[0]
-    print(f"{growth:.3g} times the weight within {len(batches)} bounces")
+    model = solver.prepare(one_band(), dataclasses.replace(QUICK, roulette=roulette, **settings))
+    weights = []  # of photons, by number, as they leave, and later the growth of each that is left
+
+    def on_hits(triangle, _u, _v, wave):
+        weight = np.abs(wave.power[: len(triangle)].sum(axis=1, dtype=float))
+        weights.append(weight / weights[0][wave.photon[: len(triangle)]] if weights else weight)
+
+    m = model
+    tables = m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics
+    for _ in trace_photons(*tables, np.uint64(1), 0, 20_000, 20_000, on_hits=on_hits):
+        pass
+    growth = max(each.max() for each in weights[1:])
+    print(f"{growth:.3g} times the weight within {len(weights)} bounces")
     if bounded:
-        assert len(batches) > 100  # they do bounce that often
-        assert growth <= (1 + 1e-6) * (1 + 1 / 4095) ** len(batches)
+        assert len(weights) > 100  # they do bounce that often
+        assert growth <= (1 + 1e-6) * (1 + 1 / 4095) ** len(weights)
     else:
         assert growth > 2
 
@@ -363,7 +432,8 @@ def test_room_in_which_nothing_absorbs_ends(specular, settings, monkeypatch):
 def test_emissivity_with_a_step_inside_a_band():
     """Emission and the band's one reflectance are means over the same spectrum, so the room is black in each band."""
     curve = np.array([[10.0, 0.2], [10.0 + 1e-9, 1.0]])
-    expect_black(room(material=Material("step", curve)))
+    # 2 %: what a band reflects is noisier than what it emits, and the first reflects four fifths
+    expect_black(room(material=Material("step", curve)), precision=0.02)
 
 
 # Bands
@@ -375,9 +445,11 @@ def test_narrow_bands():
 
 
 def test_hundreds_of_bands():
+    """Each is black, so that none takes what is another's. Up to nine tenths of a band are reflected: 3 %."""
     edges = np.linspace(3.0, 14.0, 301)
     curve = np.column_stack((edges, 0.5 + 0.4 * np.sin(20 * edges)))
-    expect_black(room(material=Material("comb", curve), edges=edges), settings=dataclasses.replace(QUICK, passes=8))
+    quick = dataclasses.replace(QUICK, passes=8)
+    expect_black(room(material=Material("comb", curve), edges=edges), settings=quick, precision=0.03)
 
 
 # Sizes
@@ -393,16 +465,20 @@ def test_far_from_the_origin():
     expect_black(room(shift=np.array([1e6, -1e6, 1e6])))
 
 
-def furnished(size=1.0, shift=0.0):
-    """A room with a warm floor, a hot plate, a mirror ball and a lamp, times a size and moved."""
+def furnished(size=1.0, shift=0.0, count=0):
+    """A room with a warm floor, a hot plate, a mirror ball and a lamp, times a size and moved.
+
+    count: of strips that its wall at x = 0 consists of, if any.
+    """
     ball, triangles = sphere(2, 0.12)
+    walls = in_strips(*box((1.0, 0.8, 0.6)), count) if count else box((1.0, 0.8, 0.6))
     *mesh, material = join(
-        (*box((1.0, 0.8, 0.6)), 300.0, 0),
+        (*walls, 300.0, 0),
         (ball + (0.3, 0.35, 0.2), triangles, 300.0, 1),
         (*quad((0.6, 0.4, 0.05), (0.1, 0, 0), (0, 0.1, 0)), 400.0, 0),
     )
     vertices, triangles, kelvin = mesh
-    kelvin[8:10] = 330.0
+    kelvin[np.all(vertices[triangles][:, :, 2] == 0.0, axis=1)] = 330.0  # the floor
     lamp = PointLight(np.array([0.7, 0.5, 0.45]) * size + shift, 30.0 * size**2, 0.02 * size)
     camera = look(np.array([0.8, 0.6, 0.4]) * size + shift, np.array([0.1, 0.1, 0.1]) * size + shift, 8, 6)
     materials = [Material("paint", 0.7), Material("mirror", 0.1, specular=1.0)]
@@ -450,17 +526,16 @@ def test_view_from_far_away(distance):
 # Meshes
 
 
-def strips(count):
-    """A closed box; the wall at x = 0 consists of so many strips from floor to ceiling, turned askew."""
-    vertices, triangles = box()
+def in_strips(vertices, triangles, count):
+    """A box from the origin whose wall at x = 0 consists of so many strips from floor to ceiling."""
     others = triangles[~np.all(vertices[triangles][:, :, 0] == 0.0, axis=1)]
-    y = np.linspace(0.0, 1.0, count + 1)
-    edges = np.concatenate([np.column_stack((0 * y, y, 0 * y + z)) for z in (0, 1)])
+    y = np.linspace(0.0, vertices[:, 1].max(), count + 1)
+    edges = np.concatenate([np.column_stack((0 * y, y, 0 * y + z)) for z in (0, vertices[:, 2].max())])
     a = np.arange(count)
     low = np.column_stack((a, a + 1, a + count + 2))
     high = np.column_stack((a, a + count + 2, a + count + 1))
     wall = np.concatenate((low, high)) + len(vertices)
-    return turned(np.concatenate((vertices, edges))), np.concatenate((others, wall)).astype(np.int32)
+    return np.concatenate((vertices, edges)), np.concatenate((others, wall)).astype(np.int32)
 
 
 def turned(points):
@@ -472,9 +547,38 @@ def turned(points):
 
 def test_walls_of_needles():
     """Strips 1000 times as long as wide: a disk of photons lies over hundreds that reach far beyond it."""
-    vertices, triangles = strips(1000)
+    vertices, triangles = in_strips(*box(), 1000)
+    vertices = turned(vertices)
     camera = look(*turned(np.array([(0.8, 0.6, 0.4), (0.0, 0.3, 0.3)])), 8, 6)
     expect_black(make_scene(vertices, triangles, 300.0, [GREY], camera, EDGES))
+
+
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+def test_wall_of_needles_in_a_furnished_room(settings):
+    """A wall in 1000 strips looks as it does in one piece where light differs from place to place, so that photons of
+    another strip in the place of one's own would be seen: every sixth of the picture, and all of it, within the noise.
+
+    The picture is that wall: from where the camera is, its lower left has most of the floor's light.
+    """
+    camera = look((0.7, 0.4, 0.3), (0.0, 0.4, 0.3), 12, 8, 0.55)
+    settings = dataclasses.replace(QUICK, passes=32, **settings)
+
+    def sixths(count):
+        """(passes, 7) the mean radiance of each part of the picture, and of all, in each pass."""
+        sums = [np.zeros((8, 12))]
+        scene = dataclasses.replace(furnished(count=count), camera=camera)
+        checked_render(scene, settings, lambda film: sums.append(film.passes * film.radiance().astype(float)))
+        images = np.diff(sums, axis=0).reshape(-1, 2, 4, 3, 4).mean(axis=(2, 4)).reshape(-1, 6)
+        return np.column_stack((images, images.mean(axis=1)))
+
+    plain, cut = sixths(0), sixths(1000)
+    deviation = cut.mean(axis=0) / plain.mean(axis=0) - 1.0
+    error = np.hypot(*(stats.sem(each, axis=0) / each.mean(axis=0) for each in (plain, cut)))
+    print(f"deviation {deviation}, standard error {error}")
+    assert np.ptp(plain.mean(axis=0)) > 0.02 * plain.mean()  # there is a pattern to see
+    assert error[-1] < 0.003 and np.all(error < 0.01)
+    level = stats.t.isf(CHANCE / 2 / len(deviation), settings.passes - 1)
+    assert np.all(np.abs(deviation) <= level * error + ROUNDING)
 
 
 def test_cap_of_a_cylinder_as_a_fan():
@@ -568,7 +672,54 @@ def test_coplanar_faces_of_different_materials(settings):
     np.testing.assert_allclose(film.radiance()[:, 4:], right, rtol=ROUNDING)
 
 
-def rooms(gap, hot, left=400.0, right=300.0, material=GREY, tangent=0.5):
+def doubled(kind, corners, half_u, half_v, centre):
+    """The two triangles of a rectangle with these corners, and again in its plane: vertices and triangles.
+
+    kind: "diagonal", the same cut along its other diagonal; "rug", a smaller one; "once", nothing again.
+    """
+    if kind == "rug":
+        rug = quad(centre, 0.6 * np.array(half_u), 0.6 * np.array(half_v))
+        return np.concatenate((corners, rug[0])), np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
+    again = [(1, 2, 3), (1, 3, 0)] if kind == "diagonal" else []
+    return corners, np.array([(0, 1, 2), (0, 2, 3), *again])
+
+
+@pytest.mark.parametrize("kind", ["diagonal", "rug"])
+def test_overlapping_coplanar_faces_at_one_temperature(kind):
+    """A floor that is there twice, but not in the same triangles, or with a rug exactly in its plane: each of the two
+    emits, though only one is met. That is exact where nothing has to be emitted, and finite otherwise."""
+    vertices, triangles = box((1.0, 0.8, 0.6))
+    at = np.array([0.5, 0.4, 0.0]), np.array([0.5, 0.0, 0.0]), np.array([0.0, 0.4, 0.0])
+    floor = doubled(kind, quad(*at)[0], at[1], at[2], at[0])
+    mesh = join((vertices, np.delete(triangles, [8, 9], axis=0), 300.0, 0), (*floor, 300.0, 0))
+    scene = closed(*mesh[:2], (0.8, 0.6, 0.4))
+    film = checked_render(scene, QUICK)
+    np.testing.assert_allclose(film.radiance(), black(EDGES, 300.0), rtol=ROUNDING)
+    for settings in ({"reference_subtraction": False}, {"reference_temperature": 333.0}):
+        checked_render(scene, dataclasses.replace(QUICK, **settings))
+
+
+@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("kind", ["diagonal", "rug"])
+def test_overlapping_coplanar_emitters(kind, settings):
+    """A hot plate over a floor that is there twice lights it by at least as much as one plate (2 % for the noise of the
+    three), and by less than one that is twice as emissive."""
+    corners = quad((0, 0, 0.5), (1, 0, 0), (0, 1, 0))[0]
+    camera = look((0.7, 0.0, 0.4), (0.0, 0.0, 0.0), 8, 6, 0.3)
+
+    def lit(kind, emissivity):
+        plate = doubled(kind, corners, (1, 0, 0), (0, 1, 0), (0, 0, 0.5))
+        *mesh, material = join((*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 0.0, 0), (*plate, 400.0, 1))
+        materials = [GREY, Material("plate", emissivity)]
+        scene = make_scene(*mesh, materials, camera, EDGES, material, world_temperature=300.0)
+        return pass_means(scene, dataclasses.replace(QUICK, **settings)).sum(axis=1).mean()
+
+    once, twice, emissive = lit("once", 0.5), lit(kind, 0.5), lit("once", 1.0)
+    print(f"{twice / once:.4f} times the light of one, {emissive / once:.4f} of one that is twice as emissive")
+    assert 0.98 * once < twice < emissive
+
+
+def rooms(gap, hot, left=400.0, right=300.0, material=GREY, tangent=0.5, edges=EDGES):
     """Two closed rooms side by side, turned askew; the wall between them from inside the left (hot) or right one."""
     box_left, box_right = box(), box()
     vertices, triangles, kelvin, index = join(
@@ -576,7 +727,7 @@ def rooms(gap, hot, left=400.0, right=300.0, material=GREY, tangent=0.5):
     )
     eye = np.array([-0.8 - gap if hot else 0.8, 0.6, 0.4])
     camera = look(turned(eye), turned(eye * (0, 1, 1)), 8, 6, tangent)
-    return make_scene(turned(vertices), triangles, kelvin, [material], camera, EDGES, index)
+    return make_scene(turned(vertices), triangles, kelvin, [material], camera, edges, index)
 
 
 @pytest.mark.parametrize("settings", SUBTRACTION)
@@ -589,6 +740,52 @@ def test_nothing_leaks_through_a_thin_wall(gap, hot, settings):
     Walls that are nearer cannot be told apart: at half a micrometre each room is lit by the other.
     """
     expect(rooms(gap, hot), black(EDGES, 400.0 if hot else 300.0), **settings)
+
+
+HIDDEN_HEAT = pytest.mark.xfail(
+    reason="a side out of the image's reach sends 1/64 of what its power would: next to 3000 K no photon is left"
+)
+
+
+@pytest.mark.parametrize(
+    "emissivity, settings",
+    [
+        (1.0, {}),
+        (1.0, {"reference_subtraction": False}),
+        (0.5, {}),
+        pytest.param(0.5, {"reference_subtraction": False}, marks=HIDDEN_HEAT),
+        pytest.param(0.5, {"reference_temperature": 333.0}, marks=HIDDEN_HEAT),
+    ],
+)
+@pytest.mark.parametrize("gap", [1e-4, 2 * CLEAR], ids=["0.1 mm", "2 um"])
+def test_millions_of_times_the_light_behind_a_thin_wall(gap, emissivity, settings):
+    """Beside a room at 3000 K, in 3-3.01 um 2.2e6 times as bright, one at 300 K is black at its own temperature: were a
+    millionth of that light to come through, it would be three times as bright."""
+    edges = FILAMENT[:2]
+    scene = rooms(gap, False, 3000.0, 300.0, Material("walls", emissivity), edges=edges)
+    truth = band_radiance(edges, 300.0)
+    assert band_radiance(edges, 3000.0) > 2e6 * truth
+    expect(scene, truth, **settings)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 2 * CLEAR], ids=["0.1 mm", "2 um"])
+def test_no_millionth_leaks_through_a_thin_wall(gap):
+    """Rays that leak may be rare, and a picture takes few. So 3.1 million from all the walls of one room are looked at,
+    from where the solver starts them: none meets the other room or nothing at all. Were it a millionth of them that
+    did, the chance of that would be 5 % (rule of three)."""
+    m = solver.prepare(rooms(gap, False), QUICK)
+    corners, (normal, clear) = m.surfaces.corners.astype(float), np.split(m.surfaces.plane.astype(float), [3], axis=1)
+    inwards = corners[12:].mean(axis=(0, 1)) - corners.mean(axis=1)
+    normal *= np.sign(np.sum(normal * inwards, axis=1))[:, None]
+    rng = np.random.default_rng(1)
+    for _ in range(31):
+        t = rng.integers(12, 24, 100_000)
+        share = rng.dirichlet((1.0, 1.0, 1.0), len(t))
+        direction = rng.normal(size=(len(t), 3))
+        direction = normal[t] + direction / np.linalg.norm(direction, axis=1)[:, None]  # cosine distribution
+        origin = np.einsum("ni,nij->nj", share, corners[t]) + clear[t] * normal[t]
+        met = m.tracer.trace(origin.astype(np.float32), direction.astype(np.float32))[0]
+        assert met.min() >= 12
 
 
 @pytest.mark.parametrize("first", [400.0, 300.0])
@@ -699,7 +896,7 @@ def test_grazing_views(specular, roughness, settings):
     expect(scene, black(EDGES, 300.0), **settings)
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
 @pytest.mark.parametrize("material", [GREY, Material("mirror", 0.5, specular=1.0)], ids=lambda material: material.name)
 @pytest.mark.parametrize("world", [0.0, 250.0])
 def test_one_triangle_in_an_empty_world(world, material, settings):
@@ -747,7 +944,7 @@ def test_fewer_photons_than_neighbours(photons, precision, settings):
     expect(scene, truth, precision=precision, passes=256, photons_per_pass=photons, **settings)
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WARM])
 def test_photons_that_reach_nothing(settings):
     """A hot plate that looks away from the one in view: nothing of it arrives."""
     vertices, triangles, kelvin, material = join(
@@ -761,10 +958,10 @@ def test_photons_that_reach_nothing(settings):
     np.testing.assert_allclose(film.radiance(), 0.0, atol=ROUNDING * black(EDGES, film.reference_temperature or 300.0))
 
 
-def beam():
+def beam(power=1000.0, half=3.0):
     """A beam of light, turned down by a mirror onto a spot of a floor that is smaller than float32 resolves there; and
-    its radiance in the mean over the picture, W m-2 sr-1."""
-    at, power, half = np.array([12.3, 7.2, 0.0]), 1000.0, 3.0
+    its radiance in the mean over the picture, W m-2 sr-1. power: of the lamp, W. half: width of the picture, m."""
+    at = np.array([12.3, 7.2, 0.0])
     *mesh, material = join(
         (*quad((0, 0, 0), (16, 0, 0), (0, 16, 0)), 0.0, 0), (*quad(at + (0, 0, 1), (0, 0.1, 0), (-0.1, 0, 0.1)), 0.0, 1)
     )
@@ -776,42 +973,65 @@ def beam():
     return scene, 0.5 * power * light_spectrum(lamp, EDGES).sum() / np.pi / (2 * half) ** 2
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WARM])
 def test_photons_that_coincide(settings):
     """40 photons in one place, fewer than the neighbours of an estimate: their light is spread over the largest disk,
-    and all of it is there."""
-    scene, truth = beam()
+    and all of it is there.
+
+    With a reference of 300 K some are what the surroundings lack. So the beam is a bright one, to send most of them.
+    """
+    scene, truth = beam(1e9)
     settings = dataclasses.replace(QUICK, passes=128, photons_per_pass=40, **settings)
     model = solver.prepare(scene, settings)
     batches = stored_photons(model, 40)
     places = np.concatenate([batch.position for batch in batches])
-    assert len(places) == 40 and len(np.unique(places, axis=0)) == 1
+    most = np.unique(places, axis=0, return_counts=True)[1].max()
+    assert most == len(places) == 40 or (settings.reference_temperature and 30 <= most <= 40)
     expect(scene, truth, settings, precision=0.01)
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WARM])
 def test_more_photons_coincide_than_are_neighbours(settings):
-    """The disk of an estimate then has no size of its own; the image stays finite."""
-    checked_render(beam()[0], dataclasses.replace(QUICK, **settings))
+    """5000 in one place leave an estimate no disk of its own: their light is spread over the largest one, too."""
+    scene, truth = beam(1e9, 0.5)  # the largest disk has a radius of 0.375 m
+    expect(scene, truth, QUICK, precision=0.015, passes=32, **settings)
 
 
 def test_film_of_a_hundred_thousand_passes():
     """Mean and noise do not drift: float64 sums of 1e5 passes err by 1e5 roundings of 1e-16 at most, far below what
-    the float32 image resolves. Passes repeat a few random ones, so that the truth is known without a sum as long."""
+    the float32 image resolves. Passes repeat a few random ones, so that the truth is known without a sum as long.
+
+    What the camera sees directly varies 20 times as much as the rest. As camera rays are one stratified sequence, that
+    counts by 1 / sqrt(passes) (see Film.noise): by about as much as the rest does.
+    """
     rng = np.random.default_rng(5)
     shape, rounds = (50, 6, len(EDGES) - 1), 2000
-    some = (30.0 + rng.normal(size=shape)).astype(np.float32)  # about a reference of 290 K
+    seen = rng.normal(size=shape[:2], scale=20.0).astype(np.float32)
+    excess = 30.0 + rng.normal(size=shape) + seen[:, :, None] / shape[2]  # about a reference of 290 K
+    some = excess.astype(np.float32)
     film = Film(3, 2, EDGES, 290.0)
-    nothing = np.zeros(6, np.float32)
     for _ in range(rounds):
-        for excess in some:
-            film.add_pass(excess, nothing, 1)
+        for one, part in zip(some, seen, strict=True):
+            film.add_pass(one, part, 1)
     assert film.passes == 100_000
     total = some.sum(axis=2, dtype=np.float64)
     mean = total.mean(axis=0) + black(EDGES, 290.0)
-    error = total.std(axis=0) / np.sqrt(film.passes - 1)
+    variances = (total - seen).var(axis=0), seen.var(axis=0, dtype=np.float64) / np.sqrt(film.passes)
+    assert np.all(np.abs(np.log(variances[1] / variances[0])) < np.log(3.0))
+    error = np.sqrt(sum(variances) / (film.passes - 1))
     half = apparent_temperature(mean + error, EDGES) - apparent_temperature(mean - error, EDGES)
     rounding = np.finfo(np.float32).eps
     np.testing.assert_allclose(film.radiance().ravel(), mean, rtol=rounding)
     np.testing.assert_allclose(film.temperature().ravel(), apparent_temperature(mean, EDGES), rtol=rounding)
     np.testing.assert_allclose(film.noise().ravel(), 0.5 * half, rtol=1e-5)  # difference of near temperatures
+
+
+@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+def test_passes_around_the_hundred_thousandth(settings):
+    """Disks are a fiftieth of the first pass's area by then, and random numbers as good: a diffuse ball in its closed
+    form (see diffuse_sphere), and other passes than the first."""
+    scene, truth = diffuse_sphere(0.5, 0.5)
+    late = dataclasses.replace(QUICK, pass_offset=99_992, **settings)
+    first = dataclasses.replace(late, pass_offset=0)
+    assert not np.array_equal(*(pass_means(scene, dataclasses.replace(each, passes=1)) for each in (late, first)))
+    expect(scene, truth, late)
