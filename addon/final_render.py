@@ -26,7 +26,7 @@ from .output.description import FurtherImage, how_rendered
 from .output.formats import FORMATS, write_file
 from .output.temperature_scale import TemperatureScale
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
-from .render_paths import check_paths, checkpoint_path, file_path, group_path
+from .render_paths import check_paths, checkpoint_path, file_path, group_path, layer_suffixes
 from .scene_reader import read_band_edges, read_scene, read_settings, render_reader
 from .solver import first_hit_images, layered_image, render
 from .solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
@@ -123,7 +123,7 @@ def render_view_layer(engine, depsgraph) -> None:
         warnings.append("Nothing is in a temperature group: no file of them is written")
     for warning in warnings:
         _warn(engine, warning)
-    suffix = layer if len(layers) > 1 else ""  # of the names of its files
+    suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # of the names of its files
     solve = render
     if scene.infrared.checkpoint_path:
         path = checkpoint_path(scene, suffix, engine.is_animation)
@@ -175,7 +175,7 @@ def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
 
 
 def _write_files(scene, layer: str, suffix: str, animation: bool, film) -> None:
-    """Write the files that the scene wants of a finished view layer. suffix: as `_output_path` has its layer."""
+    """Write the files that the scene wants of a finished view layer. suffix: see layer_suffixes."""
     if scene.infrared.band_exr_path:
         for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
             write_layer(file_path(scene, suffix, animation, file_format), layer, file_format)

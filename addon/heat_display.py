@@ -10,11 +10,11 @@ import bpy
 import gpu
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator, Panel
-from bpy_extras.io_utils import ExportHelper
 
 from . import spot_meter
 from .heat_settings import read_scale, scene_unit, use_true_colours, view_problem
 from .panels import ENGINE, RenderSettingsPanel
+from .render_paths import Exporter, layer_suffixes
 
 FONT = 0  # Blender's own
 TEXT = 13  # pixels at a scale of 1: height of the text
@@ -179,26 +179,26 @@ class AfterRender:
         return bool(spot_meter.finished()[0])
 
 
-class INFRARED_OT_export_picture(AfterRender, Operator, ExportHelper):
+class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
     """Write the last render to a PNG as Heat Display says, one for each view layer. No view transform changes it"""
 
     bl_idname = "infrared.export_picture"
     bl_label = "Export Thermal Picture"
 
     filename_ext = ".png"
+    extensions = (filename_ext,)
     filter_glob: StringProperty(default="*.png", options={"HIDDEN"})
     colour_bar: BoolProperty(name="Color Bar", description="Add a bar that tells what the colors mean", default=True)
 
     def execute(self, context):
         from .heat_picture import write_picture
 
-        path, (layers, _) = Path(bpy.path.abspath(self.filepath)), spot_meter.finished()
+        layers, _ = spot_meter.finished()
         scale, unit = read_scale(context.scene.infrared), scene_unit(context.scene)
         try:
-            for layer, images in layers.items():
-                suffix = f"_{bpy.path.clean_name(layer)}" if len(layers) > 1 else ""
-                target = path.with_name(f"{path.stem}{suffix}.png")
-                write_picture(target, images["temperature"], scale, unit, self.colour_bar)
+            for layer, suffix in layer_suffixes(list(layers)).items():
+                path = Path(bpy.path.abspath(self.target(suffix)))
+                write_picture(path, layers[layer]["temperature"], scale, unit, self.colour_bar)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

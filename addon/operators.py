@@ -8,11 +8,11 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator
-from bpy_extras.io_utils import ExportHelper
 
 from .last_render import last_render
 from .output.formats import ENUM_ITEMS, FORMATS
 from .properties import CUSTOM_PROPERTIES, add_custom_property, initial_value, property_label
+from .render_paths import Exporter, layer_suffixes
 
 OWNERS = (
     ("OBJECT", "Object", "The active object", 0),
@@ -65,7 +65,7 @@ class INFRARED_OT_property_remove(CustomPropertyOperator, Operator):
         id_block.pop(self.key, None)
 
 
-class INFRARED_OT_export_bands(Operator, ExportHelper):
+class INFRARED_OT_export_bands(Operator, Exporter):
     """Write the last render to a file, one for each view layer"""
 
     bl_idname = "infrared.export_bands"
@@ -86,12 +86,10 @@ class INFRARED_OT_export_bands(Operator, ExportHelper):
     def execute(self, _context):
         from . import final_render
 
-        path, layers = Path(bpy.path.abspath(self.filepath)), list(final_render.finished_layers)
         try:
-            for layer in layers:
-                suffix = f"_{bpy.path.clean_name(layer)}" if len(layers) > 1 else ""
-                file = path.with_name(f"{path.stem}{suffix}{self.filename_ext}")
-                final_render.write_layer(file, layer, self.file_format)
+            for layer, suffix in layer_suffixes(list(final_render.finished_layers)).items():
+                path = Path(bpy.path.abspath(self.target(suffix)))
+                final_render.write_layer(path, layer, self.file_format)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -16,10 +16,10 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy.types import Operator, Panel
-from bpy_extras.io_utils import ExportHelper
 
 from .last_render import last_render
 from .panels import RenderSettingsPanel
+from .render_paths import Exporter, layer_suffixes
 from .solver.spectrum import LIBRARY_MISSING
 
 log = logging.getLogger(__name__)
@@ -122,13 +122,14 @@ def _show(picture) -> None:
     shown.update()
 
 
-class INFRARED_OT_recombine(Operator, ExportHelper):
+class INFRARED_OT_recombine(Operator, Exporter):
     """Write a render's images for other temperatures of its groups, without tracing it again"""
 
     bl_idname = "infrared.recombine"
     bl_label = "Recombine"
 
     filename_ext = ".exr"
+    extensions = (filename_ext,)
     filter_glob: StringProperty(default="*.exr", options={"HIDDEN"})
     source: EnumProperty(name="Temperatures", description="Where the temperatures come from", items=SOURCES)
     series: StringProperty(
@@ -150,11 +151,10 @@ class INFRARED_OT_recombine(Operator, ExportHelper):
         if not files:
             self.report({"ERROR"}, "There is no render with temperature groups yet: render one, or choose its file")
             return {"CANCELLED"}
-        stem, paths = self.filepath.removesuffix(self.filename_ext), []
+        suffixes, paths, options = layer_suffixes(files), [], (self.source, self.series, self.pictures)
         try:
             for layer, groups in files.items():
-                target = f"{stem}_{bpy.path.clean_name(layer)}" if len(files) > 1 else stem
-                paths += recombine(context, groups, target, self.source, self.series, self.pictures)
+                paths += recombine(context, groups, self.target(suffixes[layer]), *options)
         except (SceneError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

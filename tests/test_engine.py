@@ -22,6 +22,7 @@ from blender_helpers import camera, cube_mesh, link, material, read_exr, render_
 
 from addon import final_render, spot_meter, temperature_groups  # noqa: E402
 from addon.last_render import forget_last_render  # noqa: E402
+from addon.render_paths import layer_suffixes  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
 from addon.solver.spectrum import band_names, band_radiance  # noqa: E402
 
@@ -427,19 +428,34 @@ def test_band_exr_is_written_with_the_render(tmp_path):
 
 
 def test_band_exr_paths(tmp_path):
-    """(setting, layer, animation) -> file"""
+    """(setting, suffix of the view layer, animation) -> file"""
     scene = bpy.context.scene
     scene.frame_set(12)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    for setting, layer, animation, expected in (
+    for setting, suffix, animation, expected in (
         ("//out", "", False, "out.exr"),
         ("//out", "", True, "out0012.exr"),
         ("//out_##.EXR", "", True, "out_12.exr"),
         ("//sub/v1.2_###", "", False, "sub/v1.2_012.exr"),
-        ("//out", "Layer/1", False, "out_Layer_1.exr"),
+        ("//out", "_Layer", False, "out_Layer.exr"),
+        ("//v1.2", "_Layer", True, "v1.20012_Layer.exr"),
     ):
         scene.infrared.band_exr_path = setting
-        assert final_render.file_path(scene, layer, animation) == tmp_path / expected
+        assert final_render.file_path(scene, suffix, animation) == tmp_path / expected
+
+
+@pytest.mark.parametrize(
+    ("layers", "suffixes"),
+    [
+        (["ViewLayer"], [""]),
+        (["A/1", "B"], ["_A_1", "_B"]),
+        (["A.1", "A_1", "a 1"], ["_A_1", "_A_1_2", "_a_1_3"]),  # some disks take the third for the first
+        (["A.1", "A_1_2", "A_1"], ["_A_1", "_A_1_2", "_A_1_3"]),
+        (["B", "A", "B"], ["_B", "_A"]),
+    ],
+)
+def test_files_of_view_layers_have_names_of_their_own(layers, suffixes):
+    assert layer_suffixes(layers) == dict(zip(dict.fromkeys(layers), suffixes, strict=True))
 
 
 @pytest.mark.parametrize("name", ["band_exr_path", "group_exr_path", "checkpoint_path"])

@@ -302,8 +302,8 @@ def test_every_view_layer_and_frame_has_its_checkpoint(infrared, tmp_path):
     scene = bpy.context.scene
     scene.frame_set(12)
     infrared.checkpoint_path = str(tmp_path / "check.npz")
-    for layer, animation, expected in (("", False, "check.npz"), ("A/1", True, "check0012_A_1.npz")):
-        assert final_render.checkpoint_path(scene, layer, animation) == tmp_path / expected
+    for suffix, animation, expected in (("", False, "check.npz"), ("_A_1", True, "check0012_A_1.npz")):
+        assert final_render.checkpoint_path(scene, suffix, animation) == tmp_path / expected
 
 
 # Two at once ----------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 """Files of every format from Blender: written with a render, frame by frame, and by the export operator."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import OpenEXR
@@ -13,7 +14,8 @@ bpy = pytest.importorskip("bpy")
 
 from blender_helpers import camera, cube_mesh, link, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
 
-from addon.output.formats import FORMATS  # noqa: E402
+from addon.output.formats import EXTENSIONS, FORMATS  # noqa: E402
+from addon.render_paths import Exporter  # noqa: E402
 
 ENDINGS = [".exr", "_spectral.exr", ".hdr", ".raw", ".tif", "_16bit.tif"]
 
@@ -96,6 +98,35 @@ def test_the_operator_exports_every_format_of_every_view_layer(infrared, tmp_pat
         (tmp_path / old).rename(tmp_path / new)
     for layer, images in passes.items():
         assert_files_hold(tmp_path / f"bands_{layer}", images)
+
+
+def test_a_render_names_the_view_layer_before_the_ending(infrared, tmp_path):
+    """Even where two names differ only in what file names do not keep."""
+    bpy.context.scene.view_layers[0].name = "A.1"
+    bpy.context.scene.view_layers.new("A_1")
+    infrared.band_exr_path = str(tmp_path / "bands_22.5")
+    passes = render_to_exr(tmp_path)
+    expected = {f"bands_22.5_A_1{number}{ending}" for number in ("", "_2") for ending in ENDINGS}
+    assert {file.name for file in tmp_path.glob("bands*")} == expected and len(passes) == 2
+
+
+def test_what_follows_a_dot_belongs_to_the_name_of_an_export(infrared, tmp_path):
+    """Else a series of such names would write one file."""
+    render_to_exr(tmp_path)
+    for name in ("run_293.2", "run_293.7", "run_300.EXR"):
+        bpy.ops.infrared.export_bands(filepath=str(tmp_path / name), file_format="TIFF")
+    for name in ("run_293.2", "run_293.7", "run_300.PNG"):
+        bpy.ops.infrared.export_picture(filepath=str(tmp_path / name))
+    expected = {f"{stem}{ending}" for stem in ("run_293.2", "run_293.7", "run_300") for ending in (".tif", ".png")}
+    assert {file.name for file in tmp_path.glob("run*")} == expected
+
+
+@pytest.mark.parametrize("chosen", ["run_293.2", "run_293.2.exr", "run_293.2.TIF"])
+def test_the_file_browser_shows_the_name_that_is_written(chosen):
+    dialog = SimpleNamespace(filepath=f"/tmp/{chosen}", extensions=EXTENSIONS, filename_ext=".hdr")
+    dialog.target = lambda: Exporter.target(dialog)
+    assert Exporter.check(dialog, None) and dialog.filepath == "/tmp/run_293.2.hdr"
+    assert not Exporter.check(dialog, None)
 
 
 @pytest.mark.parametrize("file_format", FORMATS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,13 +40,13 @@ FORMATS = {
     ),
 }
 ENUM_ITEMS = tuple((key, each.name, each.description) for key, each in FORMATS.items())
-_EXTENSIONS = {each.extension for each in FORMATS.values()}
+EXTENSIONS = {each.extension for each in FORMATS.values()}
 
 
-def without_extension(path: str) -> str:
-    """A path without the extension, if it has that of any format."""
+def without_extension(path: str, extensions: Collection[str] = EXTENSIONS) -> str:
+    """A path without the extension, if it has one of these; what else follows a dot belongs to the name: run_293.2"""
     stem, extension = os.path.splitext(path)
-    return stem if extension.lower() in _EXTENSIONS else path
+    return stem if extension.lower() in extensions else path
 
 
 def numbered(path: str, extension: str, frame: int, several: bool) -> Path:
