@@ -7,6 +7,7 @@ import logging
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -37,6 +38,7 @@ log = logging.getLogger(__name__)
 
 LEAST_STEP = 4  # pixels on each side of one of a first picture: finer ones take more than a sixteenth of a pass
 POLL = 0.05  # s between looks at Esc and at the solver
+LAST_WAIT = 30.0  # s, most that Blender waits at its end for passes to be saved
 LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
 LIVE_SHARE = 0.1  # most of the time that updates may take
 IMAGE_COPIES = 5  # of all passes that are held at once: a live one, the last one, Blender's own and some on their way
@@ -63,6 +65,9 @@ REC709 = np.eye(3, dtype=np.float32)
 finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last render
 finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
 finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
+
+# Checkpoint -> the last render that saves its passes there; it is alive for a while after Esc.
+_saving: weakref.WeakValueDictionary[Path, RenderJob] = weakref.WeakValueDictionary()
 
 
 def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict[str, np.ndarray]:
@@ -124,9 +129,11 @@ def render_view_layer(engine, depsgraph) -> None:
     for warning in warnings:
         _warn(engine, warning)
     suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # of the names of its files
-    solve = render
+    solve, path = render, None
     if scene.infrared.checkpoint_path:
         path = checkpoint_path(scene, suffix, engine.is_animation)
+        if not _await_last_save(engine, path):
+            return
         solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
     if not (bpy.app.background or engine.is_animation):  # somebody is waiting for it
         solve = _solver_with_first_pictures(solve)
@@ -147,6 +154,8 @@ def render_view_layer(engine, depsgraph) -> None:
     scale, slot = read_scale(scene.infrared), render_slot()
     paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
     job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, fillers)
+    if path:
+        _saving[path] = job
     images = _render(engine, job, layer)
     log.info("%s: %s", layer, job.status())
     if effects and effects.warning():
@@ -192,6 +201,34 @@ def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass
 def _warn(engine, message: str) -> None:
     log.warning(message)
     engine.report({"WARNING"}, message)
+
+
+def _await_last_save(engine, path: Path) -> bool:
+    """Wait for a render that was ended by Esc to save its passes in a checkpoint; False if Esc ends this one, too.
+
+    Its solver may be in the middle of a pass, and writing takes seconds: until then the file is missing or an old one.
+    """
+    job = _saving.get(path)
+    if job is not None and job.is_alive():
+        engine.update_stats("", "Saving the passes of the last render")
+    while job is not None and job.is_alive():
+        if engine.test_break():
+            return False
+        job.join(POLL)
+    return True
+
+
+def _finish_saving() -> None:
+    """At Blender's end: let renders that were ended save their passes. What has no pass has nothing to save."""
+    deadline = time.monotonic() + LAST_WAIT
+    for job in list(_saving.values()):
+        job.cancel()
+        if job.film is not None:
+            job.join(max(0.0, deadline - time.monotonic()))
+
+
+# atexit comes too late: by then no pool of threads takes work from the solver.
+threading._register_atexit(_finish_saving)
 
 
 def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, settings) -> Callable:

@@ -6,7 +6,9 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import OpenEXR
@@ -221,9 +223,14 @@ def stop_after(monkeypatch, passes):
         if film.passes >= passes:
             job.cancel()
 
-    monkeypatch.setattr(final_render.RenderJob, "_on_pass", on_pass)
-    render()
-    monkeypatch.setattr(final_render.RenderJob, "_on_pass", real)
+    def watch(_engine, job, _result):
+        while job.is_alive() and not job.cancelled:
+            job.join(0.001)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(final_render.RenderJob, "_on_pass", on_pass)
+        patch.setattr(final_render, "_watch", watch)
+        render()
 
 
 def wait_for(path):
@@ -247,6 +254,57 @@ def test_a_render_ended_by_esc_goes_on(infrared, tmp_path, monkeypatch):
     assert seen == [2, 3, 4, 5, 6]  # it did not start anew
     np.testing.assert_array_equal(radiance(), whole)
     assert not path.exists()
+
+
+def save_slowly(monkeypatch):
+    """As a large film to a slow disk, by a solver that still has something to do before."""
+    real = solver.checkpoint.save
+
+    def save(*args):
+        time.sleep(1.0)
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(real, *args).result()
+
+    monkeypatch.setattr(solver.checkpoint, "save", save)
+
+
+def test_a_render_started_right_after_esc_goes_on_from_what_is_being_saved(infrared, tmp_path, monkeypatch):
+    path = tmp_path / "check.npz"
+    infrared.passes, infrared.checkpoint_path = 5, str(path)
+    save_slowly(monkeypatch)
+    stop_after(monkeypatch, 2)
+    assert not path.exists()
+    told, impatient = [], SimpleNamespace(test_break=lambda: True, update_stats=lambda _stats, info: told.append(info))
+    assert not final_render._await_last_save(impatient, path)  # Esc again
+    assert told == ["Saving the passes of the last render"]
+    seen, real = [], final_render.RenderJob._on_pass
+    monkeypatch.setattr(final_render.RenderJob, "_on_pass", lambda *args: (seen.append(args[1].passes), real(*args)))
+    render()
+    assert seen == [2, 3, 4, 5]
+    assert not path.exists()
+
+
+QUIT = """
+import sys
+sys.path[:0] = [{root!r}, {tests!r}]
+import bpy, addon, pytest
+from test_faults_blender import build_scene, save_slowly, stop_after
+bpy.ops.wm.read_factory_settings(use_empty=True)
+addon.register()
+infrared = build_scene()
+infrared.passes, infrared.checkpoint_path = 100, {path!r}
+save_slowly(pytest.MonkeyPatch())
+stop_after(pytest.MonkeyPatch(), 2)
+"""
+
+
+def test_a_render_ended_by_esc_is_saved_though_blender_is_quit(tmp_path):
+    path = tmp_path / "check.npz"
+    script = QUIT.format(root=str(ROOT), tests=str(ROOT / "tests"), path=str(path))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0 and path.exists(), done.stderr
+    with np.load(path) as saved:
+        assert saved["passes"] == 2
 
 
 def test_a_render_ended_by_esc_can_be_read_and_exported_but_writes_no_files(infrared, tmp_path, monkeypatch):
