@@ -79,20 +79,38 @@ def test_recombined_images_follow_the_formula(path, tmp_path):
     assert np.array_equal(channels["Temperature.V"].pixels[::-1], temperature)
 
 
-def test_damaged_files_are_refused(path):
-    """Whatever byte of the header is wrong, and wherever the file ends: never anything but a message with its name."""
-    whole, refused = path.read_bytes(), 0
-    for at in (*range(0, 400, 7), *range(400, len(whole), 501)):
-        for damaged in (whole[:at], whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :]):
-            path.write_bytes(damaged)
-            try:
-                image, _ = read_group_exr(path)
-            except SceneError as error:
-                assert str(path) in str(error)
-                refused += 1
-            else:  # what no checksum guards: a pixel, or a fact for the reader alone
-                assert np.isfinite(image.excess).all() and image.excess.shape == (3, 2, 5, 4)
-    assert refused > 40
+def test_files_that_end_early_are_refused(path):
+    """Wherever: with a message that names the file."""
+    whole = path.read_bytes()
+    for at in range(0, len(whole), 23):
+        path.write_bytes(whole[:at])
+        with pytest.raises(SceneError) as error:
+            read_group_exr(path)
+        assert str(path) in str(error.value)
+
+
+def test_damaged_files_are_refused_or_off_in_one_value(path):
+    """A byte that is wrong is refused, with a message that names the file, unless no checksum guards it: then a pixel
+    is off, as OpenEXR keeps none, or a fact that is still possible. Never more than one value.
+
+    Pixels take 480 bytes of 5800, and most of the others say how to read them.
+    """
+    whole, image = path.read_bytes(), layered().excess
+    refused, off, places = 0, 0, range(0, len(whole), 7)
+    for at in places:
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+        try:
+            found, _ = read_group_exr(path)
+        except SceneError as error:
+            assert str(path) in str(error)
+            refused += 1
+        else:
+            assert np.isfinite(found.excess).all() and found.excess.shape == image.shape
+            assert np.count_nonzero(found.excess != image) <= 1
+            off += not np.array_equal(found.excess, image)
+    print(f"of {len(places)} bytes {refused} are refused, {off} change a pixel")
+    assert refused > 0.75 * len(places)
+    assert abs(off / len(places) / (image.nbytes / len(whole)) - 1.0) < 0.2
 
 
 @pytest.mark.parametrize(
