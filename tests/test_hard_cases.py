@@ -561,7 +561,7 @@ def test_wall_of_needles_in_a_furnished_room(settings):
     The picture is that wall: from where the camera is, its lower left has most of the floor's light.
     """
     camera = look((0.7, 0.4, 0.3), (0.0, 0.4, 0.3), 12, 8, 0.55)
-    settings = dataclasses.replace(QUICK, passes=32, **settings)
+    settings = dataclasses.replace(QUICK, passes=12, **settings)
 
     def sixths(count):
         """(passes, 7) the mean radiance of each part of the picture, and of all, in each pass."""
