@@ -318,7 +318,7 @@ def test_a_thousand_bounces(settings, monkeypatch):
     """
     monkeypatch.setattr(solver, "_PLAN_PHOTONS", 512)  # 8192 that plan the render would take longer than the passes
     scene, truth = diffuse_sphere(0.001, 0.001, 1)
-    expect(scene, truth, precision=0.04, passes=16, photons_per_pass=75, **settings)
+    expect(scene, truth, precision=0.04, passes=8, photons_per_pass=150, **settings)
 
 
 def test_photons_of_a_thousand_bounces_end(monkeypatch):
