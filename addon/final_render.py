@@ -114,8 +114,12 @@ def render_view_layer(engine, depsgraph) -> None:
     scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     layer = view_layer.name
     layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # the evaluated one puts its own first
-    if layer in layers[:1] or layer not in layers:  # the first of this render, or a single one
+    # Otherwise this scene is rendered for the compositor of the one that is shown.
+    shown = all(frame.scene == scene.name for frame in finished_frames.values())
+    if shown and layer in layers[:1] and not scene.render.use_single_layer:
         forget_last_render()
+    elif shown:
+        finished_layers.pop(layer, None)
     check_paths(scene.infrared)
     settings, edges = read_settings(scene.infrared), read_band_edges(scene.infrared)
     passes, further = render_passes(scene, view_layer), further_passes(scene, view_layer)
@@ -162,10 +166,14 @@ def render_view_layer(engine, depsgraph) -> None:
         _warn(engine, f"{layer}: {effects.warning()}")
     if images:
         facts = effects.facts() if effects else {}
-        finished_layers[layer] = layer_images(job, images, further, facts)
-        finished_frames[layer] = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
+        finished = layer_images(job, images, further, facts)
+        if shown:
+            frame = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
+            _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
         if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
-            _write_files(scene, layer, suffix, engine.is_animation, job.film)
+            groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
+            if shown and groups:
+                finished_groups[layer] = groups
 
 
 def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
@@ -183,13 +191,34 @@ def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
     return images
 
 
-def _write_files(scene, layer: str, suffix: str, animation: bool, film) -> None:
-    """Write the files that the scene wants of a finished view layer. suffix: see layer_suffixes."""
+def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) -> None:
+    """Put a finished view layer among those of the last render, in the order of the scene's, as Blender shows them.
+
+    Beside a layer that is rendered alone Blender keeps the others, as long as they have its size.
+    """
+    place = frame.scene, frame.slot, frame.size
+    frames = {name: each for name, each in finished_frames.items() if (each.scene, each.slot, each.size) == place}
+    frames = {name: replace(each, composited=frame.composited) for name, each in frames.items()} | {layer: frame}
+    layers, groups = finished_layers | {layer: images}, dict(finished_groups)
+    forget_last_render()
+    finished_layers.update({name: layers[name] for name in order if name in frames and name in layers})
+    finished_frames.update({name: frames[name] for name in order if name in frames})
+    finished_groups.update({name: path for name, path in groups.items() if name in frames and name != layer})
+
+
+def _write_files(scene, layer: str, suffix: str, animation: bool, images: dict, film) -> Path | None:
+    """Write the files that the scene wants of a finished view layer; the path of its temperature groups, if any.
+
+    suffix: see layer_suffixes. images: see layer_images.
+    """
     if scene.infrared.band_exr_path:
         for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
-            write_layer(file_path(scene, suffix, animation, file_format), layer, file_format)
-    if len(film.layers) > 1:
-        write_groups(group_path(scene, suffix, animation), layer, film)
+            write_layer(file_path(scene, suffix, animation, file_format), layer, images, file_format)
+    if len(film.layers) == 1:
+        return None
+    path = group_path(scene, suffix, animation)
+    write_groups(path, layer, images, film)
+    return path
 
 
 def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass]) -> float:
@@ -458,19 +487,15 @@ def layer_images(
     }
 
 
-def write_layer(path: Path, layer: str, file_format: str) -> None:
-    """Write the last finished render of a view layer. file_format: a key of FORMATS.
-
-    Raises OSError, KeyError without such a render.
-    """
-    write_file(file_format, path, finished_layers[layer])
+def write_layer(path: Path, layer: str, images: dict, file_format: str) -> None:
+    """Write a finished view layer. images: see layer_images. file_format: a key of FORMATS. Raises OSError."""
+    write_file(file_format, path, images)
     log.info("%s: %s written to %s", layer, FORMATS[file_format].name, path)
 
 
-def write_groups(path: Path, layer: str, film) -> None:
-    """Write the temperature groups of a view layer's finished film. Raises OSError."""
+def write_groups(path: Path, layer: str, images: dict, film) -> None:
+    """Write the temperature groups of a view layer's finished film. images: see layer_images. Raises OSError."""
     from .output.group_exr import write_group_exr
 
-    write_group_exr(path, layered_image(film), finished_layers[layer]["metadata"])
-    finished_groups[layer] = path
+    write_group_exr(path, layered_image(film), images["metadata"])
     log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)

@@ -126,17 +126,16 @@ def draw_over_image_editor() -> None:
     shown = spot_meter.shown_layer(space, scene)
     if shown is None or not space.overlay.show_overlays:
         return
-    layer, is_combined = shown
     unit = scene_unit(scene)
     text = round(TEXT * context.preferences.system.ui_scale)
     for spot in scene.infrared.spots:
-        value = spot_meter.reading_at(layer, *spot.position, unit)
+        value = spot_meter.reading_at(shown, *spot.position, unit)
         draw_spot(*region.view2d.view_to_region(*spot.position, clip=False), value or "not rendered", text)
-    if scene.infrared.show_colour_bar and is_combined:
-        draw_colour_bar(context, spot_meter.finished()[1][layer].scale, 5 * GAP)
+    if scene.infrared.show_colour_bar and shown.is_combined:
+        draw_colour_bar(context, shown.frame.scale, 5 * GAP)
     cursor = spot_meter.Cursor
     if cursor.is_in(context.area):
-        value = spot_meter.reading_at(layer, *region.view2d.region_to_view(cursor.x, cursor.y), unit)
+        value = spot_meter.reading_at(shown, *region.view2d.region_to_view(cursor.x, cursor.y), unit)
         draw_at_cursor(cursor, value, text)
 
 
@@ -196,7 +195,7 @@ class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
         layers, _ = spot_meter.finished()
         scale, unit = read_scale(context.scene.infrared), scene_unit(context.scene)
         try:
-            for layer, suffix in layer_suffixes(list(layers)).items():
+            for layer, suffix in layer_suffixes(layers).items():
                 path = Path(bpy.path.abspath(self.target(suffix)))
                 write_picture(path, layers[layer]["temperature"], scale, unit, self.colour_bar)
         except OSError as error:
@@ -333,7 +332,7 @@ class INFRARED_PT_image_heat_display(ImageSidebarPanel, Panel):
     def draw(self, context):
         column = draw_sidebar_settings(self.layout, context.scene)
         shown = spot_meter.shown_layer(context.space_data, context.scene)
-        if shown and spot_meter.finished()[1][shown[0]].asked != read_scale(context.scene.infrared):
+        if shown and shown.frame.asked != read_scale(context.scene.infrared):
             column.label(text="Changed since this render", icon="INFO")
 
 
@@ -346,7 +345,7 @@ class INFRARED_PT_image_spots(ImageSidebarPanel, Panel):
         shown, unit = spot_meter.shown_layer(context.space_data, scene), scene_unit(scene)
         column = layout.column(align=True)
         for index, spot in enumerate(scene.infrared.spots):
-            value = shown and spot_meter.reading_at(shown[0], *spot.position, unit)
+            value = shown and spot_meter.reading_at(shown, *spot.position, unit)
             row = column.row(align=True)
             row.label(text=f"{index + 1}:  {value or 'not rendered'}")
             row.operator("infrared.spot_remove", text="", icon="X").index = index

@@ -86,10 +86,11 @@ class INFRARED_OT_export_bands(Operator, Exporter):
     def execute(self, _context):
         from . import final_render
 
+        layers = dict(final_render.finished_layers)  # another render may begin meanwhile
         try:
-            for layer, suffix in layer_suffixes(list(final_render.finished_layers)).items():
+            for layer, suffix in layer_suffixes(layers).items():
                 path = Path(bpy.path.abspath(self.target(suffix)))
-                final_render.write_layer(path, layer, self.file_format)
+                final_render.write_layer(path, layer, layers[layer], self.file_format)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import NamedTuple
 
 import bpy
 from bpy.app.handlers import persistent
@@ -13,6 +14,7 @@ from bpy.types import Operator
 
 from .heat_settings import PICTURE_EDITORS, redraw_pictures
 from .last_render import forget_last_render, last_render
+from .panels import ENGINE
 
 HELP = "Spot Meter    LMB in an Image Editor: Place Spot, or Remove the One There    Esc: Leave"
 REACH = 8  # pixels: a click so near to a spot means that spot
@@ -22,27 +24,39 @@ REACH = 8  # pixels: a click so near to a spot means that spot
 
 
 def finished():
-    """(finished_layers, finished_frames) of final_render; both are empty if nothing was rendered yet."""
-    return last_render("finished_layers"), last_render("finished_frames")
+    """Copies of finished_layers and finished_frames of final_render, which a render in the background may change.
 
-
-def shown_layer(space, scene) -> tuple[str, bool] | None:
-    """The finished view layer that an Image Editor shows, and whether what is seen is its Combined pass.
-
-    None if it shows something else. The compositor's picture counts as the first layer, but not as its Combined.
+    Both are empty if nothing was rendered yet.
     """
-    _, frames = finished()
+    return dict(last_render("finished_layers")), dict(last_render("finished_frames"))
+
+
+class ShownLayer(NamedTuple):
+    """A finished view layer in an Image Editor: what `final_render.layer_images` says of it, its
+    `final_render.FinishedFrame`, and whether what is seen is its Combined pass."""
+
+    images: dict
+    frame: object
+    is_combined: bool
+
+
+def shown_layer(space, scene) -> ShownLayer | None:
+    """The finished view layer that an Image Editor shows; None if it shows something else.
+
+    The compositor's picture counts as the first layer, but not as its Combined.
+    """
+    layers, frames = finished()
     image = space.image
-    if not frames or image is None or image.type != "RENDER_RESULT":
+    if not frames or image is None or image.type != "RENDER_RESULT" or scene.render.engine != ENGINE:
         return None
     first = next(iter(frames.values()))
     if first.scene != scene.name or first.slot != image.render_slots.active_index:
         return None
     index = space.image_user.multilayer_layer - first.composited
-    if index < 0:
-        return next(iter(frames)), False
-    layer = next((name for i, name in enumerate(frames) if i == index), None)
-    return None if layer is None else (layer, space.image_user.multilayer_pass == 0)
+    name, frame = next((item for i, item in enumerate(frames.items()) if i == max(index, 0)), ("", None))
+    if name not in layers:
+        return None
+    return ShownLayer(layers[name], frame, index >= 0 and space.image_user.multilayer_pass == 0)
 
 
 def pixel_at(u: float, v: float, size: tuple[int, int], origin: tuple[int, int], shape) -> tuple[int, int] | None:
@@ -54,12 +68,11 @@ def pixel_at(u: float, v: float, size: tuple[int, int], origin: tuple[int, int],
     return (row, column) if 0 <= row < shape[0] and 0 <= column < shape[1] else None
 
 
-def reading_at(layer: str, u: float, v: float, unit) -> str | None:
+def reading_at(shown: ShownLayer, u: float, v: float, unit) -> str | None:
     """The reading of a finished view layer at shares (u, v) of the picture, in a TemperatureUnit; None outside."""
     from .output.temperature_scale import reading
 
-    layers, frames = finished()
-    images, frame = layers[layer], frames[layer]
+    images, frame = shown.images, shown.frame
     pixel = pixel_at(u, v, frame.size, frame.origin, images["temperature"].shape)
     return pixel and reading(float(images["temperature"][pixel]), float(images["noise"][pixel]), unit)
 
@@ -242,6 +255,14 @@ def forget_render(*_):
     Cursor.meter, Cursor.area = None, 0
 
 
+@persistent
+def forget_other_render(scene, *_):
+    """Another scene is rendered, or this one with another engine: what is to be shown is nothing of what we know."""
+    _, frames = finished()
+    if scene.render.engine != ENGINE or any(frame.scene != scene.name for frame in frames.values()):
+        forget_last_render()
+
+
 CLASSES = (INFRARED_OT_spot_meter, INFRARED_OT_spot_add, INFRARED_OT_spot_remove)
 
 
@@ -249,9 +270,11 @@ def register():
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.app.handlers.load_post.append(forget_render)
+    bpy.app.handlers.render_init.append(forget_other_render)
 
 
 def unregister():
+    bpy.app.handlers.render_init.remove(forget_other_render)
     bpy.app.handlers.load_post.remove(forget_render)
     forget_render()
     for cls in reversed(CLASSES):

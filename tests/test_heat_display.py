@@ -264,6 +264,21 @@ def test_a_click_means_the_nearest_spot_within_reach_as_seen():
     assert spot_meter.spot_under([], 110, 20, view) is None
 
 
+def reading_at(u, v, unit):
+    """The reading in an Image Editor that shows the only view layer."""
+    return spot_meter.reading_at(spot_meter.shown_layer(editor(), bpy.context.scene), u, v, unit)
+
+
+def shown_layer(space, scene):
+    """The name of the finished view layer that an editor shows and whether it is its Combined, or None."""
+    shown = spot_meter.shown_layer(space, scene)
+    if shown is None:
+        return None
+    (name,) = (name for name, images in final_render.finished_layers.items() if images is shown.images)
+    assert shown.frame is final_render.finished_frames[name]
+    return name, shown.is_combined
+
+
 @pytest.mark.parametrize("crop", [None, False, True])
 def test_readings_are_those_of_the_render(tmp_path, crop):
     """Left wall, right wall and outside a border, as shares of what Blender shows."""
@@ -278,13 +293,13 @@ def test_readings_are_those_of_the_render(tmp_path, crop):
     for row in range(shown.shape[0]):
         for column in range(shown.shape[1]):
             u, v = (column + 0.5) / shown.shape[1], (row + 0.5) / shown.shape[0]
-            text = spot_meter.reading_at("ViewLayer", u, v, KELVIN)
+            text = reading_at(u, v, KELVIN)
             kelvin = shown[row, column]
             if kelvin == 0.0:  # outside the border
                 assert text is None
             else:
                 assert abs(float(text.split()[0]) - kelvin) <= 0.5 and text.endswith(" K")
-    assert spot_meter.reading_at("ViewLayer", 0.99, 0.99, CELSIUS) == "66.85 ± 0.00 °C"  # 340 K, and no photon
+    assert reading_at(0.99, 0.99, CELSIUS) == "66.85 ± 0.00 °C"  # 340 K, and no photon
 
 
 def test_reading_copies_no_image(tmp_path):
@@ -300,7 +315,7 @@ def test_reading_copies_no_image(tmp_path):
     final_render.finished_layers["ViewLayer"] = real | {
         name: real[name].view(OnePixel) for name in ("temperature", "noise")
     }
-    assert spot_meter.reading_at("ViewLayer", 0.1, 0.1, KELVIN) == "280.00 ± 0.00 K"
+    assert reading_at(0.1, 0.1, KELVIN) == "280.00 ± 0.00 K"
 
 
 def editor(layer=0, render_pass=0, slot=0, kind="RENDER_RESULT"):
@@ -315,15 +330,112 @@ def test_the_editor_chooses_the_view_layer(tmp_path):
     walls()
     scene.view_layers.new("Unused").use = False
     scene.view_layers.new("Other")
-    assert spot_meter.shown_layer(editor(), scene) is None  # before the first render
+    assert shown_layer(editor(), scene) is None  # before the first render
     render_to_exr(tmp_path)
-    assert spot_meter.shown_layer(editor(0), scene) == ("ViewLayer", True)
-    assert spot_meter.shown_layer(editor(1), scene) == ("Other", True)
-    assert spot_meter.shown_layer(editor(1, 3), scene) == ("Other", False)
-    assert spot_meter.shown_layer(editor(2), scene) is None
-    assert spot_meter.shown_layer(editor(0, slot=1), scene) is None
-    assert spot_meter.shown_layer(editor(0, kind="IMAGE"), scene) is None
-    assert spot_meter.shown_layer(editor(0), bpy.data.scenes.new("Another")) is None
+    assert shown_layer(editor(0), scene) == ("ViewLayer", True)
+    assert shown_layer(editor(1), scene) == ("Other", True)
+    assert shown_layer(editor(1, 3), scene) == ("Other", False)
+    assert shown_layer(editor(2), scene) is None
+    assert shown_layer(editor(0, slot=1), scene) is None
+    assert shown_layer(editor(0, kind="IMAGE"), scene) is None
+    assert shown_layer(editor(0), bpy.data.scenes.new("Another")) is None
+
+
+@pytest.mark.parametrize("alone", ["ViewLayer", "Middle", "Unused"])
+def test_a_view_layer_rendered_alone_takes_its_place_among_the_others(tmp_path, alone):
+    """Blender puts them in the scene's order, and keeps those of its size: in a window, but here others are off."""
+    scene = bpy.context.scene
+    walls()
+    for name in ("Unused", "Middle", "Last"):
+        scene.view_layers.new(name).use = name != "Unused"
+    scene.render.engine = "INFRARED_PHOTONS"
+    bpy.ops.render.render()
+    before, scene.render.use_single_layer = dict(final_render.finished_layers), True
+    for layer in scene.view_layers:
+        layer.use = layer.name == alone
+    bpy.ops.render.render()
+    order = [layer.name for layer in scene.view_layers if layer.name in {*before, alone}]
+    assert list(final_render.finished_layers) == list(final_render.finished_frames) == order
+    changed = {name for name, images in final_render.finished_layers.items() if images is not before.get(name)}
+    assert changed == {alone}
+    scene.render.resolution_x += 1
+    bpy.ops.render.render()
+    assert list(final_render.finished_layers) == list(final_render.finished_frames) == [alone]
+    bpy.data.objects["Left"]["temperature"] = -1.0
+    with pytest.raises(RuntimeError):
+        bpy.ops.render.render()
+    assert not final_render.finished_layers and shown_layer(editor(), scene) is None
+
+
+def compositor(scene, *scenes):
+    """The scene's new compositor, which mixes renders of these scenes."""
+    if hasattr(scene, "compositing_node_group"):  # Blender 5
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        out = tree.nodes.new("NodeGroupOutput").inputs[0]
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        out = tree.nodes.new("CompositorNodeComposite").inputs[0]
+    both = tree.nodes.new("CompositorNodeAlphaOver")
+    sockets = [socket for socket in both.inputs if socket.type == "RGBA"]
+    for socket, each in zip(sockets, scenes, strict=True):
+        node = tree.nodes.new("CompositorNodeRLayers")
+        node.scene = each
+        tree.links.new(node.outputs["Image"], socket)
+    tree.links.new(both.outputs[0], out)
+
+
+def test_a_scene_for_the_compositor_leaves_the_shown_ones_picture(tmp_path):
+    """It is the rendered scene that can be read and exported; the other one still writes its files."""
+    scene = bpy.context.scene
+    walls(300.0, 300.0)
+    bpy.ops.scene.new(type="FULL_COPY")
+    other = bpy.context.scene
+    for obj in other.objects:
+        obj["temperature"] = 330.0
+    other.render.engine = scene.render.engine = "INFRARED_PHOTONS"
+    other.infrared.band_exr_path = str(tmp_path / "other")
+    bpy.context.window.scene = scene
+    compositor(scene, scene, other)
+    bpy.ops.render.render()
+    assert [frame.scene for frame in final_render.finished_frames.values()] == [scene.name]
+    np.testing.assert_allclose(final_render.finished_layers["ViewLayer"]["temperature"], 300.0, rtol=1e-6)
+    assert (tmp_path / "other.exr").exists()
+
+
+def test_a_render_of_another_engine_forgets_ours(tmp_path):
+    """Else bar, spots and exports would be those of a picture that is not seen."""
+    scene = bpy.context.scene
+    walls()
+    render_to_exr(tmp_path)
+
+    class OtherEngine(bpy.types.RenderEngine):
+        bl_idname, bl_label = "OTHER_ENGINE", "Other"
+
+        def render(self, depsgraph):
+            pass
+
+    bpy.utils.register_class(OtherEngine)
+    try:
+        scene.render.engine = "OTHER_ENGINE"
+        assert shown_layer(editor(), scene) is None
+        bpy.ops.render.render()
+    finally:
+        bpy.utils.unregister_class(OtherEngine)
+    scene.render.engine = "INFRARED_PHOTONS"
+    assert shown_layer(editor(), scene) is None and not any(map(last_render, TABLES))
+
+
+def test_a_render_may_begin_while_an_editor_is_drawn(tmp_path):
+    """Its thread empties the tables; what is being drawn stays whole."""
+    walls()
+    render_to_exr(tmp_path)
+    shown = spot_meter.shown_layer(editor(), bpy.context.scene)
+    forget_last_render()
+    assert spot_meter.reading_at(shown, 0.1, 0.1, KELVIN) == "280.00 ± 0.00 K" and shown.frame.scale.low < 300.0
+    assert spot_meter.shown_layer(editor(), bpy.context.scene) is None
 
 
 def test_the_compositors_picture_comes_before_the_layers(tmp_path):
@@ -332,8 +444,8 @@ def test_the_compositors_picture_comes_before_the_layers(tmp_path):
     frames, scene = final_render.finished_frames, bpy.context.scene
     assert not frames["ViewLayer"].composited
     frames["ViewLayer"] = dataclasses.replace(frames["ViewLayer"], composited=True)
-    assert spot_meter.shown_layer(editor(0), scene) == ("ViewLayer", False)
-    assert spot_meter.shown_layer(editor(1), scene) == ("ViewLayer", True)
+    assert shown_layer(editor(0), scene) == ("ViewLayer", False)
+    assert shown_layer(editor(1), scene) == ("ViewLayer", True)
 
 
 def test_spots_are_placed_and_removed_and_kept_in_the_file(tmp_path):
@@ -353,11 +465,11 @@ def test_spots_are_placed_and_removed_and_kept_in_the_file(tmp_path):
 def test_another_file_shows_nothing_of_the_last_render(tmp_path):
     walls()
     render_to_exr(tmp_path)
-    assert spot_meter.shown_layer(editor(), bpy.context.scene)
+    assert shown_layer(editor(), bpy.context.scene)
     final_render.finished_groups["ViewLayer"] = tmp_path / "groups.exr"
     assert all(map(last_render, TABLES))
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert spot_meter.shown_layer(editor(), bpy.context.scene) is None
+    assert shown_layer(editor(), bpy.context.scene) is None
     assert not any(map(last_render, TABLES))
     assert not bpy.ops.infrared.export_bands.poll() and not bpy.ops.infrared.range_from_render.poll()
 
