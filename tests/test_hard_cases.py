@@ -238,8 +238,6 @@ def test_light_of_a_hundred_thousand_kelvin():
     expect(scene, 0.5 * 1e9 / np.pi * light_spectrum(sun, EDGES).sum())
 
 
-@pytest.mark.xfail(reason="sigma T^4 is 0 below 1e-81 K: the lamp's power is NaN, and no photon leaves anything")
-@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
 def test_light_of_nearly_no_temperature():
     """In the bands it sends nothing, as one of 0 K does: the picture is that, to the last bit."""
     images = []
@@ -755,19 +753,14 @@ def test_nothing_leaks_through_a_thin_wall(gap, hot, settings):
     expect(rooms(gap, hot), black(EDGES, 400.0 if hot else 300.0), **settings)
 
 
-HIDDEN_HEAT = pytest.mark.xfail(
-    reason="a side out of the image's reach sends 1/64 of what its power would: next to 3000 K no photon is left"
-)
-
-
 @pytest.mark.parametrize(
     "emissivity, settings",
     [
         (1.0, {}),
         (1.0, {"reference_subtraction": False}),
         (0.5, {}),
-        pytest.param(0.5, {"reference_subtraction": False}, marks=HIDDEN_HEAT),
-        pytest.param(0.5, {"reference_temperature": 333.0}, marks=HIDDEN_HEAT),
+        (0.5, {"reference_subtraction": False}),
+        (0.5, {"reference_temperature": 333.0}),
     ],
 )
 @pytest.mark.parametrize("gap", [1e-4, 2 * CLEAR], ids=["0.1 mm", "2 um"])
@@ -781,7 +774,6 @@ def test_millions_of_times_the_light_behind_a_thin_wall(gap, emissivity, setting
     expect(scene, truth, **settings)
 
 
-@HIDDEN_HEAT
 def test_heat_that_nobody_sees_adds_no_noise():
     """A room with a floor at 330 K and the rest at 300 K, in 3-5 um, one metre from a closed one at 3000 K, or at 0 K:
     no light of that one can come, so the picture is as noisy. A factor of 2: each of the errors is known to 18 %."""

@@ -20,6 +20,9 @@ _SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 
 # Photons from the surroundings, over all others, where the scene seems closed.
 _SKY_DEFENSIVE = 1.0 / 64.0
+# Photons from all that seems out of the image's reach, at most, over all others: next to a closed furnace its small
+# chance would still take nearly all.
+_HIDDEN = 1.0 / 16.0
 
 POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
 
@@ -56,9 +59,10 @@ class Emitters(NamedTuple):
 
 def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
     """(b,) share of a light's total flux in each band: that of a blackbody at its temperature."""
-    if light.temperature == 0:
+    total = _SIGMA * light.temperature**4
+    if total == 0.0:  # at 0 K, and where float64 cannot tell it from that
         return np.zeros(len(edges) - 1)
-    return math.pi * band_radiance(edges, light.temperature) / (_SIGMA * light.temperature**4)
+    return math.pi * band_radiance(edges, light.temperature) / total
 
 
 def _light_row(light: Light, centre: np.ndarray) -> np.ndarray:
@@ -114,6 +118,7 @@ def build_emitters(
     surfaces: Surfaces,
     radiometry: Radiometry,
     centre: np.ndarray,
+    matters: np.ndarray,
     weight: np.ndarray,
     arrival: np.ndarray,
     openness: float,
@@ -128,13 +133,12 @@ def build_emitters(
 
     area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides that shadow rays are sent
     to. open_: see Emitters.
+    matters: (t, 2) bool, sides that the image can depend on, as far as known.
     weight, arrival: (t, 2) float64, factors on the probability that a side emits, or that photons from the surroundings
         arrive there.
     openness: share of the directions from those sides that leave the scene, 0..1.
     world_temperature: K, of the surroundings as they are traced. sky_layer: see Emitters.
     """
-    surface_power = (power[:, None] * weight).ravel()
-    surface = np.flatnonzero(surface_power > 0).astype(np.int32)
     surroundings = np.zeros_like(radiometry.reference)
     if world_temperature != radiometry.quiet:  # else rounding of the reference would be all that photons carry
         surroundings = band_radiance(scene.band_edges, world_temperature) - radiometry.reference
@@ -147,6 +151,12 @@ def build_emitters(
     light_power = light_power.reshape(len(scene.lights), radiometry.reference.size)
     light = np.array([_light_row(light, centre) for light in scene.lights]).reshape(-1, 16)
     light_total = light_totals(light, light_power, radius)
+    surface_power = power[:, None] * weight
+    hidden, others = surface_power[~matters].sum(), surface_power[matters].sum() + light_total.sum()
+    if hidden > _HIDDEN * others > 0.0:
+        surface_power[~matters] *= _HIDDEN * others / hidden
+    surface_power = surface_power.ravel()
+    surface = np.flatnonzero(surface_power > 0).astype(np.int32)
     # Of the photons from the surroundings only the share `openness` arrives; for the least variance at a given number
     # of photons a class is then chosen in proportion to power / sqrt(share) (Lagrange). A scene that seems closed still
     # sends some: the pilot may have missed a hole.

@@ -277,7 +277,7 @@ def _empty_excesses(bands):
 
 def near_disks(photon_map, estimate):
     """Areas of the disks of one estimate, (labels,) float64 m2 by sheet, and the factor on them in this pass: rays of
-    final gathers that end nearer to their start than such a disk is wide do not recall.
+    final gathers that end nearer to their start than the radius of such a disk do not recall.
 
     The light there changes within the disk, as what they start from stands beside it: in corners. So they go on, once,
     and the next end recalls, where the same blur counts less (Jensen 2001). Not where there are caustics, which no ray

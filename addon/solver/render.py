@@ -190,8 +190,8 @@ def prepare(
         surfaces, tracer, power, pilot.matters, pilot.place, pilot.facing, pilot.code, lit, pass_key(0, 12, PILOT)
     )
     emitters = build_emitters(
-        scene, surfaces, radiometry, centre, pilot.weight, pilot.arrival, pilot.openness, area, power, lamp, pilot.open,
-        layers[sky].traced if sky else scene.world_temperature, sky,
+        scene, surfaces, radiometry, centre, pilot.matters, pilot.weight, pilot.arrival, pilot.openness, area, power,
+        lamp, pilot.open, layers[sky].traced if sky else scene.world_temperature, sky,
     )  # fmt: skip
     lamps = build_lamps(emitters, surfaces, power, lamp)
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
