@@ -4,13 +4,15 @@
 A part for each layer, with a channel for each band, '8,00-8,50um.V', as `exr.write_band_exr` names them: W m-2 sr-1
 um-1 beyond a blackbody at `referenceTemperature`, of what the layer emits at the temperature that it was traced at.
 `layers` in the header of each part says in JSON, for each, its group, the spectrum of its material, its temperature in
-the scene and while it was traced. The other facts are those of every file.
+the scene and while it was traced. `checksum` is the CRC-32 of all pixels and texts, as OpenEXR guards neither. The
+other facts are those of every file.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -38,6 +40,7 @@ def write_group_exr(path: str | os.PathLike, image: LayeredImage, metadata: Mapp
     path = Path(path)
     units = f"all channels: {BAND_UNIT}, in excess of a blackbody at referenceTemperature"
     facts = describe(units, image.band_edges, metadata) | {"layers": to_json(image.layers)}
+    facts["checksum"] = _checksum(image.excess, facts)
     names = [channel_name(name) for name in band_names(image.band_edges)]
     # ZIP would take off a tenth, as noise is hard to compress, and seconds for each image
     header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage} | facts
@@ -82,6 +85,8 @@ def read_group_exr(path: str | os.PathLike) -> tuple[LayeredImage, dict[str, str
             raise ValueError(f"{len(image.weights)} bandWeights for {len(names)} bands: {facts['bandWeights']}")
         if not np.isfinite(image.excess.sum()):
             raise ValueError("it holds values that are not finite")
+        if facts.pop("checksum") != _checksum(image.excess, facts):
+            raise ValueError("its values are not those that were written")
     except OSError as error:
         raise OSError(f"Cannot read {WHAT} from '{path}': {error.strerror or error}") from error
     except Exception as error:  # whatever the readers of images and text meet in a damaged file
@@ -107,6 +112,15 @@ def write_recombined(
     facts = {**(metadata or {}), **told}
     write_band_exr(path, bands, image.band_edges, radiance, temperature, None, facts, compressed=False)
     return temperature
+
+
+def _checksum(excess: np.ndarray, facts: Mapping[str, object]) -> str:
+    """CRC-32 of the pixels (layers, b, h, w) float32 and the facts that are text, but for a part's own."""
+    texts = {
+        name: value for name, value in facts.items() if isinstance(value, str) and name not in ("name", "checksum")
+    }
+    code = zlib.crc32(json.dumps(texts, sort_keys=True).encode())
+    return f"{zlib.crc32(np.ascontiguousarray(excess), code):08x}"
 
 
 def _numbers(text: str) -> np.ndarray:
