@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import sys
 import threading
@@ -256,8 +257,8 @@ def _finish_saving() -> None:
             job.join(max(0.0, deadline - time.monotonic()))
 
 
-# atexit comes too late: by then no pool of threads takes work from the solver.
-threading._register_atexit(_finish_saving)
+# atexit comes too late, where it can be avoided: by then no pool of threads takes work from the solver.
+getattr(threading, "_register_atexit", atexit.register)(_finish_saving)
 
 
 def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, settings) -> Callable:
