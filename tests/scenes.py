@@ -99,12 +99,11 @@ def make_scene(vertices, triangles, temperature, materials, camera, band_edges, 
     )
 
 
-def stored_photons(model, count, key=1):
-    """What a pass of so many photons stores: a list of Photons, one a bounce."""
+def stored_photons(model, count, key=1, on_hits=None):
+    """What a pass of so many photons stores: a list of Photons, one a bounce. on_hits: see trace_photons."""
     m = model
-    return list(
-        trace_photons(m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, np.uint64(key), 0, count, count)
-    )
+    tables = m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics
+    return list(trace_photons(*tables, np.uint64(key), 0, count, count, on_hits=on_hits))
 
 
 def pass_means(scene, settings):

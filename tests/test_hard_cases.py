@@ -24,7 +24,6 @@ from addon.solver import Camera, Film, Material, PointLight, SceneError, Setting
 from addon.solver.emission import light_spectrum
 from addon.solver.spectrum import apparent_temperature, band_radiance
 from addon.solver.surfaces import CLEAR, areas
-from addon.solver.transport import trace_photons
 
 solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
 
@@ -103,6 +102,12 @@ def expect_black(scene, kelvin=300.0, settings=QUICK, precision=0.005):
     assert np.all(film.noise() == 0)
     expect(scene, truth, settings, precision, reference_subtraction=False)
     expect(scene, truth, settings, precision, reference_temperature=1.05 * kelvin)
+
+
+def expect_black_in_all(scene, settings):
+    """Black at 300 K over all bands together, known better than each: without the subtraction, or a wrong T0."""
+    for change in ({"reference_subtraction": False}, {"reference_temperature": 315.0}):
+        expect(scene, black(scene.band_edges, 300.0), settings, **change)
 
 
 # Temperatures
@@ -333,7 +338,7 @@ def test_photons_of_a_thousand_bounces_end(monkeypatch):
     monkeypatch.setattr(solver, "_PLAN_PHOTONS", 512)
     emissivity, count = 0.001, 1100
     scene, _ = diffuse_sphere(emissivity, emissivity, 1)
-    m = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    model = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
     emitted, drifts, hits, missed = [], [], [], []
 
     def on_hits(triangle, _u, _v, wave):
@@ -345,8 +350,7 @@ def test_photons_of_a_thousand_bounces_end(monkeypatch):
         hits.append(np.count_nonzero(triangle >= 0))
         missed.append(alive - hits[-1])
 
-    tables = m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics
-    stored = sum(len(b.surface) for b in trace_photons(*tables, np.uint64(1), 0, count, count, on_hits=on_hits))
+    stored = sum(len(batch.surface) for batch in stored_photons(model, count, on_hits=on_hits))
     count = hits[0]  # that start inside
     error = math.sqrt((1.0 - emissivity) / count)  # relative
     print(f"{sum(hits) / count:.0f} bounces +- {error:.1%}, {len(hits)} at most, power drifts by {max(drifts):.1e}")
@@ -402,10 +406,7 @@ def test_weight_of_a_photon_is_bounded(roulette, bounded, settings):
         weight = np.abs(wave.power[: len(triangle)].sum(axis=1, dtype=float))
         weights.append(weight / weights[0][wave.photon[: len(triangle)]] if weights else weight)
 
-    m = model
-    tables = m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics
-    for _ in trace_photons(*tables, np.uint64(1), 0, 20_000, 20_000, on_hits=on_hits):
-        pass
+    stored_photons(model, 20_000, on_hits=on_hits)
     growth = max(each.max() for each in weights[1:])
     print(f"{growth:.3g} times the weight within {len(weights)} bounces")
     if bounded:
@@ -443,8 +444,10 @@ def test_room_in_which_nothing_absorbs_ends(specular, settings, monkeypatch):
 def test_emissivity_with_a_step_inside_a_band():
     """Emission and the band's one reflectance are means over the same spectrum, so the room is black in each band."""
     curve = np.array([[10.0, 0.2], [10.0 + 1e-9, 1.0]])
+    scene = room(material=Material("step", curve))
     # 2 %: what a band reflects is noisier than what it emits, and the first reflects four fifths
-    expect_black(room(material=Material("step", curve)), precision=0.02)
+    expect_black(scene, precision=0.02)
+    expect_black_in_all(scene, QUICK)
 
 
 # Bands
@@ -459,8 +462,9 @@ def test_hundreds_of_bands():
     """Each is black, so that none takes what is another's. Up to nine tenths of a band are reflected: 3 %."""
     edges = np.linspace(3.0, 14.0, 301)
     curve = np.column_stack((edges, 0.5 + 0.4 * np.sin(20 * edges)))
-    quick = dataclasses.replace(QUICK, passes=8)
-    expect_black(room(material=Material("comb", curve), edges=edges), settings=quick, precision=0.03)
+    scene, quick = room(material=Material("comb", curve), edges=edges), dataclasses.replace(QUICK, passes=8)
+    expect_black(scene, settings=quick, precision=0.03)
+    expect_black_in_all(scene, quick)
 
 
 # Sizes

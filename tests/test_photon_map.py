@@ -428,7 +428,7 @@ def test_photons_that_coincide_on_other_sides_stay_apart():
     assert dict(zip(map(tuple, found), photons.power[:, 0], strict=True)) == expected
 
 
-@pytest.mark.parametrize("count", [50, 300, 5000])
+@pytest.mark.parametrize("count", [1, 50, 300, 5000])
 def test_photons_nearer_than_float32_resolves(count):
     """Around the point itself, from where all distances are nothing: a finite estimate, the second time as well."""
     points = np.random.default_rng(19).uniform(-1e-20, 1e-20, (count, 3)) * (1, 1, 0)

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
-from scenes import box, look, make_scene, mean_and_error, sphere
+from scenes import box, look, make_scene, mean_and_error, sphere, stored_photons
 from scipy import stats
 
 from addon.solver import Material, Settings, render
@@ -23,7 +23,6 @@ from addon.solver.radiometry import excess
 from addon.solver.sampling import interpolate_albedo
 from addon.solver.spectrum import band_radiance
 from addon.solver.surfaces import areas, unit_normal
-from addon.solver.transport import trace_photons
 from addon.solver.wave import arrived
 
 solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
@@ -150,14 +149,12 @@ def inner_sides(surfaces):
 
 def absorbed_inside(model, key):
     """(b,) power that the inner sides absorb from the photons of a pass, W."""
-    m, inner, absorbed = model, inner_sides(model.surfaces), np.zeros(len(EDGES) - 1)
+    inner, absorbed = inner_sides(model.surfaces), np.zeros(len(EDGES) - 1)
 
     def on_hits(triangle, u, v, wave):
-        absorb(m.surfaces, m.radiometry, inner, triangle, u, v, wave, absorbed)
+        absorb(model.surfaces, model.radiometry, inner, triangle, u, v, wave, absorbed)
 
-    tables = m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics
-    for _ in trace_photons(*tables, np.uint64(key), 0, PHOTONS, PHOTONS, on_hits=on_hits):
-        pass
+    stored_photons(model, PHOTONS, key, on_hits)
     return absorbed
 
 

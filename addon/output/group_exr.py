@@ -115,10 +115,8 @@ def write_recombined(
 
 
 def _checksum(excess: np.ndarray, facts: Mapping[str, object]) -> str:
-    """CRC-32 of the pixels (layers, b, h, w) float32 and the facts that are text, but for a part's own."""
-    texts = {
-        name: value for name, value in facts.items() if isinstance(value, str) and name not in ("name", "checksum")
-    }
+    """CRC-32 of the pixels (layers, b, h, w) float32 and the facts that are text, but for a part's name."""
+    texts = {name: value for name, value in facts.items() if isinstance(value, str) and name != "name"}
     code = zlib.crc32(json.dumps(texts, sort_keys=True).encode())
     return f"{zlib.crc32(np.ascontiguousarray(excess), code):08x}"
 

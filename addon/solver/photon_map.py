@@ -161,47 +161,32 @@ def _permute(rows, walk):
                 rows[i, b] = kept[b]
 
 
-@njit(inline="always")
-def _same_place(position, i, j):
-    return position[i, 0] == position[j, 0] and position[i, 1] == position[j, 1] and position[i, 2] == position[j, 2]
-
-
 @njit(cache=True, nogil=True)
 def _coincident(position):
     """How many of sorted photons (n, 3) lie where the one before them does."""
     count = 0
     for i in range(1, len(position)):
-        count += _same_place(position, i, i - 1)
+        same = True
+        for axis in range(3):
+            same &= position[i, axis] == position[i - 1, axis]
+        count += same
     return count
 
 
-@njit(cache=True, nogil=True)
-def _merge(photons):
-    """Make one of sorted photons that lie in one place, on one side and of one layer; returns how many are left.
+def _merged(photons: Photons) -> Photons:
+    """Sorted photons, of which those in one place, on one side and of one layer are one.
 
     k of them or more would leave estimates a disk that holds none: as one they are spread over the largest disk, and
     none of their power is lost. Where they came from differently, the first one's way stands for all.
     """
-    last = 0
-    for i in range(1, len(photons.surface)):
-        alike = _same_place(photons.position, i, last) and photons.surface[i] == photons.surface[last]
-        if photons.caustic.size:
-            alike &= photons.caustic[i] == photons.caustic[last]
-        if photons.layer.size:
-            alike &= photons.layer[i] == photons.layer[last]
-        if alike:
-            photons.power[last] += photons.power[i]
-            continue
-        last += 1
-        photons.position[last], photons.surface[last] = photons.position[i], photons.surface[i]
-        photons.power[last] = photons.power[i]
-        if photons.incoming.size:
-            photons.incoming[last] = photons.incoming[i]
-        if photons.caustic.size:
-            photons.caustic[last] = photons.caustic[i]
-        if photons.layer.size:
-            photons.layer[last] = photons.layer[i]
-    return last + 1
+    starts = np.ones(len(photons.surface), np.bool_)
+    starts[1:] = np.any(photons.position[1:] != photons.position[:-1], axis=1)
+    for mark in (photons.surface, photons.caustic, photons.layer):
+        if len(mark):
+            starts[1:] |= mark[1:] != mark[:-1]
+    first = np.flatnonzero(starts)
+    firsts = Photons(*(array[first] if len(array) else array for array in photons))
+    return firsts._replace(power=np.add.reduceat(photons.power, first))
 
 
 def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap:
@@ -220,9 +205,8 @@ def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap
 
     list(run(sort, (True, False)))
     if _coincident(photons.position):
-        left = _merge(photons)
-        photons = Photons(*(array[:left] for array in photons))
-        leaves = empty_leaves(left, 7)
+        photons = _merged(photons)
+        leaves = empty_leaves(len(photons.surface), 7)
         _fill_leaves(photons, surfaces.plane, surfaces.sheet, leaves)
     return PhotonMap(build_tree(leaves), photons)
 
