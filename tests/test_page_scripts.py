@@ -16,6 +16,8 @@ import pytest
 from paper_estimator import PAPER, PAPERS_ESTIMATOR, PHOTONS_ALONE, changed, photons_alone
 
 from addon.solver import Settings, render
+from addon.solver.radiometry import reference_radiance
+from addon.solver.spectrum import apparent_temperature
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests" / "benchmarks")]
@@ -261,7 +263,8 @@ def test_speed_vs_error_prints_and_draws(small_scenes, monkeypatch, tmp_path, ca
     few = ("--repeats", 1, "--seeds", 1, "--paper", "--out", tmp_path)
     run(speed_vs_error, monkeypatch, *base, *few)
     printed = capsys.readouterr().out
-    assert printed.count("| ring | trimmed | mitsuba |") == 2 and "| paper+ |" in printed
+    assert all(printed.count(f"| ring | {label} | mitsuba |") == 2 for label in speed_vs_error.ERRORS)
+    assert "| paper+ |" in printed and "| all bands at once |" in printed
     assert printed.endswith(f"{pages.MADE_AT}\n")
     assert (tmp_path / "speed_vs_error.png").stat().st_size > 10_000
     run(speed_vs_error, monkeypatch, *base, "--slope", 4)
@@ -269,6 +272,33 @@ def test_speed_vs_error_prints_and_draws(small_scenes, monkeypatch, tmp_path, ca
     run(speed_vs_error, monkeypatch, *base, "--references")
     printed = capsys.readouterr().out
     assert "slope, last decade" in printed and "  ours " in printed and "reference with a standard error" in printed
+
+
+def test_errors_of_all_bands_together_and_of_each():
+    """One pixel of 100, the worst, errs by 2 K in the two bands of which one gains what the other loses: nothing of
+    that is left in their sum."""
+    edges = np.array([8.0, 10.0, 12.0])
+    truth = np.tile(reference_radiance(edges, 300.0), (10, 10, 1))
+    reference = speed_vs_error.Reference(SimpleNamespace(band_edges=edges), np.array([truth, truth]))
+    image = truth.copy()
+    image[0, 0, 0] = reference_radiance(edges[:2], 302.0)[0]
+    image[0, 0, 1] -= image[0, 0, 0] - truth[0, 0, 0]
+    colder = apparent_temperature(image[0, 0, 1:], edges[1:])[0]
+    together, of_each = reference.errors(image)[:2], reference.errors(image)[2:]
+    assert together == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert of_each == pytest.approx([0.0, np.sqrt((2.0**2 + (300.0 - colder) ** 2) / 200)], rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize(("errors", "gain"), [((1.0, 1.0, 1.0), 1.0), ((1.0, 0.0, 0.0), 3.0)])
+def test_gain_of_a_path_that_carries_all_bands(errors, gain):
+    """Three runs: none where each brings as much of the error, as independent errors add as their squares; three times
+    the paths where one brings all of it. Both exact: the errors are not random here."""
+    edges = np.linspace(8.0, 14.0, 10)
+    truth = np.tile(reference_radiance(edges, 300.0), (4, 5, 1))
+    reference = speed_vs_error.Reference(SimpleNamespace(band_edges=edges), np.array([truth, truth]))
+    image = truth + np.repeat(errors, 3) / 3.0
+    groups = [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
+    assert reference.gain_of_all_bands_at_once(image[None], groups) == pytest.approx(gain)
 
 
 def test_the_small_benchmarks_print(small_scenes, monkeypatch, capsys):

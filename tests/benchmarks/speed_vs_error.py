@@ -9,8 +9,9 @@ pyluxcore and bpy, all with Python 3.13, and matplotlib for the plot. Each peer 
 many threads as we.
 
 Error is the root mean square, over the pixels, of the error of the apparent temperature (K) of the radiance of all
-bands: "trimmed" without the worst 2 % of the pixels, and over all of them. A peer renders three bands a run, and its
-time is that of its runs without loading and compilation; ours is all of render(), after a first render that compiles.
+bands together: "trimmed" without the worst 2 % of the pixels, and over all of them. "each band" is the same of the
+apparent temperatures of every band, over pixels and bands. A peer renders three bands a run, and its time is that of
+its runs without loading and compilation; ours is all of render(), after a first render that compiles.
 The best peer's error after about 10 s of its time sets the mark; our time is that of the first pass that reaches it,
 the median over seeds. Its target is a fraction of that peer's time.
 
@@ -64,6 +65,7 @@ REFERENCES = {
 OTHER_REFERENCE = (0.0, 600)  # of scenes that are not in the list
 REFERENCE_PEER = "mitsuba"  # renders negative radiance too
 KEPT = 0.98  # share of the pixels in the trimmed error
+ERRORS = ("trimmed", "all", "each band, trimmed", "each band, all")
 PEER_SECONDS = (1.0, 3.0)  # of a peer's curve, before the point that counts
 
 
@@ -101,12 +103,15 @@ class Reference:
         self.halves, self.edges = halves, scene.band_edges
         self.temperatures = apparent_temperature(halves.sum(axis=-1), self.edges)  # (2, height, width)
         self.temperature = apparent_temperature(halves.mean(axis=0).sum(axis=-1), self.edges)
+        self.band_temperatures = band_temperatures(halves.mean(axis=0), self.edges)
         self.standard_error = np.sqrt(np.mean((0.5 * np.diff(self.temperatures, axis=0)) ** 2))
 
-    def errors(self, temperature):
-        """Error (K) of an image of temperatures, trimmed and over all pixels."""
-        squares = np.sort((temperature - self.temperature).ravel() ** 2)
-        return np.sqrt([squares[: int(KEPT * squares.size)].mean(), squares.mean()])
+    def errors(self, image):
+        """ERRORS (K) of an image of radiances (height, width, bands)."""
+        together = apparent_temperature(image.sum(axis=-1), self.edges) - self.temperature
+        return np.concatenate(
+            [_errors(each) for each in (together, band_temperatures(image, self.edges) - self.band_temperatures)]
+        )
 
     def own_errors(self, temperature):
         """The same without the reference's own share: the product of the differences from two independent halves."""
@@ -114,9 +119,29 @@ class Reference:
         products = np.prod(temperature - self.temperatures, axis=0).ravel()[order]
         return np.sqrt(np.maximum([products[: int(KEPT * products.size)].mean(), products.mean()], 0.0))
 
-    def image_errors(self, images):
-        """(n, 2) errors of images of radiances (n, height, width, bands)."""
-        return np.array([self.errors(apparent_temperature(image.sum(axis=-1), self.edges)) for image in images])
+    def gain_of_all_bands_at_once(self, images, groups):
+        """How much less time a path tracer would need at best for all bands together if one path carried all of them.
+
+        images: (n, height, width, bands) of one that renders the bands of each of the groups in a run. Errors e of its
+        runs are independent, so that of all bands together is sqrt(sum of e^2). If one path carried all, it would be
+        the sum of e, but there would be as many times more paths as there are runs.
+        """
+        deviation = images - self.halves.mean(axis=0)
+        runs = np.add.reduceat(deviation, [bands[0] for bands in groups], axis=-1)
+        squares = np.mean(runs**2, axis=(0, 1, 2))
+        return squares.size * squares.sum() / np.sqrt(squares).sum() ** 2
+
+
+def band_temperatures(image, edges):
+    """(height, width, bands) apparent temperature, K, of the radiances of each band."""
+    bands = (apparent_temperature(image[..., band], edges[band : band + 2]) for band in range(image.shape[-1]))
+    return np.stack(list(bands), axis=-1)
+
+
+def _errors(differences):
+    """Root mean square, without the worst 2 % and of all."""
+    squares = np.sort(differences.ravel() ** 2)
+    return np.sqrt([squares[: int(KEPT * squares.size)].mean(), squares.mean()])
 
 
 def load_reference(name, scene, folder, threads):
@@ -136,10 +161,10 @@ def load_reference(name, scene, folder, threads):
     return Reference(scene, np.load(path))
 
 
-def our_curve(scene, settings, measure, clock, limit=np.inf, enough=(0.0, 0.0)):
-    """Passes (n,), s (n,) and errors (n, 2) of one render, until `limit` s or until both errors are small enough.
+def our_curve(scene, settings, measure, clock, limit=np.inf, enough=0.0):
+    """Passes (n,), s (n,) and errors (n, m) of one render, until `limit` s or until all errors are small enough.
 
-    measure: errors of an image of temperatures. Measuring does not count as time.
+    measure: m errors of a film. Measuring does not count as time.
     """
     passes, seconds, errors = [], [], []
     paused = 0.0
@@ -151,7 +176,7 @@ def our_curve(scene, settings, measure, clock, limit=np.inf, enough=(0.0, 0.0)):
         if film.passes <= 32 or film.passes >= 1.05 * passes[-1] or film.passes == settings.passes:
             passes.append(film.passes)
             seconds.append(now - started - paused)
-            errors.append(measure(film.temperature()))
+            errors.append(measure(film))
         paused += clock() - now
 
     def finished():
@@ -170,38 +195,42 @@ def time_to_reach(curve, error, which):
 
 
 def compare(name, options):
-    """Rows of the table of one scene, and its curves for the plot: {engine: (seconds, errors)}."""
+    """Of one scene: rows of the table, {engine: (seconds, errors)} for the plot, and what the best peer would gain by
+    paths that carry all bands."""
     scene = SCENES[name]()
     reference = load_reference(name, scene, options.cache, options.threads)
     problem = build_problem(scene)
     print(f"\n{name}: {len(scene.triangles)} triangles, {scene.band_count} bands")
     print(f"  reference: standard error {reference.standard_error:.4g} K over all pixels")
-    curves, marks = {}, []
+    curves, marks, gains = {}, [], {}
     budgets = [*PEER_SECONDS, *[options.seconds] * options.repeats]
     for peer in options.peers:
         images, seconds = run_peer(peer, problem, options.threads, options.clock, budgets)
-        errors = reference.image_errors(images)
+        errors = np.array([reference.errors(image) for image in images])
         ends = slice(len(PEER_SECONDS), None)
         mark = (np.median(seconds[ends]), *np.median(errors[ends], axis=0))
         marks.append((peer, *mark))
+        gains[peer] = reference.gain_of_all_bands_at_once(images[ends], problem.groups)
         early = len(PEER_SECONDS)
         curves[peer] = (np.append(seconds[:early], mark[0]), np.vstack((errors[:early], mark[1:])))
-        print(f"  {peer:14s} {mark[0]:6.2f} s   trimmed {mark[1]:.4g} K   all {mark[2]:.4g} K", flush=True)
+        cells = "   ".join(f"{label} {error:.4g} K" for label, error in zip(ERRORS, mark[1:], strict=True))
+        print(f"  {peer:14s} {mark[0]:6.2f} s   {cells}   all bands at once: 1/{gains[peer]:.1f}", flush=True)
     # their seconds differ a little; the error of each falls as their square root
-    best = [min(marks, key=lambda mark, at=at: mark[at] * np.sqrt(mark[1])) for at in (2, 3)]
-    enough = [best[which][2 + which] for which in (0, 1)]
+    numbers = range(len(ERRORS))
+    best = [min(marks, key=lambda mark, at=2 + which: mark[at] * np.sqrt(mark[1])) for which in numbers]
+    enough = [best[which][2 + which] for which in numbers]
     rows = []
     for mode in MODES if options.paper else ("ours",):
-        ours = our_curves(scene, mode, reference.errors, enough, options)
+        ours = our_curves(scene, mode, lambda film: reference.errors(film_image(film)), enough, options)
         curves[mode] = ours[0][1:]
-        for which, label in enumerate(("trimmed", "all")):
+        for which, label in enumerate(ERRORS):
             peer, seconds, *_ = best[which]
             spent = np.median([time_to_reach(curve, enough[which], which) for curve in ours])
             last = np.median([curve[2][-1, which] for curve in ours])
-            target = TARGETS.get(name, (None, None))[which] if mode == "ours" else None
+            target = TARGETS[name][which] if mode == "ours" and name in TARGETS and which < 2 else None
             rows.append((name, label, peer, seconds, enough[which], mode, spent, last, target))
             print(f"  {label}: {mode} reaches {enough[which]:.4g} K in {spent:.3f} s", flush=True)
-    return rows, curves
+    return rows, curves, gains[best[0][0]]
 
 
 def our_curves(scene, mode, measure, enough, options):
@@ -213,7 +242,7 @@ def our_curves(scene, mode, measure, enough, options):
         render(scene, Settings(passes=2, threads=options.threads, **changed))  # compiles
         for seed in range(options.seeds):
             settings = Settings(0, time_limit=1e6, threads=options.threads, seed=seed, **changed, **options.settings)
-            goal = (0.0, 0.0) if seed == 0 else enough  # the first one draws the plot
+            goal = 0.0 if seed == 0 else enough  # the first one draws the plot
             curves.append(our_curve(scene, settings, measure, clock, options.seconds, goal))
     return curves
 
@@ -223,7 +252,9 @@ def slope(name, options):
     scene = SCENES[name]()
     reference = load_reference(name, scene, options.cache, options.threads)
     settings = Settings(passes=options.slope, threads=options.threads, **options.settings)
-    passes, seconds, errors = our_curve(scene, settings, reference.own_errors, time.perf_counter)
+    passes, _, errors = our_curve(
+        scene, settings, lambda film: reference.own_errors(film.temperature()), time.perf_counter
+    )
     wanted = sorted({2**i for i in range(int(np.log2(options.slope)) + 1)} | {options.slope})
     chosen = [int(np.argmin(np.abs(passes - p))) for p in wanted]
     print(f"\n{name}: error without the reference's own (its standard error is {reference.standard_error:.3g} K)")
@@ -260,9 +291,12 @@ def check(name, options):
 def our_image(scene, seed, options):
     """Image (height, width, bands), W m-2 sr-1 per band, after as many s as a peer gets."""
     settings = Settings(0, seed=seed, time_limit=options.seconds, threads=options.threads, **options.settings)
-    film = render(scene, settings)
-    widths = np.diff(scene.band_edges)
-    return np.stack([film.band_radiance(band) * width for band, width in enumerate(widths)], axis=-1)
+    return film_image(render(scene, settings))
+
+
+def film_image(film):
+    """Image (height, width, bands), W m-2 sr-1 per band, of a film."""
+    return np.moveaxis(film.bands(), 0, -1) * np.diff(film.band_edges)
 
 
 def _deviations(images, reference):
@@ -286,7 +320,7 @@ def _deviations(images, reference):
         f"mean {band.mean():+.4f} %, band {worst_band} {band[worst_band]:+.4f} % "
         f"({band[worst_band] / band_error[worst_band]:+.1f}), block at column {8 * column} row {8 * row} "
         f"{block[row, column]:+.4f} K ({block[row, column] / block_error[row, column]:+.1f}), "
-        f"pixels {reference.errors(mean)[1]:.4f} K (noise {noise:.4f})"
+        f"pixels {_errors(mean - reference.temperature)[1]:.4f} K (noise {noise:.4f})"
     )
 
 
@@ -307,12 +341,13 @@ def print_table(rows):
         print(f"| {' | '.join(cells)} |")
 
 
-def print_peers(curves):
-    """Trimmed error and that of all pixels, K, of every peer at the end of its run."""
+def print_peers(curves, gains):
+    """ERRORS, K, of every peer at the end of its run; and of the best one, see gain_of_all_bands_at_once."""
     peers = [engine for engine in next(iter(curves.values())) if engine in ENGINES]
-    print(f"\n| scene | {' | '.join(peers)} |\n|---|{'--:|' * len(peers)}")
+    print(f"\n| scene | {' | '.join(peers)} | all bands at once |\n|---|{'--:|' * len(peers)}--:|")
     for scene, engines in curves.items():
-        print(f"| {scene} | " + " | ".join("{:.3g}, {:.3g}".format(*engines[peer][1][-1]) for peer in peers) + " |")
+        cells = ["{:.3g}, {:.3g}; {:.3g}, {:.3g}".format(*engines[peer][1][-1]) for peer in peers]
+        print(f"| {scene} | {' | '.join(cells)} | 1/{gains[scene]:.1f} |")
 
 
 def plot(curves, path):
@@ -364,7 +399,7 @@ def parse_options():
 
 def main():
     options = parse_options()
-    rows, curves = [], {}
+    rows, curves, gains = [], {}, {}
     for name in options.scene:
         if options.references:
             reference = load_reference(name, SCENES[name](), options.cache, options.threads)
@@ -374,11 +409,11 @@ def main():
         elif options.slope:
             slope(name, options)
         else:
-            scene_rows, curves[name] = compare(name, options)
+            scene_rows, curves[name], gains[name] = compare(name, options)
             rows += scene_rows
     if rows:
         print_table(rows)
-        print_peers(curves)
+        print_peers(curves, gains)
         options.out.mkdir(parents=True, exist_ok=True)
         plot(curves, options.out / "speed_vs_error.png")
     print(f"\n{MADE_AT}")
