@@ -363,23 +363,29 @@ def test_rays_by_way_of_half_mirrors_beat_photons(monkeypatch):
     assert default < photons
 
 
-def plate_against_a_wall():
-    """A warm plate at the foot of a cold wall, under a colder sky; the picture is a strip along the crease."""
+def plate_against_a_wall(caustic):
+    """A warm plate at the foot of a cold wall, under a colder sky; the picture is a strip along the crease. Or with a
+    lamp before a mirror, which throws its light there, too."""
     plate = quad((0, -0.5, 0), (1, 0, 0), (0, 0.5, 0))
     wall = quad((0, 0, 0.25), (1, 0, 0), (0, 0, 0.25))
-    *parts, _ = join((*plate, 302.0, 0), (*wall, 278.0, 0))
+    mirror = quad((0, -1.2, 0.5), (1, 0, 0), (0, 0, 0.5))
+    *parts, material = join((*plate, 302.0, 0), (*wall, 278.0, 0), *([(*mirror, 290.0, 1)] if caustic else []))
     camera = look((0, -0.8, 0.4), (0, 0, 0.02), 64, 8, 0.6)
-    return make_scene(*parts, (Material("metal", 0.3),), camera, EDGES, world_temperature=235.0)
+    lights = (PointLight(np.array([0.0, -0.6, 1.2]), 5.0, temperature=600.0),) if caustic else ()
+    return make_scene(
+        *parts, (Material("metal", 0.3), MIRROR), camera, EDGES, material, world_temperature=235.0, lights=lights
+    )  # fmt: skip
 
 
-def test_a_corner_is_not_blurred_by_what_rays_recall(monkeypatch):
+@pytest.mark.parametrize("caustic", [False, True])
+def test_a_corner_is_not_blurred_by_what_rays_recall(caustic, monkeypatch):
     """On both sides of a crease, in the rows of pixels next to it, rays end within the disks of the photons that they
     ask. The first passes agree with passes whose disks are a tenth as wide, which would not do without going on.
 
     Means of 32 renders each, to 4 standard errors, from the spread between them. These are small enough for the blur
     to be seen: without going on it is more than 4 of them.
     """
-    scene = plate_against_a_wall()
+    scene = plate_against_a_wall(caustic)
     monkeypatch.setattr(eye_paths, "choose_splits", split_all)
 
     def rows(first, seeds):

@@ -149,7 +149,8 @@ def render_pixels(
                 split = choose_splits(*of_gathers, space.radius2, felt)
             reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, space, image)
             if bounce > 0:
-                lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, near, again, image)
+                caustics = len(photon_map.photons.caustic) > 0
+                lost = recall(surfaces, radiometry, cache, estimate, bounce, caustics, *hits, rays, near, again, image)
                 anywhere = unlimited(len(lost.ray), estimate.reach2)
                 reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, anywhere, image)
         if split:
@@ -276,16 +277,14 @@ def _empty_excesses(bands):
 
 
 def near_disks(photon_map, estimate):
-    """Areas of the disks of one estimate, (labels,) float64 m2 by sheet, and the factor on them in this pass: rays of
-    final gathers that end nearer to their start than the radius of such a disk do not recall.
+    """Areas of the disks of one estimate, (labels,) float64 m2 by sheet, and the factor on them in this pass, 0 without
+    photons: rays of final gathers that end nearer to their start than the radius of such a disk do not recall.
 
     The light there changes within the disk, as what they start from stands beside it: in corners. So they go on, once,
-    and the next end recalls, where the same blur counts less (Jensen 2001). Not where there are caustics, which no ray
-    finds: the factor is 0 then, as it is without photons.
+    and the next end recalls, where the same blur counts less (Jensen 2001). Caustics, which no ray finds, they ask of
+    the photons where they are.
     """
-    if estimate.photons and len(photon_map.photons.caustic) == 0:
-        return estimate.splitting.sheets.disk, estimate.shrink2
-    return np.empty(0), 0.0
+    return (estimate.splitting.sheets.disk, estimate.shrink2) if estimate.photons else (np.empty(0), 0.0)
 
 
 def meet(
@@ -468,23 +467,25 @@ def _reflect(
             _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
 
 
-def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image):
+def recall(surfaces, radiometry, cache, estimate, bounce, caustics, triangle, u, v, rays, near, again, image):
     """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
 
     near: see meet. again: (n,) float32, set to the factor on the throughput of those of them that go on.
-    Returns those far from its points as gathers: there are few photons to count around them.
+    caustics: whether there are any. Returns those that have to ask photons, as gathers: ends far from the cache's
+    points, where there are few photons to count, and those that go on, of which rays bring all but caustics.
     """
     lost = empty_gathers(len(triangle))
     found = _recall(
-        surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image, lost.ray, lost.weight,
-        empty_walk(),
+        surfaces, radiometry, cache, estimate, bounce, caustics, triangle, u, v, rays, near, again, image, lost.ray,
+        lost.weight, lost.rays, empty_walk(),
     )  # fmt: skip
     return first_gathers(lost, found)
 
 
 @njit(**FAST_KERNEL)
 def _recall(
-    surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image, lost, weight, walk
+    surfaces, radiometry, cache, estimate, bounce, caustics, triangle, u, v, rays, near, again, image, lost, weight,
+    sent, walk,
 ):  # fmt: skip
     found = 0
     for i in range(triangle.size):
@@ -503,6 +504,9 @@ def _recall(
             continue
         if near[i]:
             again[i] = 1.0 / chance
+            if caustics:
+                lost[found], weight[found], sent[found] = i, 1.0 / chance, 1
+                found += 1
             continue
         x, y, z = point(surfaces.corners, t, u[i], v[i])
         nx, ny, nz = unit_normal(surfaces, t, side)
