@@ -50,7 +50,7 @@ def no_walls(tracer, surfaces, reach2, place, code, turns, felt=None):
     return unlimited(len(place), reach2)
 
 
-def no_near_disks(photon_map, estimate):
+def no_near_disks(estimate):
     """All ends of rays recall, however near they are to where the ray starts."""
     return np.empty(0), 0.0
 

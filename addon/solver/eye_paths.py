@@ -125,7 +125,7 @@ def render_pixels(
     closeness = np.zeros(pixels.size)  # by row: sum of 1 / m to what their rays meet
     seen = np.zeros(pixels.size, np.float32)
     finals = []
-    disks = near_disks(photon_map, estimate)
+    disks = near_disks(estimate)
     bounce = 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
@@ -149,8 +149,7 @@ def render_pixels(
                 split = choose_splits(*of_gathers, space.radius2, felt)
             reflect(surfaces, radiometry, photon_map, estimate, False, *hits, rays, gathers, space, image)
             if bounce > 0:
-                caustics = len(photon_map.photons.caustic) > 0
-                lost = recall(surfaces, radiometry, cache, estimate, bounce, caustics, *hits, rays, near, again, image)
+                lost = recall(surfaces, radiometry, cache, estimate, bounce, *hits, rays, near, again, image)
                 anywhere = unlimited(len(lost.ray), estimate.reach2)
                 reflect(surfaces, radiometry, photon_map, estimate, True, *hits, rays, lost, anywhere, image)
         if split:
@@ -276,7 +275,7 @@ def _empty_excesses(bands):
     return Excesses(np.full(_EXCESSES, -1, np.int32), np.empty(_EXCESSES), np.empty((_EXCESSES, bands), np.float32))
 
 
-def near_disks(photon_map, estimate):
+def near_disks(estimate):
     """Areas of the disks of one estimate, (labels,) float64 m2 by sheet, and the factor on them in this pass, 0 without
     photons: rays of final gathers that end nearer to their start than the radius of such a disk do not recall.
 
@@ -467,25 +466,25 @@ def _reflect(
             _add_straight(photon_map, room, kept, scale, alpha, hit, rays.throughput[i], rho, out)
 
 
-def recall(surfaces, radiometry, cache, estimate, bounce, caustics, triangle, u, v, rays, near, again, image):
+def recall(surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image):
     """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
 
     near: see meet. again: (n,) float32, set to the factor on the throughput of those of them that go on.
-    caustics: whether there are any. Returns those that have to ask photons, as gathers: ends far from the cache's
-    points, where there are few photons to count, and those that go on, of which rays bring all but caustics.
+    Returns those that have to ask photons, as gathers: ends far from the cache's points, where there are few photons to
+    count, and those that go on, for caustics alone, as rays bring the rest.
     """
     lost = empty_gathers(len(triangle))
     found = _recall(
-        surfaces, radiometry, cache, estimate, bounce, caustics, triangle, u, v, rays, near, again, image, lost.ray,
-        lost.weight, lost.rays, empty_walk(),
+        surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image, lost.ray, lost.weight,
+        lost.rays, empty_walk(),
     )  # fmt: skip
     return first_gathers(lost, found)
 
 
 @njit(**FAST_KERNEL)
 def _recall(
-    surfaces, radiometry, cache, estimate, bounce, caustics, triangle, u, v, rays, near, again, image, lost, weight,
-    sent, walk,
+    surfaces, radiometry, cache, estimate, bounce, triangle, u, v, rays, near, again, image, lost, weight, sent,
+    walk,
 ):  # fmt: skip
     found = 0
     for i in range(triangle.size):
@@ -504,9 +503,8 @@ def _recall(
             continue
         if near[i]:
             again[i] = 1.0 / chance
-            if caustics:
-                lost[found], weight[found], sent[found] = i, 1.0 / chance, 1
-                found += 1
+            lost[found], weight[found], sent[found] = i, 1.0 / chance, 1
+            found += 1
             continue
         x, y, z = point(surfaces.corners, t, u[i], v[i])
         nx, ny, nz = unit_normal(surfaces, t, side)

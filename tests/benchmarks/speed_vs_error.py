@@ -219,6 +219,7 @@ def compare(name, options):
     numbers = range(len(ERRORS))
     best = [min(marks, key=lambda mark, at=2 + which: mark[at] * np.sqrt(mark[1])) for which in numbers]
     enough = [best[which][2 + which] for which in numbers]
+    targets = dict(zip(ERRORS, TARGETS.get(name, ()), strict=False))  # none for single bands
     rows = []
     for mode in MODES if options.paper else ("ours",):
         ours = our_curves(scene, mode, lambda film: reference.errors(film_image(film)), enough, options)
@@ -227,7 +228,7 @@ def compare(name, options):
             peer, seconds, *_ = best[which]
             spent = np.median([time_to_reach(curve, enough[which], which) for curve in ours])
             last = np.median([curve[2][-1, which] for curve in ours])
-            target = TARGETS[name][which] if mode == "ours" and name in TARGETS and which < 2 else None
+            target = targets.get(label) if mode == "ours" else None
             rows.append((name, label, peer, seconds, enough[which], mode, spent, last, target))
             print(f"  {label}: {mode} reaches {enough[which]:.4g} K in {spent:.3f} s", flush=True)
     return rows, curves, gains[best[0][0]]
