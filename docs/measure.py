@@ -17,9 +17,8 @@ from scipy.stats import qmc
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from scenes import box, look, make_scene, mean_and_error  # noqa: E402
-
 from addon.solver import Material, Settings, render  # noqa: E402
+from tests.helpers.scenes import box, look, make_scene, mean_and_error  # noqa: E402
 
 BANDS = np.linspace(7.5, 13.5, 17)  # um
 PHOTONS = 20_000

@@ -20,11 +20,20 @@ import numpy as np
 DOCS = Path(__file__).resolve().parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests"), str(DOCS)]
 
-from exact_cases import CASES, PHOTONS, Case, cavity, closed_sphere, concentric, parallel_image, plates  # noqa: E402
 from pages import write_blocks  # noqa: E402
-from scenes import mean_and_error, pass_means  # noqa: E402
 
 from addon.solver import Material, Settings, render  # noqa: E402
+from tests.helpers.exact_cases import (  # noqa: E402
+    CASES,
+    PHOTONS,
+    Case,
+    cavity,
+    closed_sphere,
+    concentric,
+    parallel_image,
+    plates,
+)
+from tests.helpers.scenes import mean_and_error, pass_means  # noqa: E402
 
 PAGE, PLOT, SCRIPT = DOCS / "accuracy.md", DOCS / "images" / "accuracy.png", "docs/measure_accuracy.py"
 PILOT, PILOT_SEED = 24, 1000  # passes that say how noisy a case is; not part of the result

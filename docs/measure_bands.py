@@ -11,7 +11,10 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-from band_cases import (  # noqa: E402
+from addon.solver.band_partition import choose_bands  # noqa: E402
+from addon.solver.radiometry import band_emissivity, excess_emissivity  # noqa: E402
+from addon.solver.spectrum import apparent_temperature, band_radiance, uniform_edges  # noqa: E402
+from tests.helpers.band_cases import (  # noqa: E402
     COLD,
     HOT,
     SETS,
@@ -24,10 +27,6 @@ from band_cases import (  # noqa: E402
     spectral_error,
     summed,
 )
-
-from addon.solver.band_partition import choose_bands  # noqa: E402
-from addon.solver.radiometry import band_emissivity, excess_emissivity  # noqa: E402
-from addon.solver.spectrum import apparent_temperature, band_radiance, uniform_edges  # noqa: E402
 
 COUNTS = (8, 12, 16, 24, 32)
 RANGES = ((3.0, 14.0), (7.5, 14.0))

@@ -29,13 +29,13 @@ DOCS = Path(__file__).resolve().parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests"), str(DOCS)]
 
 from pages import write_blocks  # noqa: E402
-from paper_estimator import PAPER, changed, papers_estimator  # noqa: E402
-from scenes import join, look, make_scene, quad  # noqa: E402
 
 from addon.output.exr import channel_name  # noqa: E402
 from addon.output.palette import display, robust_range, thermal  # noqa: E402
 from addon.solver import Film, Material, PointLight, Scene, Settings, render  # noqa: E402
 from addon.solver.spectrum import apparent_temperature  # noqa: E402
+from tests.helpers.paper_estimator import PAPER, changed, papers_estimator  # noqa: E402
+from tests.helpers.scenes import join, look, make_scene, quad  # noqa: E402
 
 PAGE, IMAGES = DOCS / "paper.md", DOCS / "images"
 SCRIPT = "docs/measure_paper.py"

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import box, join, look, make_scene, quad
 
 from addon.solver import Camera, Material, Settings, antialiasing, render
 from addon.solver.antialiasing import FEWEST
 from addon.solver.render import prepare
+from tests.helpers.scenes import box, join, look, make_scene, quad
 
 EDGES = np.linspace(8.0, 12.0, 3)
 SIZE = 32  # pixels on each side

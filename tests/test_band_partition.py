@@ -6,7 +6,19 @@ import math
 
 import numpy as np
 import pytest
-from band_cases import (
+
+from addon.solver import Camera, Material, SceneError, Settings, library, render
+from addon.solver.band_partition import (
+    MOST_BANDS,
+    arriving_light,
+    candidate_edges,
+    choose_bands,
+    error_table,
+    optimal_partition,
+)
+from addon.solver.radiometry import band_emissivity, excess_emissivity
+from addon.solver.spectrum import band_radiance, planck, uniform_edges
+from tests.helpers.band_cases import (
     COLD,
     GLASS,
     GREEN,
@@ -20,20 +32,8 @@ from band_cases import (
     spectral_error,
     summed,
 )
-from exact_cases import rectangle
-from scenes import box, join, look, make_scene, pass_means, quad
-
-from addon.solver import Camera, Material, SceneError, Settings, library, render
-from addon.solver.band_partition import (
-    MOST_BANDS,
-    arriving_light,
-    candidate_edges,
-    choose_bands,
-    error_table,
-    optimal_partition,
-)
-from addon.solver.radiometry import band_emissivity, excess_emissivity
-from addon.solver.spectrum import band_radiance, planck, uniform_edges
+from tests.helpers.exact_cases import rectangle
+from tests.helpers.scenes import box, join, look, make_scene, pass_means, quad
 
 SCENE = (COLD, HOT)  # K
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import look
 from scipy.stats import qmc
 
 from addon.solver import Camera, SceneError
 from addon.solver.camera import build_eye, eye_rays
 from addon.solver.low_discrepancy import reversed_sobol
 from addon.solver.rng import CAMERA, pass_key
+from tests.helpers.scenes import look
 
 KEY = pass_key(0, 2**32 - 1, CAMERA)
 ORIGIN = np.zeros(3)

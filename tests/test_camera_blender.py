@@ -6,11 +6,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, read  # noqa: E402
 from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
 from addon.solver.scene import SceneError  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, read  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -8,10 +8,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material  # noqa: E402
-
 from addon import checks, panels  # noqa: E402
 from addon.properties import add_custom_property  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material  # noqa: E402
 
 
 @pytest.fixture

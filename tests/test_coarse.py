@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scenes import box, look, make_scene
+
+from tests.helpers.scenes import box, look, make_scene
 
 pytest.importorskip("bpy")
 

@@ -7,11 +7,18 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
-
 from addon import final_render  # noqa: E402
 from addon.render_passes import LAYER_SWITCHES, SCENE_SWITCHES, register_passes  # noqa: E402
 from addon.sensor_image import compositor_tree  # noqa: E402
+from tests.helpers.blender import (  # noqa: E402
+    camera,
+    cube_mesh,
+    link,
+    material,
+    read_exr,
+    render_to_exr,
+    use_multilayer_exr,
+)
 
 SWITCHES = LAYER_SWITCHES | SCENE_SWITCHES
 NAMES = {quantity: each.name for quantity, (_, each) in SWITCHES.items()}

@@ -11,13 +11,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, read, read_exr, render_to_exr  # noqa: E402
-
 from addon.camera_effects import read_detector  # noqa: E402
 from addon.checks import scene_checks  # noqa: E402
 from addon.sensor_panel import INFRARED_PT_detector  # noqa: E402
 from addon.solver.sensors import band_weights  # noqa: E402
 from addon.solver.spectrum import sensor_radiance, uniform_edges  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read, read_exr, render_to_exr  # noqa: E402
 
 KELVIN = 310.0
 OURS = ("Camera Signal", "Camera Temperature")

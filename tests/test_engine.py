@@ -18,13 +18,20 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
-
 from addon import final_render, spot_meter, temperature_groups  # noqa: E402
 from addon.last_render import forget_last_render  # noqa: E402
 from addon.render_paths import layer_suffixes  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
 from addon.solver.spectrum import band_names, band_radiance  # noqa: E402
+from tests.helpers.blender import (  # noqa: E402
+    camera,
+    cube_mesh,
+    link,
+    material,
+    read_exr,
+    render_to_exr,
+    use_multilayer_exr,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 FLOAT32 = 1e-6  # relative: a few roundings of float32

@@ -12,7 +12,12 @@ import math
 
 import numpy as np
 import pytest
-from exact_cases import (
+from scipy.stats import t as student
+
+from addon.solver import Settings, render
+from addon.solver.spectrum import band_radiance
+from addon.solver.surfaces import areas
+from tests.helpers.exact_cases import (
     ALL,
     CASES,
     NARROW,
@@ -41,12 +46,7 @@ from exact_cases import (
     polygon_factor,
     rectangle,
 )
-from scenes import pass_means, quad
-from scipy.stats import t as student
-
-from addon.solver import Settings, render
-from addon.solver.spectrum import band_radiance
-from addon.solver.surfaces import areas
+from tests.helpers.scenes import pass_means, quad
 
 pytestmark = pytest.mark.statistics
 

@@ -8,11 +8,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import describe, read, render_to_exr  # noqa: E402
-
 from addon.checks import scene_checks  # noqa: E402
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from run import ROOT  # noqa: E402
+from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
 
 EXAMPLES, TEMPLATE = ROOT / "docs" / "examples", ROOT / "docs" / "template"
 SCRIPTS = {

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import box, join, look, make_scene, sphere
 
 from addon.solver import Material, PointLight, SceneError, Settings, checkpoint, memory, render
 from addon.solver.checkpoint import CheckpointError, fingerprint, load, render_with_checkpoints, save, set_aside
 from addon.solver.film import Film
 from addon.solver.render import prepare
+from tests.helpers.scenes import box, join, look, make_scene, sphere
 
 QUICK = Settings(passes=4, photons_per_pass=20_000, threads=2)  # two pieces of photons
 ROOT = Path(__file__).resolve().parents[1]

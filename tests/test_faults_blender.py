@@ -18,8 +18,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, plain, read_exr, use_multilayer_exr  # noqa: E402
-
 from addon import final_render, solver  # noqa: E402
 from addon.scene_reader import read_scene  # noqa: E402
 from addon.solver import SceneError, Settings, library, memory  # noqa: E402
@@ -27,6 +25,7 @@ from addon.solver.emission import light_spectrum  # noqa: E402
 from addon.solver.scene import HOTTEST  # noqa: E402
 from addon.solver.sensors import band_weights  # noqa: E402
 from addon.solver.spectrum import apparent_temperature, band_radiance  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, plain, read_exr, use_multilayer_exr  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 FLOAT32 = 1e-6  # relative: a few roundings of float32

@@ -7,8 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from paper_estimator import no_near_disks
-from scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 from scipy.stats import t as student
 
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
@@ -19,6 +17,8 @@ from addon.solver.spectrum import band_radiance
 from addon.solver.splitting import noise_and_time, plan_splitting, ray_variance, spread_in
 from addon.solver.surfaces import build_surfaces
 from addon.solver.tiles import TILE, tiles
+from tests.helpers.paper_estimator import no_near_disks
+from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
 eye_paths, render_module = (importlib.import_module(f"addon.solver.{name}") for name in ("eye_paths", "render"))
 pytestmark = pytest.mark.statistics

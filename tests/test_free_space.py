@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from scenes import join, look, make_scene, quad, sphere
 
 from addon.solver import Material
 from addon.solver.free_space import free_space
 from addon.solver.surfaces import build_surfaces, disk_before
+from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
 REACH2 = 0.2**2
 TURNS = np.linspace(0, 1, 40, endpoint=False)

@@ -7,13 +7,13 @@ import importlib
 import numpy as np
 import pytest
 from numba import njit
-from scenes import box, look, make_scene, mean_and_error
 
 from addon.solver import Material, Settings, SunLight, eye_paths, render
 from addon.solver.emission import chosen_numbers
 from addon.solver.guide import CELLS, DIMENSIONS, _count, build_gather_places, build_guide, even_guide
 from addon.solver.point_tree import empty_walk
 from addon.solver.rng import PHOTONS, pass_key
+from tests.helpers.scenes import box, look, make_scene, mean_and_error
 
 solver = importlib.import_module("addon.solver.render")  # `addon.solver.render` is the function
 EDGES = np.array([8.0, 10.0, 12.0])

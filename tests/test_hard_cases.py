@@ -16,14 +16,14 @@ import math
 
 import numpy as np
 import pytest
-import scenes
-from scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
+from tests.helpers import scenes
 from scipy import stats
 
 from addon.solver import Camera, Film, Material, PointLight, SceneError, Settings, SpotLight, SunLight, render
 from addon.solver.emission import light_spectrum
 from addon.solver.spectrum import apparent_temperature, band_radiance
 from addon.solver.surfaces import CLEAR, areas
+from tests.helpers.scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
 
 solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
 

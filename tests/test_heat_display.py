@@ -12,8 +12,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
-
 from addon import final_render, spot_meter  # noqa: E402
 from addon.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
 from addon.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
@@ -22,6 +20,7 @@ from addon.last_render import TABLES, forget_last_render, last_render  # noqa: E
 from addon.output.colour_bar import INK, ColourBar  # noqa: E402
 from addon.output.palette import PALETTES, display  # noqa: E402
 from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
 
 ROUNDING = 1e-3  # of linear colours: Blender's own matrices, and temperatures next to a step of the palette's table
 

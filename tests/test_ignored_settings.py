@@ -7,9 +7,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, read  # noqa: E402
-
 from addon.checks import scene_checks  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from numba import njit
-from scenes import box, join, look, make_scene
 from test_photon_map import photon_map, square, triangle_under
 
 from addon.solver import Material
@@ -18,6 +17,7 @@ from addon.solver.point_tree import empty_walk
 from addon.solver.sheets import dark_sheets
 from addon.solver.splitting import Splitting
 from addon.solver.surfaces import build_surfaces, unit_normal
+from tests.helpers.scenes import box, join, look, make_scene
 
 EDGES = np.array([8.0, 12.0])
 

@@ -5,7 +5,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import box, join, look, quad, sphere
 
 from addon.solver import Film, Material, PointLight, Scene, SceneError, Settings, render
 from addon.solver.checkpoint import load, render_with_checkpoints
@@ -23,6 +22,7 @@ from addon.solver.radiometry import build_radiometry
 from addon.solver.recombine import layered_image, read_series
 from addon.solver.render import prepare
 from addon.solver.spectrum import band_radiance
+from tests.helpers.scenes import box, join, look, quad, sphere
 
 EDGES = np.array([3.0, 5.0, 8.0, 10.0, 14.0])
 QUICK = Settings(passes=3, photons_per_pass=2000, threads=2)

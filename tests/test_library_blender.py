@@ -8,8 +8,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
-
 from addon import (  # noqa: E402
     band_presets,
     checks,
@@ -21,6 +19,7 @@ from addon import (  # noqa: E402
 )
 from addon.solver import library  # noqa: E402
 from addon.solver.spectrum import band_radiance  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")
 CURVE = [8.0, 0.9, 14.0, 0.8]

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from scenes import join, look, make_scene, quad, sphere
 
 from addon.solver import Camera, Material, Settings
 from addon.solver.antialiasing import FEWEST, UNKNOWN
 from addon.solver.looks import Cells
 from addon.solver.render import prepare
+from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
 EDGES = np.linspace(8.0, 12.0, 3)
 SIZE = 32  # pixels on each side

@@ -7,9 +7,9 @@ n = 40, 16 % at n = 20; pixels of one render share photons, so the mean over the
 
 import numpy as np
 import pytest
-from scenes import box, join, look, make_scene, sphere
 
 from addon.solver import Material, PointLight, Settings, render
+from tests.helpers.scenes import box, join, look, make_scene, sphere
 
 pytestmark = pytest.mark.statistics
 

@@ -13,11 +13,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from paper_estimator import PAPER, PAPERS_ESTIMATOR, PHOTONS_ALONE, changed, photons_alone
 
 from addon.solver import Settings, render
 from addon.solver.radiometry import reference_radiance
 from addon.solver.spectrum import apparent_temperature
+from tests.helpers.paper_estimator import PAPER, PAPERS_ESTIMATOR, PHOTONS_ALONE, changed, photons_alone
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests" / "benchmarks")]

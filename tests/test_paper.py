@@ -9,12 +9,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from paper_estimator import PAPER, papers_estimator
 from PIL import Image
-from scenes import look, make_scene, pass_means, quad
 
 from addon.solver import Material, PointLight, Settings, render
 from addon.solver.emission import light_spectrum
+from tests.helpers.paper_estimator import PAPER, papers_estimator
+from tests.helpers.scenes import look, make_scene, pass_means, quad
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from numba import njit
-from scenes import box, look, make_scene
 from scipy.spatial import cKDTree
 
 from addon.solver import Material
 from addon.solver.photon_map import Photons, PhotonStore, _search, build_photon_map, gather, irradiance, neighbours_room
 from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces
+from tests.helpers.scenes import box, look, make_scene
 
 UNMARKED = np.empty((0, 3), np.float32), np.empty(0, bool), np.empty(0, np.uint8)  # no directions, caustics, layers
 UP = (0.0, 0.0, 1.0)

@@ -14,7 +14,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
-from scenes import box, look, make_scene, mean_and_error, sphere, stored_photons
 from scipy import stats
 
 from addon.solver import Material, Settings, render
@@ -24,6 +23,7 @@ from addon.solver.sampling import interpolate_albedo
 from addon.solver.spectrum import band_radiance
 from addon.solver.surfaces import areas, unit_normal
 from addon.solver.wave import arrived
+from tests.helpers.scenes import box, look, make_scene, mean_and_error, sphere, stored_photons
 
 solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
 

@@ -6,7 +6,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 from addon import scene_reader  # noqa: E402
@@ -14,6 +13,7 @@ from addon.checks import scene_checks  # noqa: E402
 from addon.scene_reader import read_adaptive_bands, read_band_range, read_group_temperatures  # noqa: E402
 from addon.solver import Settings, library, render  # noqa: E402
 from addon.solver.scene import AreaLight, PointLight, SceneError, SpotLight, SunLight  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

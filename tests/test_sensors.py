@@ -5,12 +5,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import box, look, make_scene, quad
 
 from addon.solver import Correction, Film, Material, Response, SceneError, Settings, render, sensors
 from addon.solver.checkpoint import fingerprint
 from addon.solver.spectrum import apparent_temperature, band_radiance, planck, sensor_radiance, uniform_edges
 from addon.spectra import SpectrumError, read_response
+from tests.helpers.scenes import box, look, make_scene, quad
 
 SENSORS = {name: make() for name, make in sensors.BUILT_IN.items()} | {"BOX": None}
 RANGES = {"INSB": (3.0, 5.0), "HGCDTE": (8.0, 11.5), "MICROBOLOMETER": (7.5, 14.0), "BOX": (7.5, 14.0)}

@@ -10,14 +10,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
-
 from addon.checks import scene_checks, sensor_checks  # noqa: E402
 from addon.scene_reader import SceneError, read_adaptive_bands, read_response, read_settings  # noqa: E402
 from addon.sensor_panel import INFRARED_PT_sensor  # noqa: E402
 from addon.solver import library, sensors  # noqa: E402
 from addon.solver.band_partition import choose_bands  # noqa: E402
 from addon.solver.spectrum import apparent_temperature, band_names, sensor_radiance, uniform_edges  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
 
 TABLE = "wavelength (um), response\n7, 0\n10, 4\n13, 1\n"
 POINTS = [7.0, 0.0, 10.0, 4.0, 13.0, 1.0]

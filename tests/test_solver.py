@@ -8,13 +8,13 @@ import time
 
 import numpy as np
 import pytest
-from scenes import box, look, make_scene, mean_and_error, sphere
 
 from addon.solver import AreaLight, Camera, Material, PointLight, SceneError, Settings, SpotLight, SunLight, render
 from addon.solver.emission import light_spectrum
 from addon.solver.render import prepare
 from addon.solver.sampling import lobe_brdf
 from addon.solver.spectrum import band_radiance
+from tests.helpers.scenes import box, look, make_scene, mean_and_error, sphere
 
 EDGES = np.linspace(8.0, 12.0, 5)
 STEEL = Material("steel", np.array([[8.0, 0.2], [10.0, 0.6], [12.0, 0.3]]), specular=0.5, roughness=0.3)

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from numba import njit
-from scenes import box, cylinder, join, look, make_scene, sphere
 
 from addon.solver import Material, SceneError
 from addon.solver.sampling import cosine_direction, to_world, triangle_point
@@ -23,6 +22,7 @@ from addon.solver.surfaces import (
     sheet_count,
     temperature_at,
 )
+from tests.helpers.scenes import box, cylinder, join, look, make_scene, sphere
 
 RIGHT_TRIANGLE = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], np.float32)
 

@@ -7,7 +7,8 @@ import time
 
 import numpy as np
 import pytest
-from scenes import box, join, look, make_scene, quad
+
+from tests.helpers.scenes import box, join, look, make_scene, quad
 
 bpy = pytest.importorskip("bpy")
 

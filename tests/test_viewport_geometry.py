@@ -5,10 +5,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import box, join, look, make_scene, quad
 
 from addon.solver import Material, Settings, render
 from addon.solver.surfaces import build_geometry
+from tests.helpers.scenes import box, join, look, make_scene, quad
 
 SETTINGS = Settings(passes=2, photons_per_pass=2000, neighbours=20)
 GREY, SHINY = Material("Grey", 0.6), Material("Shiny", 0.3, specular=0.5, roughness=0.3)

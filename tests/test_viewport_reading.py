@@ -9,9 +9,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_helpers import cube_mesh, link, material  # noqa: E402
-
 from addon import scene_reader, viewport  # noqa: E402
+from tests.helpers.blender import cube_mesh, link, material  # noqa: E402
 
 
 class Engine:

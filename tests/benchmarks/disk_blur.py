@@ -17,9 +17,9 @@ from scipy.ndimage import maximum_filter, minimum_filter
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
 from pages import MADE_AT  # noqa: E402
-from speed_scenes import SCENES  # noqa: E402
 
 from addon.solver import Settings, first_hit_images, render  # noqa: E402
+from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
 
 LATE, PASSES, SEEDS = 1_000_000, 6, range(1, 7)
 

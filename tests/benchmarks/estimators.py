@@ -31,14 +31,14 @@ import numpy as np
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
 from pages import MADE_AT  # noqa: E402
-from paper_estimator import by_power_alone, no_final_gathers, no_near_disks, no_walls  # noqa: E402
-from speed_scenes import SCENES  # noqa: E402
 from speed_vs_error import load_reference, user_cache  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
 from addon.solver.final_gather import choose_splits  # noqa: E402
 from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
 from addon.solver.point_tree import morton_order  # noqa: E402
+from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
+from tests.helpers.paper_estimator import by_power_alone, no_final_gathers, no_near_disks, no_walls  # noqa: E402
 
 WALLS = {  # K, see the scenes
     "room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0, "office": 291.0, "bay": 305.0,

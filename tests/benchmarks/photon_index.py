@@ -31,7 +31,7 @@ from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces, normal,
 from addon.solver.transport import trace_photons
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from scenes import look, make_scene  # noqa: E402
+from tests.helpers.scenes import look, make_scene  # noqa: E402
 
 COUNTS = 10_000, 100_000, 1_000_000  # photons emitted; the room stores more
 NEIGHBOURS = 50

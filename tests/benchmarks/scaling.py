@@ -32,11 +32,11 @@ import numpy as np
 ROOT = Path(__file__).absolute().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "docs")]
 from pages import MADE_AT  # noqa: E402
-from scenes import box, look, sphere  # noqa: E402
-from speed_scenes import Parts  # noqa: E402
 
 from addon.solver import Material, Settings, render  # noqa: E402
 from addon.solver.memory import memory_beforehand, memory_of_passes  # noqa: E402
+from tests.benchmarks.speed_scenes import Parts  # noqa: E402
+from tests.helpers.scenes import box, look, sphere  # noqa: E402
 
 CORES = os.cpu_count() or 1
 render_module = importlib.import_module("addon.solver.render")  # the package has a function of this name

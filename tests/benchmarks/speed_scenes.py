@@ -6,9 +6,9 @@ the mean, and all renderers solve one problem to the last digit.
 """
 
 import numpy as np
-from scenes import box, look, make_scene, sphere
 
 from addon.solver import Material
+from tests.helpers.scenes import box, look, make_scene, sphere
 
 WIDTH, HEIGHT = 128, 96
 LWIR = np.linspace(7.5, 14.0, 17)

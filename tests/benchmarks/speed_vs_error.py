@@ -35,13 +35,13 @@ import numpy as np
 HERE = Path(__file__).absolute().parent
 sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
 from pages import MADE_AT  # noqa: E402
-from paper_estimator import PAPER, photons_alone  # noqa: E402
 from peers.__main__ import CLOCKS, ENGINES  # noqa: E402
 from peers.problem import build_problem  # noqa: E402
-from speed_scenes import SCENES  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
 from addon.solver.spectrum import apparent_temperature  # noqa: E402
+from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
+from tests.helpers.paper_estimator import PAPER, photons_alone  # noqa: E402
 
 ROOM, OTHER = (200, 20), (10, 10)  # trimmed, all pixels
 TARGETS = {

@@ -20,13 +20,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
-from scenes import box, look, make_scene, sphere  # noqa: E402
-
-from addon.solver import (  # noqa: E402
-    Material,
-    Settings,
-    eye_paths,  # noqa: E402
-)
+from addon.solver import Material, Settings, eye_paths  # noqa: E402
 from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
 from addon.solver.lamps import lamp_points  # noqa: E402
 from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
@@ -34,6 +28,7 @@ from addon.solver.render import PHOTON_CHUNK, cache_irradiance, prepare  # noqa:
 from addon.solver.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
 from addon.solver.tiles import tiles  # noqa: E402
 from addon.solver.transport import trace_photons  # noqa: E402
+from tests.helpers.scenes import box, look, make_scene, sphere  # noqa: E402
 
 PHOTONS_PER_PASS = 100_000
 REPETITIONS = 9

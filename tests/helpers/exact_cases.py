@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scenes import box, join, look, make_scene, quad, sphere
 
 from addon.solver import AreaLight, Camera, Material, PointLight, Scene, Settings, SpotLight, SunLight
+from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 NARROW = np.array([9.99, 10.01])  # um, one narrow band
 WINDOWS = np.array([3.0, 5.0, 8.0, 12.0, 14.0])  # um
