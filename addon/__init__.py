@@ -54,25 +54,10 @@ def _use_own_folder():
 
 
 def _modules():
-    from . import (
-        band_presets,
-        checks,
-        curve_points,
-        curve_previews,
-        engine,
-        heat_display,
-        heat_map,
-        material_assets,
-        material_library,
-        operators,
-        panels,
-        preferences,
-        properties,
-        sensor_image,
-        sensor_panel,
-        temperature_groups,
-        temperature_tools,
-    )
+    from . import engine, preferences, properties
+    from .ui import band_presets, checks, operators, panels, sensor_image, sensor_panel
+    from .ui.materials import curve_points, curve_previews, material_assets, material_library
+    from .ui.temperatures import heat_display, heat_map, temperature_groups, temperature_tools
 
     return (
         properties,

@@ -9,9 +9,9 @@ import logging
 
 import bpy
 
-from .panels import ENGINE
+from .solver.physics.spectrum import LIBRARY_MISSING
 from .solver.scene import SceneError
-from .solver.spectrum import LIBRARY_MISSING
+from .ui.panels import ENGINE
 
 log = logging.getLogger(__name__)
 
@@ -38,14 +38,14 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell Blender, and so the compositor's sockets, which passes this engine fills."""
-        from .render_passes import register_passes
+        from .rendering.render_passes import register_passes
 
         register_passes(self, scene, renderlayer)
 
     def render(self, depsgraph):
         """Render one view layer; Blender calls this for each."""
         try:
-            from .final_render import render_view_layer
+            from .rendering.final_render import render_view_layer
         except ImportError as error:
             self._fail(LIBRARY_MISSING.format(error))
             return
@@ -61,7 +61,7 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
     def view_update(self, context, depsgraph):
         """Something in the scene of a viewport in Rendered mode changed: read it."""
         try:
-            from .viewport import Viewport
+            from .rendering.viewport import Viewport
         except ImportError as error:
             self.update_stats("", LIBRARY_MISSING.format(error))
             return

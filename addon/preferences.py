@@ -9,7 +9,7 @@ import bpy
 from bpy.types import AddonPreferences, Operator
 
 from .interface import redraw
-from .self_check import run_checks
+from .rendering.self_check import run_checks
 from .version import version
 
 THREAD = "Infrared Photons check"

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-SOLVER = Path(__file__).resolve().parents[1] / "addon" / "solver"
+SOLVER = Path(__file__).resolve().parents[1] / "addon" / "solver" / "physics"
 
 SHORTEST, LONGEST = 1.0, 25.0  # um, kept part of the spectrum
 ABSOLUTE_ERROR = 0.0015  # of linear interpolation between the kept points

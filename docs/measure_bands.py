@@ -11,9 +11,9 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-from addon.solver.band_partition import choose_bands  # noqa: E402
-from addon.solver.radiometry import band_emissivity, excess_emissivity  # noqa: E402
-from addon.solver.spectrum import apparent_temperature, band_radiance, uniform_edges  # noqa: E402
+from addon.solver.physics.band_partition import choose_bands  # noqa: E402
+from addon.solver.physics.radiometry import band_emissivity, excess_emissivity  # noqa: E402
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance, uniform_edges  # noqa: E402
 from tests.helpers.band_cases import (  # noqa: E402
     COLD,
     HOT,

@@ -22,9 +22,10 @@ sys.path.insert(0, str(FOLDER.parent))
 
 from addon.output.exr import channel_name  # noqa: E402
 from addon.output.palette import display, thermal  # noqa: E402
-from addon.solver import Camera, sensors  # noqa: E402
-from addon.solver.detector import STATED, Detector, diffraction_mtf, expose  # noqa: E402
-from addon.solver.spectrum import band_names, band_radiance, sensor_radiance, uniform_edges  # noqa: E402
+from addon.solver import Camera  # noqa: E402
+from addon.solver.image.detector import STATED, Detector, diffraction_mtf, expose  # noqa: E402
+from addon.solver.physics import sensors  # noqa: E402
+from addon.solver.physics.spectrum import band_names, band_radiance, sensor_radiance, uniform_edges  # noqa: E402
 
 CAMERAS = (  # sensor, um, f-number, pitch in um
     ("MICROBOLOMETER", (7.5, 14.0), 1.0, 12.0),

@@ -22,12 +22,12 @@ FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER.parent))
 
 import addon  # noqa: E402
-from addon import temperature_groups  # noqa: E402
 from addon.output.group_exr import read_group_exr, write_group_exr, write_recombined  # noqa: E402
 from addon.output.palette import display  # noqa: E402
 from addon.output.temperature_scale import TemperatureScale  # noqa: E402
-from addon.solver.layers import Layer  # noqa: E402
-from addon.solver.recombine import LayeredImage  # noqa: E402
+from addon.solver.image.recombine import LayeredImage  # noqa: E402
+from addon.solver.physics.layers import Layer  # noqa: E402
+from addon.ui.temperatures import temperature_groups  # noqa: E402
 
 KELVIN = (300, 340, 400, 480)  # of the ring; 340 is what the demo has
 PASSES, FRESH = 8, 480  # FRESH: K, the last of them, rendered anew for comparison
@@ -49,7 +49,7 @@ def demo(folder: Path) -> None:
 
 def render() -> tuple[float, np.ndarray]:
     """Seconds of a render, and its apparent temperatures (h, w), K."""
-    from addon.final_render import finished_layers
+    from addon.rendering.final_render import finished_layers
 
     begin = time.perf_counter()
     bpy.ops.render.render()

@@ -33,7 +33,7 @@ from pages import write_blocks  # noqa: E402
 from addon.output.exr import channel_name  # noqa: E402
 from addon.output.palette import display, robust_range, thermal  # noqa: E402
 from addon.solver import Film, Material, PointLight, Scene, Settings, render  # noqa: E402
-from addon.solver.spectrum import apparent_temperature  # noqa: E402
+from addon.solver.physics.spectrum import apparent_temperature  # noqa: E402
 from tests.helpers.paper_estimator import PAPER, changed, papers_estimator  # noqa: E402
 from tests.helpers.scenes import join, look, make_scene, quad  # noqa: E402
 
@@ -145,8 +145,8 @@ class Phases:
     @contextmanager
     def watch(self) -> Iterator[Callable[[Film], None]]:
         """Add up what is rendered meanwhile; gives the on_pass of that render."""
-        module = importlib.import_module("addon.solver.render")  # addon.solver.render is the function
-        eye_paths = importlib.import_module("addon.solver.eye_paths")
+        module = importlib.import_module("addon.solver.passes")  # addon.solver.passes is the function
+        eye_paths = importlib.import_module("addon.solver.camera.eye_paths")
         prepare, build, reflect = module.prepare, module.build_photon_map, eye_paths.reflect
 
         def after_prepare(*arguments):

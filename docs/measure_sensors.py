@@ -11,8 +11,13 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from addon.solver import library, sensors  # noqa: E402
-from addon.solver.spectrum import apparent_temperature, band_radiance, sensor_radiance, uniform_edges  # noqa: E402
+from addon.solver.physics import library, sensors  # noqa: E402
+from addon.solver.physics.spectrum import (  # noqa: E402
+    apparent_temperature,
+    band_radiance,
+    sensor_radiance,
+    uniform_edges,
+)
 
 MATERIALS = ("Fused silica", "Glass, window", "Paint, dark green on metal")
 RANGES = {"INSB": (1.5, 5.6), "HGCDTE": (7.5, 12.0), "MICROBOLOMETER": (7.5, 14.0)}

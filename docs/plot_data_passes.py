@@ -26,7 +26,7 @@ COLUMNS = 3
 
 def render(path: Path) -> dict[str, np.ndarray]:
     """The channels of a quick render of the demo with all data passes, top row first."""
-    from addon.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
+    from addon.rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
 
     bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "demo" / "demo.blend"), load_ui=False)
     scene, layer = bpy.context.scene, bpy.context.scene.view_layers[0]

@@ -14,7 +14,7 @@ import numpy as np
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS.parent))
 
-from addon.solver import library  # noqa: E402
+from addon.solver.physics import library  # noqa: E402
 
 START, END = "<!-- table: written by docs/plot_materials.py -->", "<!-- end of table -->"
 PANELS = {

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.solver import Camera, Material, Settings, antialiasing, render
-from addon.solver.antialiasing import FEWEST
-from addon.solver.render import prepare
+from addon.solver import Camera, Material, Settings, render
+from addon.solver.passes import prepare
+from addon.solver.planning import antialiasing
+from addon.solver.planning.antialiasing import FEWEST
 from tests.helpers.scenes import box, join, look, make_scene, quad
 
 EDGES = np.linspace(8.0, 12.0, 3)

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from addon.solver import Camera, Material, SceneError, Settings, library, render
-from addon.solver.band_partition import (
+from addon.solver import Camera, Material, SceneError, Settings, render
+from addon.solver.physics import library
+from addon.solver.physics.band_partition import (
     MOST_BANDS,
     arriving_light,
     candidate_edges,
@@ -16,8 +17,8 @@ from addon.solver.band_partition import (
     error_table,
     optimal_partition,
 )
-from addon.solver.radiometry import band_emissivity, excess_emissivity
-from addon.solver.spectrum import band_radiance, planck, uniform_edges
+from addon.solver.physics.radiometry import band_emissivity, excess_emissivity
+from addon.solver.physics.spectrum import band_radiance, planck, uniform_edges
 from tests.helpers.band_cases import (
     COLD,
     GLASS,

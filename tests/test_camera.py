@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import qmc
 
 from addon.solver import Camera, SceneError
-from addon.solver.camera import build_eye, eye_rays
-from addon.solver.low_discrepancy import reversed_sobol
-from addon.solver.rng import CAMERA, pass_key
+from addon.solver.geometry.eye import build_eye, eye_rays
+from addon.solver.sampling.low_discrepancy import reversed_sobol
+from addon.solver.sampling.rng import CAMERA, pass_key
 from tests.helpers.scenes import look
 
 KEY = pass_key(0, 2**32 - 1, CAMERA)

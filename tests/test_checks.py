@@ -8,8 +8,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import checks, panels  # noqa: E402
 from addon.properties import add_custom_property  # noqa: E402
+from addon.ui import checks, panels  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material  # noqa: E402
 
 

@@ -11,9 +11,9 @@ from tests.helpers.scenes import box, look, make_scene
 
 pytest.importorskip("bpy")
 
-from addon import coarse  # noqa: E402
-from addon.coarse import FIRST_PHOTONS, FIRST_PIXELS, coarser, enlarged, hasty, steps  # noqa: E402
-from addon.final_render import RenderJob, _solver_with_first_pictures  # noqa: E402
+from addon.rendering import coarse  # noqa: E402
+from addon.rendering.coarse import FIRST_PHOTONS, FIRST_PIXELS, coarser, enlarged, hasty, steps  # noqa: E402
+from addon.rendering.final_render import RenderJob, _solver_with_first_pictures  # noqa: E402
 from addon.solver import Camera, Material, Settings, render  # noqa: E402
 
 

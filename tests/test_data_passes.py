@@ -7,9 +7,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import final_render  # noqa: E402
-from addon.render_passes import LAYER_SWITCHES, SCENE_SWITCHES, register_passes  # noqa: E402
-from addon.sensor_image import compositor_tree  # noqa: E402
+from addon.rendering import final_render  # noqa: E402
+from addon.rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES, register_passes  # noqa: E402
+from addon.ui.sensor_image import compositor_tree  # noqa: E402
 from tests.helpers.blender import (  # noqa: E402
     camera,
     cube_mesh,

@@ -13,12 +13,12 @@ bpy = pytest.importorskip("bpy")
 Image = pytest.importorskip("PIL.Image")
 OpenEXR = pytest.importorskip("OpenEXR")
 
-from addon.heat_picture import LEAST_HEIGHT  # noqa: E402
 from addon.output.colour_bar import ColourBar  # noqa: E402
 from addon.output.exr import channel_name  # noqa: E402
+from addon.output.heat_picture import LEAST_HEIGHT  # noqa: E402
 from addon.output.palette import display  # noqa: E402
 from addon.output.temperature_scale import KELVIN, TemperatureScale  # noqa: E402
-from addon.solver.spectrum import apparent_temperature, band_names  # noqa: E402
+from addon.solver.physics.spectrum import apparent_temperature, band_names  # noqa: E402
 from tests.helpers.blender import describe  # noqa: E402
 
 DEMO = Path(__file__).resolve().parents[1] / "docs" / "demo"

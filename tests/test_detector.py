@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy import integrate, special
 
-from addon.solver import Camera, Correction, SceneError, sensors
-from addon.solver.detector import STATED, Detector, expose
-from addon.solver.spectrum import apparent_temperature, band_radiance, sensor_radiance, uniform_edges
+from addon.solver import Camera, Correction, SceneError
+from addon.solver.image.detector import STATED, Detector, expose
+from addon.solver.physics import sensors
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance, sensor_radiance, uniform_edges
 
 EDGES = uniform_edges(7.5, 14.0, 4)
 WIDTHS = np.diff(EDGES)

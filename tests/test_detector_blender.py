@@ -11,11 +11,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.camera_effects import read_detector  # noqa: E402
-from addon.checks import scene_checks  # noqa: E402
-from addon.sensor_panel import INFRARED_PT_detector  # noqa: E402
-from addon.solver.sensors import band_weights  # noqa: E402
-from addon.solver.spectrum import sensor_radiance, uniform_edges  # noqa: E402
+from addon.rendering.camera_effects import read_detector  # noqa: E402
+from addon.solver.physics.sensors import band_weights  # noqa: E402
+from addon.solver.physics.spectrum import sensor_radiance, uniform_edges  # noqa: E402
+from addon.ui.checks import scene_checks  # noqa: E402
+from addon.ui.sensor_panel import INFRARED_PT_detector  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, read_exr, render_to_exr  # noqa: E402
 
 KELVIN = 310.0
@@ -139,7 +139,7 @@ def test_senseless_values_are_told_before_the_first_pass(infrared, tmp_path, nam
     infrared.use_detector = True
     [check] = [check for check in checks() if check.text.startswith("Camera effects")]
     assert check.level == "ERROR" and message in check.text
-    with patch("addon.final_render.RenderJob") as job, pytest.raises(RuntimeError, match=re.escape(message)):
+    with patch("addon.rendering.final_render.RenderJob") as job, pytest.raises(RuntimeError, match=re.escape(message)):
         render_to_exr(tmp_path)
     assert not job.called
 
@@ -174,7 +174,7 @@ def test_the_pitch_is_that_of_blenders_camera(infrared, fit, size, aspect, perce
 def test_the_panel_shows_every_setting(infrared):
     column = MagicMock()
     rows = column.row.return_value, column.column.return_value
-    with patch("addon.checks.draw_checks"):
+    with patch("addon.ui.checks.draw_checks"):
         INFRARED_PT_detector.draw_settings(None, column, infrared)
     shown = {call.args[1] for each in (column, *rows) for call in each.prop.call_args_list}
     settings = {name for name in infrared.bl_rna.properties.keys() if name.startswith("detector_")}  # noqa: SIM118

@@ -18,11 +18,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import final_render, spot_meter, temperature_groups  # noqa: E402
-from addon.last_render import forget_last_render  # noqa: E402
-from addon.render_paths import layer_suffixes  # noqa: E402
+from addon.rendering import final_render  # noqa: E402
+from addon.rendering.last_render import forget_last_render  # noqa: E402
+from addon.rendering.render_paths import layer_suffixes  # noqa: E402
+from addon.solver.physics.spectrum import band_names, band_radiance  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
-from addon.solver.spectrum import band_names, band_radiance  # noqa: E402
+from addon.ui.temperatures import spot_meter, temperature_groups  # noqa: E402
 from tests.helpers.blender import (  # noqa: E402
     camera,
     cube_mesh,
@@ -399,8 +400,8 @@ def test_solver_failure_reaches_the_user(tmp_path, monkeypatch, caplog):
 
 def test_missing_library_is_explained(tmp_path, monkeypatch):
     wall(300.0)
-    monkeypatch.delitem(sys.modules, "addon.final_render")
-    monkeypatch.setitem(sys.modules, "addon.scene_reader", None)
+    monkeypatch.delitem(sys.modules, "addon.rendering.final_render")
+    monkeypatch.setitem(sys.modules, "addon.reading.scene_reader", None)
     assert "A library of the solver is missing" in failed_render(tmp_path)
 
 
@@ -548,7 +549,7 @@ def test_panels_are_drawn_and_the_render_tells_it_if_a_library_is_missing():
 
 def test_windows_are_drawn_while_the_solver_is_loaded(monkeypatch):
     """By the thread of a first render: its module is there already, and has nothing in it yet."""
-    monkeypatch.setitem(sys.modules, "addon.final_render", ModuleType("addon.final_render"))
+    monkeypatch.setitem(sys.modules, "addon.rendering.final_render", ModuleType("addon.rendering.final_render"))
     assert spot_meter.finished() == ({}, {}) and temperature_groups.last_group_files() == {}
     assert not bpy.ops.infrared.export_bands.poll()
 
@@ -582,7 +583,7 @@ def test_every_setting_has_a_tooltip():
 
 
 def test_blenders_general_panels_stay():
-    from addon.panels import ENGINE, get_panels
+    from addon.ui.panels import ENGINE, get_panels
 
     names = {panel.__name__ for panel in get_panels()}
     for name in (
@@ -625,7 +626,7 @@ def test_setting_and_removing_custom_properties():
 
 def test_emissivities_take_any_form_after_any_other():
     """Of the panel's number, of one that overrides may change (Blender fixes its type), and from scripts."""
-    from addon.solver import library
+    from addon.solver.physics import library
 
     metal = library.names()[0]
     changes = (
@@ -688,7 +689,7 @@ def test_emissivity_operators():
             with pytest.raises(RuntimeError):
                 bpy.ops.infrared.emissivity_curve(points=wrong)
             assert paint["emissivity"].to_list() == [8.0, 0.9, 14.0, 0.7]
-        from addon.solver import library
+        from addon.solver.physics import library
 
         bpy.ops.infrared.emissivity_library(name=library.names()[0])
         assert paint["emissivity"] == library.names()[0]

@@ -15,8 +15,8 @@ import pytest
 from scipy.stats import t as student
 
 from addon.solver import Settings, render
-from addon.solver.spectrum import band_radiance
-from addon.solver.surfaces import areas
+from addon.solver.geometry.surfaces import areas
+from addon.solver.physics.spectrum import band_radiance
 from tests.helpers.exact_cases import (
     ALL,
     CASES,

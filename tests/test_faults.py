@@ -20,8 +20,8 @@ import pytest
 
 from addon.solver import Material, PointLight, SceneError, Settings, checkpoint, memory, render
 from addon.solver.checkpoint import CheckpointError, fingerprint, load, render_with_checkpoints, save, set_aside
-from addon.solver.film import Film
-from addon.solver.render import prepare
+from addon.solver.image.film import Film
+from addon.solver.passes import prepare
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
 QUICK = Settings(passes=4, photons_per_pass=20_000, threads=2)  # two pieces of photons
@@ -129,7 +129,7 @@ import sys
 sys.path[:0] = [{root!r}, {tests!r}]
 from test_faults import QUICK, room
 from addon.solver import Settings, memory, render
-from addon.solver.render import prepare
+from addon.solver.passes import prepare
 def status(name):
     return next(int(line.split()[1]) * 1024 for line in open("/proc/self/status") if line.startswith(name))
 def images(film):

@@ -18,13 +18,15 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import final_render, solver  # noqa: E402
-from addon.scene_reader import read_scene  # noqa: E402
-from addon.solver import SceneError, Settings, library, memory  # noqa: E402
-from addon.solver.emission import light_spectrum  # noqa: E402
+from addon import solver  # noqa: E402
+from addon.reading.scene_reader import read_scene  # noqa: E402
+from addon.rendering import final_render  # noqa: E402
+from addon.solver import SceneError, Settings, memory  # noqa: E402
+from addon.solver.photons.emission import light_spectrum  # noqa: E402
+from addon.solver.physics import library  # noqa: E402
+from addon.solver.physics.sensors import band_weights  # noqa: E402
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance  # noqa: E402
 from addon.solver.scene import HOTTEST  # noqa: E402
-from addon.solver.sensors import band_weights  # noqa: E402
-from addon.solver.spectrum import apparent_temperature, band_radiance  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, plain, read_exr, use_multilayer_exr  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]

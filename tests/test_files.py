@@ -14,8 +14,8 @@ from addon.output.description import how_rendered
 from addon.output.exr import spectral_channel_names
 from addon.output.formats import FORMATS, write_file
 from addon.solver import Settings
-from addon.solver.film import Film
-from addon.solver.spectrum import band_names
+from addon.solver.image.film import Film
+from addon.solver.physics.spectrum import band_names
 
 BANDS = 256
 SHAPE = (5, 7)

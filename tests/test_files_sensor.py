@@ -8,10 +8,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import sensor_image  # noqa: E402
 from addon.output.sensor import calibrate  # noqa: E402
-from addon.solver.sensors import BUILT_IN, band_weights  # noqa: E402
-from addon.solver.spectrum import band_radiance, sensor_radiance, uniform_edges  # noqa: E402
+from addon.solver.physics.sensors import BUILT_IN, band_weights  # noqa: E402
+from addon.solver.physics.spectrum import band_radiance, sensor_radiance, uniform_edges  # noqa: E402
+from addon.ui import sensor_image  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, render_to_exr  # noqa: E402
 
 FLOAT32 = 2.0**-24  # relative: one rounding

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from addon.solver import Camera, Film
-from addon.solver.camera import build_eye, eye_rays
-from addon.solver.rng import CAMERA, pass_key
-from addon.solver.spectrum import apparent_temperature, band_radiance
+from addon.solver.geometry.eye import build_eye, eye_rays
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance
+from addon.solver.sampling.rng import CAMERA, pass_key
 
 EDGES = np.array([8.0, 9.0, 11.0, 14.0])
 WIDTH, HEIGHT = 5, 3

@@ -10,13 +10,13 @@ import pytest
 from scipy.stats import t as student
 
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
-from addon.solver.final_gather import _WINDOW, Finals, choose_splits, share
-from addon.solver.free_space import LEAST_FREE
-from addon.solver.sheets import FALL
-from addon.solver.spectrum import band_radiance
-from addon.solver.splitting import noise_and_time, plan_splitting, ray_variance, spread_in
-from addon.solver.surfaces import build_surfaces
-from addon.solver.tiles import TILE, tiles
+from addon.solver.camera.final_gather import _WINDOW, Finals, choose_splits, share
+from addon.solver.geometry.free_space import LEAST_FREE
+from addon.solver.geometry.surfaces import build_surfaces
+from addon.solver.image.tiles import TILE, tiles
+from addon.solver.physics.spectrum import band_radiance
+from addon.solver.planning.sheets import FALL
+from addon.solver.planning.splitting import noise_and_time, plan_splitting, ray_variance, spread_in
 from tests.helpers.paper_estimator import no_near_disks
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from addon.solver import Material, Response, Settings, first_hit_images, render
-from addon.solver.first_hits import FAR, QUANTITIES
-from addon.solver.sensors import band_weights, microbolometer
-from addon.solver.spectrum import faintest, planck, sensor_radiance
+from addon.solver.camera.first_hits import FAR, QUANTITIES
+from addon.solver.physics.sensors import band_weights, microbolometer
+from addon.solver.physics.spectrum import faintest, planck, sensor_radiance
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 EDGES = np.array([8.0, 10.0, 12.0, 14.0])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from addon.solver import Material
-from addon.solver.free_space import free_space
-from addon.solver.surfaces import build_surfaces, disk_before
+from addon.solver.geometry.free_space import free_space
+from addon.solver.geometry.surfaces import build_surfaces, disk_before
 from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
 REACH2 = 0.2**2

@@ -9,11 +9,11 @@ import pytest
 
 from addon.output.formats import numbered
 from addon.output.group_exr import read_group_exr, write_group_exr, write_recombined
-from addon.solver.film import Correction
-from addon.solver.layers import Layer, to_json
-from addon.solver.recombine import LayeredImage
+from addon.solver.image.film import Correction
+from addon.solver.image.recombine import LayeredImage
+from addon.solver.physics.layers import Layer, to_json
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance
 from addon.solver.scene import SceneError
-from addon.solver.spectrum import apparent_temperature, band_radiance
 
 EDGES = np.array([8.0, 9.5, 14.0])
 WEIGHTS = np.array([0.25, 1.0])

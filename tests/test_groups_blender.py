@@ -10,9 +10,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import final_render, temperature_groups  # noqa: E402
 from addon.output.group_exr import read_group_exr  # noqa: E402
-from addon.scene_reader import SceneError, read_group_temperatures  # noqa: E402
+from addon.reading.scene_reader import SceneError, read_group_temperatures  # noqa: E402
+from addon.rendering import final_render  # noqa: E402
+from addon.ui.temperatures import temperature_groups  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
 
 

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from numba import njit
 
-from addon.solver import Material, Settings, SunLight, eye_paths, render
-from addon.solver.emission import chosen_numbers
-from addon.solver.guide import CELLS, DIMENSIONS, _count, build_gather_places, build_guide, even_guide
-from addon.solver.point_tree import empty_walk
-from addon.solver.rng import PHOTONS, pass_key
+from addon.solver import Material, Settings, SunLight, render
+from addon.solver.geometry.eye import eye_paths
+from addon.solver.geometry.point_tree import empty_walk
+from addon.solver.photons.emission import chosen_numbers
+from addon.solver.photons.guide import CELLS, DIMENSIONS, _count, build_gather_places, build_guide, even_guide
+from addon.solver.sampling.rng import PHOTONS, pass_key
 from tests.helpers.scenes import box, look, make_scene, mean_and_error
 
-solver = importlib.import_module("addon.solver.render")  # `addon.solver.render` is the function
+solver = importlib.import_module("addon.solver.passes")  # `addon.solver.passes` is the function
 EDGES = np.array([8.0, 10.0, 12.0])
 BOX_LOW, BOX_HIGH = np.array([0.5, 0.25, 0.0, 0.5, 0.75]), np.array([0.75, 0.5, 0.25, 1.0, 1.0])  # 1/4^4/2 of the cube
 

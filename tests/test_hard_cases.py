@@ -16,16 +16,28 @@ import math
 
 import numpy as np
 import pytest
-from tests.helpers import scenes
 from scipy import stats
 
-from addon.solver import Camera, Film, Material, PointLight, SceneError, Settings, SpotLight, SunLight, render
-from addon.solver.emission import light_spectrum
-from addon.solver.spectrum import apparent_temperature, band_radiance
-from addon.solver.surfaces import CLEAR, areas
+from addon.solver import (
+    Camera,
+    Film,
+    Material,
+    PointLight,
+    SceneError,
+    Settings,
+    SpotLight,
+    SunLight,
+)
+from addon.solver import (
+    passes as render,
+)
+from addon.solver.geometry.surfaces import CLEAR, areas
+from addon.solver.photons.emission import light_spectrum
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance
+from tests.helpers import scenes
 from tests.helpers.scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
 
-solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
+solver = importlib.import_module("addon.solver.passes")  # the package has a function of that name
 
 EDGES = np.array([8.0, 9.0, 12.0])
 QUICK = Settings(passes=16, photons_per_pass=5000)

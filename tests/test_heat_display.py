@@ -12,14 +12,15 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import final_render, spot_meter  # noqa: E402
-from addon.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
-from addon.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
 from addon.heat_settings import read_scale, scene_unit  # noqa: E402
-from addon.last_render import TABLES, forget_last_render, last_render  # noqa: E402
 from addon.output.colour_bar import INK, ColourBar  # noqa: E402
+from addon.output.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
 from addon.output.palette import PALETTES, display  # noqa: E402
 from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale  # noqa: E402
+from addon.rendering import final_render  # noqa: E402
+from addon.rendering.last_render import TABLES, forget_last_render, last_render  # noqa: E402
+from addon.ui.temperatures import spot_meter  # noqa: E402
+from addon.ui.temperatures.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
 
 ROUNDING = 1e-3  # of linear colours: Blender's own matrices, and temperatures next to a step of the palette's table

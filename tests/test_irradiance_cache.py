@@ -9,14 +9,14 @@ from numba import njit
 from test_photon_map import photon_map, square, triangle_under
 
 from addon.solver import Material
-from addon.solver.eye_paths import Estimate
-from addon.solver.free_space import unlimited
-from addon.solver.irradiance_cache import Places, build_irradiance_cache, cache_points, ray_ends, recalled
-from addon.solver.looks import Cells
-from addon.solver.point_tree import empty_walk
-from addon.solver.sheets import dark_sheets
-from addon.solver.splitting import Splitting
-from addon.solver.surfaces import build_surfaces, unit_normal
+from addon.solver.camera.eye_paths import Estimate
+from addon.solver.geometry.free_space import unlimited
+from addon.solver.geometry.point_tree import empty_walk
+from addon.solver.geometry.surfaces import build_surfaces, unit_normal
+from addon.solver.photons.irradiance_cache import Places, build_irradiance_cache, cache_points, ray_ends, recalled
+from addon.solver.planning.sheets import dark_sheets
+from addon.solver.planning.splitting import Splitting
+from addon.solver.planning.survey import Cells
 from tests.helpers.scenes import box, join, look, make_scene
 
 EDGES = np.array([8.0, 12.0])

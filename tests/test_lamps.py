@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
-from addon.solver.emission import light_spectrum
-from addon.solver.sampling import interpolate_albedo, lobe_albedo
-from addon.solver.spectrum import band_radiance
+from addon.solver.photons.emission import light_spectrum
+from addon.solver.physics.spectrum import band_radiance
+from addon.solver.sampling.warps import interpolate_albedo, lobe_albedo
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
-prepare = importlib.import_module("addon.solver.render").prepare  # `addon.solver.render` is the function
-lamps = importlib.import_module("addon.solver.lamps")
+prepare = importlib.import_module("addon.solver.passes").prepare  # `addon.solver.passes` is the function
+lamps = importlib.import_module("addon.solver.camera.lamps")
 
 pytestmark = pytest.mark.statistics
 

@@ -8,7 +8,9 @@ import pytest
 
 from addon.solver import Film, Material, PointLight, Scene, SceneError, Settings, render
 from addon.solver.checkpoint import load, render_with_checkpoints
-from addon.solver.layers import (
+from addon.solver.image.recombine import layered_image, read_series
+from addon.solver.passes import prepare
+from addon.solver.physics.layers import (
     LEAST_EXCESS,
     SINGLE,
     Layer,
@@ -18,10 +20,8 @@ from addon.solver.layers import (
     to_json,
     trace_apart,
 )
-from addon.solver.radiometry import build_radiometry
-from addon.solver.recombine import layered_image, read_series
-from addon.solver.render import prepare
-from addon.solver.spectrum import band_radiance
+from addon.solver.physics.radiometry import build_radiometry
+from addon.solver.physics.spectrum import band_radiance
 from tests.helpers.scenes import box, join, look, quad, sphere
 
 EDGES = np.array([3.0, 5.0, 8.0, 10.0, 14.0])

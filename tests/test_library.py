@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.solver import library
+from addon.solver.physics import library
 from addon.solver.scene import Material, SceneError
 
 DOCS = Path(__file__).parents[1] / "docs"

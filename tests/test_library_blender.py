@@ -8,17 +8,16 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import (  # noqa: E402
-    band_presets,
-    checks,
+from addon.solver.physics import library  # noqa: E402
+from addon.solver.physics.spectrum import band_radiance  # noqa: E402
+from addon.ui import band_presets, checks  # noqa: E402
+from addon.ui.materials import (  # noqa: E402
     curve_image,
     curve_points,
     curve_previews,
     material_assets,
     material_library,
 )
-from addon.solver import library  # noqa: E402
-from addon.solver.spectrum import band_radiance  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")

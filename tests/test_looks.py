@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from addon.solver import Camera, Material, Settings
-from addon.solver.antialiasing import FEWEST, UNKNOWN
-from addon.solver.looks import Cells
-from addon.solver.render import prepare
+from addon.solver.passes import prepare
+from addon.solver.planning.antialiasing import FEWEST, UNKNOWN
+from addon.solver.planning.survey import Cells
 from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
 EDGES = np.linspace(8.0, 12.0, 3)

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from numba import njit
 
-from addon.solver.low_discrepancy import LATTICES, lattice_point, scrambled
-from addon.solver.rng import path_key
-from addon.solver.sampling import cosine_direction
+from addon.solver.sampling.low_discrepancy import LATTICES, lattice_point, scrambled
+from addon.solver.sampling.rng import path_key
+from addon.solver.sampling.warps import cosine_direction
 
 COUNTS = tuple(LATTICES)
 PLANES, SHIFTS = 300, 60

@@ -14,7 +14,7 @@ import pytest
 
 from addon.output.exr import channel_name, write_band_exr
 from addon.output.palette import display, robust_range, thermal
-from addon.solver.spectrum import band_names
+from addon.solver.physics.spectrum import band_names
 
 EDGES = np.array([7.5, 7.9, 8.3, 9.1])
 SHAPE = (37, 53)  # neither a multiple of ZIP's block of 16 rows

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from addon.solver import Settings, render
-from addon.solver.radiometry import reference_radiance
-from addon.solver.spectrum import apparent_temperature
+from addon.solver.physics.radiometry import reference_radiance
+from addon.solver.physics.spectrum import apparent_temperature
 from tests.helpers.paper_estimator import PAPER, PAPERS_ESTIMATOR, PHOTONS_ALONE, changed, photons_alone
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -370,5 +370,5 @@ def test_variants_start_in_a_process_of_their_own(monkeypatch, tmp_path):
     monkeypatch.setattr(estimators, "measure", print)
     monkeypatch.setenv(estimators.FOLDER_VARIABLE, str(tmp_path))  # which `start` changes
     with estimators.start("no guide", tmp_path) as pool:
-        looked_up = pool.submit(eval, "__import__('importlib').import_module('addon.solver.render')._ENOUGH")
+        looked_up = pool.submit(eval, "__import__('importlib').import_module('addon.solver.passes')._ENOUGH")
         assert looked_up.result() == -1.0

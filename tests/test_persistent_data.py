@@ -6,7 +6,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.solver import surfaces  # noqa: E402
+from addon.solver.geometry import surfaces  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read_exr, render_to_exr  # noqa: E402
 
 FRAMES = 3

@@ -9,8 +9,16 @@ from numba import njit
 from scipy.spatial import cKDTree
 
 from addon.solver import Material
-from addon.solver.photon_map import Photons, PhotonStore, _search, build_photon_map, gather, irradiance, neighbours_room
-from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces
+from addon.solver.geometry.surfaces import PATCH_LIMIT, Surfaces, build_surfaces
+from addon.solver.photons.photon_map import (
+    Photons,
+    PhotonStore,
+    _search,
+    build_photon_map,
+    gather,
+    irradiance,
+    neighbours_room,
+)
 from tests.helpers.scenes import box, look, make_scene
 
 UNMARKED = np.empty((0, 3), np.float32), np.empty(0, bool), np.empty(0, np.uint8)  # no directions, caustics, layers

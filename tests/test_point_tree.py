@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.solver.point_tree import WIDTH, kd_order
+from addon.solver.geometry.point_tree import WIDTH, kd_order
 
 
 @pytest.mark.parametrize("count", [0, 1, WIDTH, WIDTH + 1, WIDTH**2, WIDTH**2 + 1, 5000])

@@ -10,9 +10,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import preferences, self_check  # noqa: E402
+from addon import preferences  # noqa: E402
 from addon.output import exr  # noqa: E402
 from addon.preferences import INFRARED_OT_self_check  # noqa: E402
+from addon.rendering import self_check  # noqa: E402
 
 
 def test_the_check_passes():

@@ -17,15 +17,15 @@ from numba import njit
 from scipy import stats
 
 from addon.solver import Material, Settings, render
-from addon.solver.photon_map import PhotonStore
-from addon.solver.radiometry import excess
-from addon.solver.sampling import interpolate_albedo
-from addon.solver.spectrum import band_radiance
-from addon.solver.surfaces import areas, unit_normal
-from addon.solver.wave import arrived
+from addon.solver.geometry.surfaces import areas, unit_normal
+from addon.solver.photons.photon_map import PhotonStore
+from addon.solver.photons.wave import arrived
+from addon.solver.physics.radiometry import excess
+from addon.solver.physics.spectrum import band_radiance
+from addon.solver.sampling.warps import interpolate_albedo
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, sphere, stored_photons
 
-solver = importlib.import_module("addon.solver.render")  # the package has a function of that name
+solver = importlib.import_module("addon.solver.passes")  # the package has a function of that name
 
 OVER = settings.get_profile("enclosures")
 PASSES = 16

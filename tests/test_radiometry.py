@@ -8,9 +8,9 @@ import pytest
 from numba import njit
 
 from addon.solver import Material
-from addon.solver.radiometry import band_emissivity, build_radiometry, emission_range, excess
-from addon.solver.sampling import interpolate_albedo, sample_lobe
-from addon.solver.spectrum import C2, band_radiance
+from addon.solver.physics.radiometry import band_emissivity, build_radiometry, emission_range, excess
+from addon.solver.physics.spectrum import C2, band_radiance
+from addon.solver.sampling.warps import interpolate_albedo, sample_lobe
 
 EDGES = np.array([7.5, 8.0, 9.5, 9.6, 14.0])
 CURVE = np.array([[8.2, 0.9], [8.8, 0.2], [9.4, 0.7], [12.0, 0.05]])

@@ -22,9 +22,9 @@ from scipy.constants import c, h, k
 
 import run
 from addon.output.group_exr import write_group_exr
-from addon.solver import library
-from addon.solver.layers import Layer
-from addon.solver.recombine import LayeredImage
+from addon.solver.image.recombine import LayeredImage
+from addon.solver.physics import library
+from addon.solver.physics.layers import Layer
 
 ROOT = run.ROOT
 LAUNCHER = Path(os.environ.get("REAL_BLENDER", ROOT.parent / "shared" / "blender" / "real-blender"))

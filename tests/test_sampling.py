@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.stats import chi2, chisquare
 
-from addon.solver import Material, rng, sampling
-from addon.solver.radiometry import build_radiometry
-from addon.solver.rng import PILOT, pass_key, strata
+from addon.solver import Material, sampling
+from addon.solver.physics.radiometry import build_radiometry
+from addon.solver.sampling import rng
+from addon.solver.sampling.rng import PILOT, pass_key, strata
 
 P_VALUE = 1e-4
 SAMPLES = 200_000

@@ -8,11 +8,12 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from addon import scene_reader  # noqa: E402
-from addon.checks import scene_checks  # noqa: E402
-from addon.scene_reader import read_adaptive_bands, read_band_range, read_group_temperatures  # noqa: E402
-from addon.solver import Settings, library, render  # noqa: E402
+from addon.reading import scene_reader  # noqa: E402
+from addon.reading.scene_reader import read_adaptive_bands, read_band_range, read_group_temperatures  # noqa: E402
+from addon.solver import Settings, render  # noqa: E402
+from addon.solver.physics import library  # noqa: E402
 from addon.solver.scene import AreaLight, PointLight, SceneError, SpotLight, SunLight  # noqa: E402
+from addon.ui.checks import scene_checks  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 
 
@@ -233,7 +234,7 @@ def test_curves_texts_surfaces_and_metaballs_become_surfaces(kind):
 
 
 def test_instances_of_one_mesh_are_read_once(monkeypatch):
-    from addon import scene_reader
+    from addon.reading import scene_reader
 
     calls = []
     real = scene_reader.read_mesh
@@ -696,7 +697,7 @@ def test_bands():
 
 
 def test_settings_defaults_are_the_solvers():
-    from addon.scene_reader import read_settings
+    from addon.reading.scene_reader import read_settings
     from addon.solver.settings import Settings
 
     infrared = bpy.context.scene.infrared

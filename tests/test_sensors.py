@@ -6,10 +6,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from addon.solver import Correction, Film, Material, Response, SceneError, Settings, render, sensors
+from addon.reading.spectra import SpectrumError, read_response
+from addon.solver import Correction, Film, Material, Response, SceneError, Settings, render
 from addon.solver.checkpoint import fingerprint
-from addon.solver.spectrum import apparent_temperature, band_radiance, planck, sensor_radiance, uniform_edges
-from addon.spectra import SpectrumError, read_response
+from addon.solver.physics import sensors
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance, planck, sensor_radiance, uniform_edges
 from tests.helpers.scenes import box, look, make_scene, quad
 
 SENSORS = {name: make() for name, make in sensors.BUILT_IN.items()} | {"BOX": None}

@@ -10,12 +10,17 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.checks import scene_checks, sensor_checks  # noqa: E402
-from addon.scene_reader import SceneError, read_adaptive_bands, read_response, read_settings  # noqa: E402
-from addon.sensor_panel import INFRARED_PT_sensor  # noqa: E402
-from addon.solver import library, sensors  # noqa: E402
-from addon.solver.band_partition import choose_bands  # noqa: E402
-from addon.solver.spectrum import apparent_temperature, band_names, sensor_radiance, uniform_edges  # noqa: E402
+from addon.reading.scene_reader import SceneError, read_adaptive_bands, read_response, read_settings  # noqa: E402
+from addon.solver.physics import library, sensors  # noqa: E402
+from addon.solver.physics.band_partition import choose_bands  # noqa: E402
+from addon.solver.physics.spectrum import (  # noqa: E402
+    apparent_temperature,
+    band_names,
+    sensor_radiance,
+    uniform_edges,
+)
+from addon.ui.checks import scene_checks, sensor_checks  # noqa: E402
+from addon.ui.sensor_panel import INFRARED_PT_sensor  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
 
 TABLE = "wavelength (um), response\n7, 0\n10, 4\n13, 1\n"
@@ -152,7 +157,7 @@ def test_the_panel_shows_the_response(infrared, sensor):
     """A picture for each sensor, the settings in any case, and what the checks say."""
     column = MagicMock()
     infrared.sensor = sensor
-    with patch("addon.checks.draw_checks") as drawn:
+    with patch("addon.ui.checks.draw_checks") as drawn:
         INFRARED_PT_sensor.draw_settings(None, column, infrared)
     shown = [call.args[1] for call in column.prop.call_args_list]
     assert shown == ["sensor", "assumed_emissivity"]  # the reflected temperature has a row of its own

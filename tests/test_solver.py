@@ -9,11 +9,23 @@ import time
 import numpy as np
 import pytest
 
-from addon.solver import AreaLight, Camera, Material, PointLight, SceneError, Settings, SpotLight, SunLight, render
-from addon.solver.emission import light_spectrum
-from addon.solver.render import prepare
-from addon.solver.sampling import lobe_brdf
-from addon.solver.spectrum import band_radiance
+from addon.solver import (
+    AreaLight,
+    Camera,
+    Material,
+    PointLight,
+    SceneError,
+    Settings,
+    SpotLight,
+    SunLight,
+)
+from addon.solver import (
+    passes as render,
+)
+from addon.solver.passes import prepare
+from addon.solver.photons.emission import light_spectrum
+from addon.solver.physics.spectrum import band_radiance
+from addon.solver.sampling.warps import lobe_brdf
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, sphere
 
 EDGES = np.linspace(8.0, 12.0, 5)
@@ -70,7 +82,7 @@ def outdoors():
 
 def test_outdoors_has_lamps_and_open_sheets():
     """What the tests of determinism below rest on; test_guide.py has those with a guide."""
-    emitters = importlib.import_module("addon.solver.render").prepare(outdoors(), QUICK).emitters
+    emitters = importlib.import_module("addon.solver.passes").prepare(outdoors(), QUICK).emitters
     assert emitters.lamp.any() and emitters.open.any()
 
 
@@ -153,7 +165,7 @@ def test_many_small_maps_equal_one_big_map(monkeypatch):
     such pairs: the standard deviations of one pair differ by 0.3 % from chance alone. It is about photon maps, so no
     rays take the photons' place.
     """
-    monkeypatch.setattr(importlib.import_module("addon.solver.eye_paths"), "choose_splits", lambda *_: 0)
+    monkeypatch.setattr(importlib.import_module("addon.solver.camera.eye_paths"), "choose_splits", lambda *_: 0)
     walls, triangles = box((2.0, 2.0, 1.5))
     camera = look((1.0, 1.0, 1.4), (1.0, 1.0, 0.0), 32, 32, 0.6)  # the floor alone: the paper has no antialiasing
     # one hot wall, which is no lamp: all that the floor reflects is the photons' work

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from addon.solver.sorting import first_alike, radix_sort
+from addon.solver.geometry.sorting import first_alike, radix_sort
 
 LARGEST = 2**64 - 1
 # A digit has 11 bits, the last 9: keys around each border between two, where a shift or mask that is off would show

@@ -7,7 +7,7 @@ The samples are made up; their layout is that of the libraries.
 import numpy as np
 import pytest
 
-from addon.spectra import SpectrumError, read_spectrum
+from addon.reading.spectra import SpectrumError, read_spectrum
 
 ECOSTRESS = """\
 Name: Test loam

@@ -5,8 +5,8 @@ import mpmath
 import numpy as np
 import pytest
 
+from addon.solver.physics.spectrum import C1, C2, apparent_temperature, band_names, band_radiance, planck
 from addon.solver.scene import SceneError
-from addon.solver.spectrum import C1, C2, apparent_temperature, band_names, band_radiance, planck
 
 
 def exact(low, high, temperature, eps=lambda wavelength: 1):

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from addon.solver.looks import Cells
-from addon.solver.sheets import FALL, dark_sheets
-from addon.solver.splitting import (
+from addon.solver.planning.sheets import FALL, dark_sheets
+from addon.solver.planning.splitting import (
     _EQUAL,
     _EQUAL_MOST,
     _FEWEST,
@@ -26,6 +25,7 @@ from addon.solver.splitting import (
     rays_beside,
     recall_chance,
 )
+from addon.solver.planning.survey import Cells
 
 noises = st.floats(1e-12, 1e12)
 

@@ -8,8 +8,7 @@ import pytest
 from numba import njit
 
 from addon.solver import Material, SceneError
-from addon.solver.sampling import cosine_direction, to_world, triangle_point
-from addon.solver.surfaces import (
+from addon.solver.geometry.surfaces import (
     NO_WALL,
     PATCH_LIMIT,
     area_in_ball,
@@ -22,6 +21,7 @@ from addon.solver.surfaces import (
     sheet_count,
     temperature_at,
 )
+from addon.solver.sampling.warps import cosine_direction, to_world, triangle_point
 from tests.helpers.scenes import box, cylinder, join, look, make_scene, sphere
 
 RIGHT_TRIANGLE = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], np.float32)

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from addon.temperature_fields import (
+from addon.reading.temperature_fields import (
     TemperatureError,
     check_kelvin,
     inverse_distance,

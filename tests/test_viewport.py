@@ -12,9 +12,9 @@ from tests.helpers.scenes import box, join, look, make_scene, quad
 
 bpy = pytest.importorskip("bpy")
 
-from addon import viewport  # noqa: E402
-from addon.final_render import REC709, thermal_picture  # noqa: E402
 from addon.output.temperature_scale import TemperatureScale  # noqa: E402
+from addon.rendering import viewport  # noqa: E402
+from addon.rendering.final_render import REC709, thermal_picture  # noqa: E402
 from addon.solver import Film, Material, SceneError, Settings, render  # noqa: E402
 
 PATIENCE = 300.0  # s; kernels may have to be compiled

@@ -6,10 +6,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import spot_meter, viewport  # noqa: E402
-from addon.final_render import REC709  # noqa: E402
 from addon.output.temperature_scale import CELSIUS, KELVIN, TemperatureScale  # noqa: E402
+from addon.rendering import viewport  # noqa: E402
+from addon.rendering.final_render import REC709  # noqa: E402
 from addon.solver import Camera, Film, Settings  # noqa: E402
+from addon.ui.temperatures import spot_meter  # noqa: E402
 
 WIDTH, HEIGHT = 7, 5
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.solver import Material, Settings, render
-from addon.solver.surfaces import build_geometry
+from addon.solver.geometry.surfaces import build_geometry
 from tests.helpers.scenes import box, join, look, make_scene, quad
 
 SETTINGS = Settings(passes=2, photons_per_pass=2000, neighbours=20)

@@ -9,7 +9,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon import scene_reader, viewport  # noqa: E402
+from addon.reading import scene_reader  # noqa: E402
+from addon.rendering import viewport  # noqa: E402
 from tests.helpers.blender import cube_mesh, link, material  # noqa: E402
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..solver.spectrum import C1, C2
+from ..solver.physics.spectrum import C1, C2
 from ..version import version
 
 BAND_UNIT = "W m-2 sr-1 um-1"

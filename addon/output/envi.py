@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..solver.files import replacing
-from ..solver.spectrum import band_names
+from ..solver.physics.spectrum import band_names
+from ..solver.system.files import replacing
 from .description import BAND_UNIT, describe
 
 WHAT = "the band images"

@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from ..solver.files import replacing
-from ..solver.spectrum import band_names
+from ..solver.physics.spectrum import band_names
+from ..solver.system.files import replacing
 from .description import BAND_UNIT, FurtherImage, describe
 from .temperature_scale import TemperatureScale
 

@@ -20,11 +20,11 @@ import numpy as np
 import OpenEXR
 
 from ..solver import LayeredImage
-from ..solver.files import replacing
-from ..solver.film import Correction
-from ..solver.layers import from_json, to_json
+from ..solver.image.film import Correction
+from ..solver.physics.layers import from_json, to_json
+from ..solver.physics.spectrum import band_names
 from ..solver.scene import SceneError, check_band_edges, check_temperature
-from ..solver.spectrum import band_names
+from ..solver.system.files import replacing
 from .description import BAND_UNIT, describe
 from .exr import channel_name, write_band_exr
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from ..solver.spectrum import C1, sensor_radiance
+from ..solver.physics.spectrum import C1, sensor_radiance
 
 COLDEST, HOTTEST = 200.0, 2000.0  # K: between them the polynomial is fitted
 DEGREE = 9

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..solver.files import replacing
+from ..solver.system.files import replacing
 from .description import describe
 
 log = logging.getLogger(__name__)

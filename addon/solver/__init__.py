@@ -7,11 +7,9 @@ What needs compiled kernels is loaded when it is first asked for: Numba is large
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING
 
-from .correction import Correction
+from .physics.correction import Correction
 from .scene import (
     AreaLight,
     Camera,
@@ -27,17 +25,17 @@ from .scene import (
 from .settings import Settings
 
 if TYPE_CHECKING:
-    from .film import Film
-    from .first_hits import first_hit_images
-    from .recombine import LayeredImage, layered_image
-    from .render import render
+    from .camera.first_hits import first_hit_images
+    from .image.film import Film
+    from .image.recombine import LayeredImage, layered_image
+    from .passes import render
 
 _WITH_KERNELS = {  # name -> its module
-    "Film": "film",
-    "LayeredImage": "recombine",
-    "first_hit_images": "first_hits",
-    "layered_image": "recombine",
-    "render": "render",
+    "Film": "image.film",
+    "LayeredImage": "image.recombine",
+    "first_hit_images": "camera.first_hits",
+    "layered_image": "image.recombine",
+    "render": "passes",
 }
 
 __all__ = [
@@ -59,17 +57,6 @@ __all__ = [
     "layered_image",
     "render",
 ]
-
-
-class _Package(ModuleType):
-    """Importing a module makes it an attribute of its package; `render` stays the function all the same."""
-
-    def __setattr__(self, name: str, value):
-        of_that_name = name in _WITH_KERNELS and isinstance(value, ModuleType)
-        super().__setattr__(name, getattr(value, name) if of_that_name else value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str):

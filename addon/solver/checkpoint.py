@@ -20,13 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .files import check_writable, replacing
-from .film import Film
-from .kernel_cache import source_digest
-from .render import render
+from .geometry.surfaces import Geometry
+from .image.film import Film
+from .passes import render
 from .scene import Scene
 from .settings import Settings
-from .surfaces import Geometry
+from .system.files import check_writable, replacing
+from .system.kernel_cache import source_digest
 
 log = logging.getLogger(__name__)
 

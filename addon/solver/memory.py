@@ -26,11 +26,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .layers import scene_layers
-from .radiometry import emission_range, table_rows
+from .image.tiles import TILE
+from .physics.layers import scene_layers
+from .physics.radiometry import emission_range, table_rows
 from .scene import Scene, SceneError
 from .settings import Settings
-from .tiles import TILE
 
 _GIGABYTE = 1e9
 _KEPT = 31 << 20  # bytes; glibc's thresholds follow freed blocks of up to 32 MB

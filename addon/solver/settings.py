@@ -7,7 +7,7 @@ import math
 import os
 from dataclasses import dataclass
 
-from .correction import Correction
+from .physics.correction import Correction
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,10 @@ import numpy as np  # noqa: E402
 import OpenEXR  # noqa: E402
 
 import addon  # noqa: E402
-from addon.final_render import process_memory  # noqa: E402
-from addon.heat_picture import write_picture  # noqa: E402
 from addon.heat_settings import read_scale, scene_unit  # noqa: E402
 from addon.output.exr import channel_name  # noqa: E402
+from addon.output.heat_picture import write_picture  # noqa: E402
+from addon.rendering.final_render import process_memory  # noqa: E402
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -34,9 +34,9 @@ from pages import MADE_AT  # noqa: E402
 from speed_vs_error import load_reference, user_cache  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
-from addon.solver.final_gather import choose_splits  # noqa: E402
-from addon.solver.kernel_cache import FOLDER_VARIABLE  # noqa: E402
-from addon.solver.point_tree import morton_order  # noqa: E402
+from addon.solver.camera.final_gather import choose_splits  # noqa: E402
+from addon.solver.geometry.point_tree import morton_order  # noqa: E402
+from addon.solver.system.kernel_cache import FOLDER_VARIABLE  # noqa: E402
 from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
 from tests.helpers.paper_estimator import by_power_alone, no_final_gathers, no_near_disks, no_walls  # noqa: E402
 
@@ -106,7 +106,7 @@ def apply(variant):
     for target, value in VARIANTS[variant].items():
         if "." in target:
             module, name = target.split(".")
-            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.render is the function
+            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.passes is the function
             getattr(module, name)  # a name that is gone is an error
             setattr(module, name, value)
 

@@ -24,12 +24,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(Path(__file__).parent)]
 
 from addon.solver import Settings  # noqa: E402
-from addon.solver.sampling import cosine_direction, to_world  # noqa: E402
-from addon.solver.sheets import _radiance  # noqa: E402
-from addon.solver.surfaces import SAME_SURFACE, put_ray  # noqa: E402
+from addon.solver.geometry.surfaces import SAME_SURFACE, put_ray  # noqa: E402
+from addon.solver.planning.sheets import _radiance  # noqa: E402
+from addon.solver.sampling.warps import cosine_direction, to_world  # noqa: E402
 from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
 
-render_module = importlib.import_module("addon.solver.render")  # the package has a function of this name
+render_module = importlib.import_module("addon.solver.passes")  # the package has a function of this name
 CELLS = 8  # on each side of the square of directions
 TRUTH = 64  # rays on each side that tell the truth
 TESTED = 300  # places

@@ -23,12 +23,12 @@ from scipy.spatial import cKDTree
 from throughput import room, seconds
 
 from addon.solver import Material, Settings  # throughput has put the project on the path
-from addon.solver.camera import empty_eye_rays, eye_rays
-from addon.solver.photon_map import Photons, PhotonStore, build_photon_map, gather, neighbours_room
-from addon.solver.render import PHOTON_CHUNK, prepare
-from addon.solver.rng import CAMERA, PHOTONS, pass_key
-from addon.solver.surfaces import PATCH_LIMIT, Surfaces, build_surfaces, normal, point
-from addon.solver.transport import trace_photons
+from addon.solver.geometry.eye import empty_eye_rays, eye_rays
+from addon.solver.geometry.surfaces import PATCH_LIMIT, Surfaces, build_surfaces, normal, point
+from addon.solver.passes import PHOTON_CHUNK, prepare
+from addon.solver.photons.photon_map import Photons, PhotonStore, build_photon_map, gather, neighbours_room
+from addon.solver.photons.transport import trace_photons
+from addon.solver.sampling.rng import CAMERA, PHOTONS, pass_key
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.helpers.scenes import look, make_scene  # noqa: E402

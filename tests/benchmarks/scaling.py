@@ -39,7 +39,7 @@ from tests.benchmarks.speed_scenes import Parts  # noqa: E402
 from tests.helpers.scenes import box, look, sphere  # noqa: E402
 
 CORES = os.cpu_count() or 1
-render_module = importlib.import_module("addon.solver.render")  # the package has a function of this name
+render_module = importlib.import_module("addon.solver.passes")  # the package has a function of this name
 PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "pyluxcore", "bpy")
 
 

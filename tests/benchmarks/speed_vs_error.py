@@ -39,7 +39,7 @@ from peers.__main__ import CLOCKS, ENGINES  # noqa: E402
 from peers.problem import build_problem  # noqa: E402
 
 from addon.solver import Settings, render  # noqa: E402
-from addon.solver.spectrum import apparent_temperature  # noqa: E402
+from addon.solver.physics.spectrum import apparent_temperature  # noqa: E402
 from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
 from tests.helpers.paper_estimator import PAPER, photons_alone  # noqa: E402
 

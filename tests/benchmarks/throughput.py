@@ -20,14 +20,15 @@ from pathlib import Path
 import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
-from addon.solver import Material, Settings, eye_paths  # noqa: E402
-from addon.solver.eye_paths import Estimate, render_pixels  # noqa: E402
-from addon.solver.lamps import lamp_points  # noqa: E402
-from addon.solver.photon_map import PhotonStore, build_photon_map  # noqa: E402
-from addon.solver.render import PHOTON_CHUNK, cache_irradiance, prepare  # noqa: E402
-from addon.solver.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
-from addon.solver.tiles import tiles  # noqa: E402
-from addon.solver.transport import trace_photons  # noqa: E402
+from addon.solver import Material, Settings  # noqa: E402
+from addon.solver.camera.eye_paths import Estimate, render_pixels  # noqa: E402
+from addon.solver.camera.lamps import lamp_points  # noqa: E402
+from addon.solver.geometry.eye import eye_paths  # noqa: E402
+from addon.solver.image.tiles import tiles  # noqa: E402
+from addon.solver.passes import PHOTON_CHUNK, cache_irradiance, prepare  # noqa: E402
+from addon.solver.photons.photon_map import PhotonStore, build_photon_map  # noqa: E402
+from addon.solver.photons.transport import trace_photons  # noqa: E402
+from addon.solver.sampling.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
 from tests.helpers.scenes import box, look, make_scene, sphere  # noqa: E402
 
 PHOTONS_PER_PASS = 100_000

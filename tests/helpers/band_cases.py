@@ -10,10 +10,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from addon.solver import library
-from addon.solver.band_partition import choose_bands
-from addon.solver.radiometry import excess_emissivity
-from addon.solver.spectrum import band_radiance, uniform_edges
+from addon.solver.physics import library
+from addon.solver.physics.band_partition import choose_bands
+from addon.solver.physics.radiometry import excess_emissivity
+from addon.solver.physics.spectrum import band_radiance, uniform_edges
 
 FINE = 512  # bands of a reference
 HOT, COLD = 340.0, 293.0  # K, of the plates

@@ -51,7 +51,7 @@ def read_as_rendered():
 
     Blender runs a stand-in engine, so that hide_render, render modifiers and view layers count as they do with F12.
     """
-    from addon.scene_reader import SceneError, read_scene
+    from addon.reading.scene_reader import SceneError, read_scene
 
     results = {}
 

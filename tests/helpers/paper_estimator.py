@@ -16,10 +16,10 @@ from unittest import mock
 
 import numpy as np
 
-from addon.solver.emission import emit
-from addon.solver.free_space import unlimited
-from addon.solver.lamps import build_lamps
-from addon.solver.pilot import DEFENSIVE
+from addon.solver.camera.lamps import build_lamps
+from addon.solver.geometry.free_space import unlimited
+from addon.solver.photons.emission import emit
+from addon.solver.planning.pilot import DEFENSIVE
 
 PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}  # of Settings
 
@@ -82,7 +82,7 @@ def changed(changes: dict[str, object]) -> Iterator[None]:
     with ExitStack() as stack:
         for target, value in changes.items():
             module, name = target.split(".")
-            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.render is the function
+            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.passes is the function
             stack.enter_context(mock.patch.object(module, name, value))
         yield
 

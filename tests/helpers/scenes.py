@@ -4,7 +4,7 @@
 import numpy as np
 
 from addon.solver import Camera, Scene, render
-from addon.solver.transport import trace_photons
+from addon.solver.photons.transport import trace_photons
 
 _BOX_FACES = {  # quads seen from inside are back faces or front faces alike: both sides emit and reflect
     "-x": (0, 1, 3, 2),

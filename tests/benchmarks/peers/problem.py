@@ -73,8 +73,8 @@ def build_problem(scene, reference: float = 0.0) -> Problem:
     linearity: emission is e(T) - eps B(T0) and offset B(T0).
     """
     from addon.solver import Settings
-    from addon.solver.render import prepare
-    from addon.solver.spectrum import band_radiance
+    from addon.solver.passes import prepare
+    from addon.solver.physics.spectrum import band_radiance
 
     bad = [m.name for m in scene.materials if m.specular not in (0.0, 1.0) or (m.specular and m.roughness)]
     if bad or scene.lights or scene.temperature.ndim > 1:

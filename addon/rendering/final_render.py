@@ -1,0 +1,502 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A final render: Blender's thread reads the scene and shows the image, a background thread runs the solver."""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import sys
+import threading
+import time
+import weakref
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import takewhile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Color
+
+from ..heat_settings import read_scale
+from ..output.description import FurtherImage, how_rendered
+from ..output.formats import FORMATS, write_file
+from ..output.temperature_scale import TemperatureScale
+from ..reading.scene_reader import read_band_edges, read_scene, read_settings, render_reader
+from ..solver import first_hit_images, layered_image, render
+from ..solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
+from ..solver.geometry.surfaces import Geometry, build_geometry
+from ..solver.memory import check_memory, memory_beforehand
+from .camera_effects import CameraEffects, read_detector
+from .coarse import coarser, enlarged, hasty, steps
+from .last_render import forget_last_render
+from .render_passes import RenderPass, data_passes, further_passes, render_passes
+from .render_paths import check_paths, checkpoint_path, file_path, group_path, layer_suffixes
+
+log = logging.getLogger(__name__)
+
+LEAST_STEP = 4  # pixels on each side of one of a first picture: finer ones take more than a sixteenth of a pass
+POLL = 0.05  # s between looks at Esc and at the solver
+LAST_WAIT = 30.0  # s, most that Blender waits at its end for passes to be saved
+LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
+LIVE_SHARE = 0.1  # most of the time that updates may take
+IMAGE_COPIES = 5  # of all passes that are held at once: a live one, the last one, Blender's own and some on their way
+LAYER_COPIES = 2  # of all passes that a finished view layer keeps: Blender's, and one for the export
+
+
+@dataclass(frozen=True)
+class FinishedFrame:
+    """How the images of a finished view layer lie in Blender's render result, and what the colours there mean."""
+
+    scene: str  # its name
+    slot: int  # of the render result, from 0
+    size: tuple[int, int]  # width and height of the render result, pixels
+    origin: tuple[int, int]  # pixel of the render result that the lower left pixel of the images is
+    composited: bool  # the first layer of the render result is the compositor's
+    asked: TemperatureScale  # that of the settings at the time
+    scale: TemperatureScale  # the same with the ends that Combined has
+
+
+DEFAULT_SCALE = TemperatureScale()
+REC709 = np.eye(3, dtype=np.float32)
+
+# What the last render left; last_render.TABLES lists these tables.
+finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last render
+finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
+finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
+
+# Checkpoint -> the last render that saves its passes there; it is alive for a while after Esc.
+_saving: weakref.WeakValueDictionary[Path, RenderJob] = weakref.WeakValueDictionary()
+
+
+def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict[str, np.ndarray]:
+    """The image of every pass by its name, (height, width[, channels]) float32.
+
+    paint: `thermal_picture` or alike. further: functions of the film and of the images so far, each returns images of
+    `further_passes`.
+    """
+    with ThreadPoolExecutor(2) as pool:  # Esc must not wait for large images
+        noise, bands = pool.submit(film.noise), pool.submit(film.bands)
+        temperature = film.temperature()
+        images = {"Combined": paint(temperature), "Radiance": film.radiance(), "Temperature": temperature}
+        images |= {**dict(zip(film.band_names, bands.result(), strict=True)), "Noise": noise.result()}
+    for make in further:
+        images |= make(film, images)
+    return images
+
+
+def thermal_picture(
+    temperature: np.ndarray, scale: TemperatureScale = DEFAULT_SCALE, primaries: np.ndarray = REC709
+) -> np.ndarray:
+    """Temperatures (height, width), K, in the colours of a scale: (height, width, 4) float32, alpha 1.
+
+    The colours are linear. primaries: (3, 3), each row a primary of Rec.709 in the space that they are wanted in.
+    """
+    picture = np.ones((*temperature.shape, 4), dtype=np.float32)
+    picture[..., :3] = scale.colours(temperature) @ primaries
+    return picture
+
+
+def working_primaries() -> np.ndarray:
+    """(3, 3) float32: the primaries of Rec.709 in the working space of the open file. On Blender's thread only."""
+    primaries = [Color(primary).from_rec709_linear_to_scene_linear() for primary in np.eye(3)]
+    return np.round(primaries, 4).astype(np.float32)  # Blender rounds alike: Rec.709 in Rec.709 is not quite itself
+
+
+def render_view_layer(engine, depsgraph) -> None:
+    """Render the depsgraph's view layer into the render result, and into the files that the scene wants.
+
+    Raises SceneError if the scene cannot be rendered, OSError if a file cannot be written; the images of a render that
+    ended are in the result by then.
+    """
+    engine.update_stats("", "Reading the scene")
+    scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    layer = view_layer.name
+    layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # the evaluated one puts its own first
+    # Otherwise this scene is rendered for the compositor of the one that is shown.
+    shown = all(frame.scene == scene.name for frame in finished_frames.values())
+    if shown and layer in layers[:1] and not scene.render.use_single_layer:
+        forget_last_render()
+    elif shown:
+        finished_layers.pop(layer, None)
+    check_paths(scene.infrared)
+    settings, edges = read_settings(scene.infrared), read_band_edges(scene.infrared)
+    passes, further = render_passes(scene, view_layer), further_passes(scene, view_layer)
+    log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
+    surfaces = render_reader(depsgraph)
+    solver_scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
+    detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
+    effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
+    if scene.infrared.group_exr_path and not solver_scene.groups:
+        warnings.append("Nothing is in a temperature group: no file of them is written")
+    for warning in warnings:
+        _warn(engine, warning)
+    suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # of the names of its files
+    solve, path = render, None
+    if scene.infrared.checkpoint_path:
+        path = checkpoint_path(scene, suffix, engine.is_animation)
+        if not _await_last_save(engine, path):
+            return
+        solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
+    if not (bpy.app.background or engine.is_animation):  # somebody is waiting for it
+        solve = _solver_with_first_pictures(solve)
+    fillers = [effects] if effects else []
+    data = data_passes(scene, view_layer)
+    if data:
+        data_images = {}
+        fillers.append(lambda film, images: data_images)
+        labels = {name: surfaces.labels(name) for name in surfaces.pass_indices if name in data}
+        solve = _solver_with_data_passes(solve, data, labels, data_images)
+    if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
+        solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
+    else:
+        engine.geometries.clear()
+    for each in passes[1:]:  # Combined is there already
+        engine.add_pass(each.name, len(each.channels), each.channels, layer=layer)
+    copies = (IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)) * size_beside_usual(passes, further)
+    scale, slot = read_scale(scene.infrared), render_slot()
+    paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
+    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, fillers)
+    if path:
+        _saving[path] = job
+    images = _render(engine, job, layer)
+    log.info("%s: %s", layer, job.status())
+    if effects and effects.warning():
+        _warn(engine, f"{layer}: {effects.warning()}")
+    if images:
+        facts = effects.facts() if effects else {}
+        finished = layer_images(job, images, further, facts)
+        if shown:
+            frame = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
+            _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
+        if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
+            groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
+            if shown and groups:
+                finished_groups[layer] = groups
+
+
+def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
+    """Run a job and show its images in the render result, which end there; None if no pass was finished."""
+    x0, y0, x1, y1 = job.scene.camera.pixels
+    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
+    try:
+        job.start()
+        _watch(engine, job, result)
+        images = job.final_images()
+        if images:
+            write_images(result, images)
+    finally:
+        engine.end_result(result)
+    return images
+
+
+def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) -> None:
+    """Put a finished view layer among those of the last render, in the order of the scene's, as Blender shows them.
+
+    Beside a layer that is rendered alone Blender keeps the others, as long as they have its size.
+    """
+    place = frame.scene, frame.slot, frame.size
+    frames = {name: each for name, each in finished_frames.items() if (each.scene, each.slot, each.size) == place}
+    frames = {name: replace(each, composited=frame.composited) for name, each in frames.items()} | {layer: frame}
+    layers, groups = finished_layers | {layer: images}, dict(finished_groups)
+    forget_last_render()
+    finished_layers.update({name: layers[name] for name in order if name in frames and name in layers})
+    finished_frames.update({name: frames[name] for name in order if name in frames})
+    finished_groups.update({name: path for name, path in groups.items() if name in frames and name != layer})
+
+
+def _write_files(scene, layer: str, suffix: str, animation: bool, images: dict, film) -> Path | None:
+    """Write the files that the scene wants of a finished view layer; the path of its temperature groups, if any.
+
+    suffix: see layer_suffixes. images: see layer_images.
+    """
+    if scene.infrared.band_exr_path:
+        for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
+            write_layer(file_path(scene, suffix, animation, file_format), layer, images, file_format)
+    if len(film.layers) == 1:
+        return None
+    path = group_path(scene, suffix, animation)
+    write_groups(path, layer, images, film)
+    return path
+
+
+def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass]) -> float:
+    """Size of the images of all passes, over that of those which every render has; `further` are the others."""
+    total, asked = (sum(len(each.channels) for each in some) for some in (passes, further))
+    return total / (total - asked)
+
+
+def _warn(engine, message: str) -> None:
+    log.warning(message)
+    engine.report({"WARNING"}, message)
+
+
+def _await_last_save(engine, path: Path) -> bool:
+    """Wait for a render that was ended by Esc to save its passes in a checkpoint; False if Esc ends this one, too.
+
+    Its solver may be in the middle of a pass, and writing takes seconds: until then the file is missing or an old one.
+    """
+    job = _saving.get(path)
+    if job is not None and job.is_alive():
+        engine.update_stats("", "Saving the passes of the last render")
+    while job is not None and job.is_alive():
+        if engine.test_break():
+            return False
+        job.join(POLL)
+    return True
+
+
+def _finish_saving() -> None:
+    """At Blender's end: let renders that were ended save their passes. What has no pass has nothing to save."""
+    deadline = time.monotonic() + LAST_WAIT
+    for job in list(_saving.values()):
+        job.cancel()
+        if job.film is not None:
+            job.join(max(0.0, deadline - time.monotonic()))
+
+
+# atexit comes too late, where it can be avoided: by then no pool of threads takes work from the solver.
+getattr(threading, "_register_atexit", atexit.register)(_finish_saving)
+
+
+def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, settings) -> Callable:
+    """A `render` that goes on from the passes in the checkpoint, if there are any, and saves its own there.
+
+    A file of another render, or a damaged one, gets another name and a message.
+    """
+    saved = None
+    try:
+        saved = load(path, solver_scene, settings) if path.exists() else None
+    except CheckpointError as error:
+        _warn(engine, f"{error}. The render starts anew; the old file is kept as '{set_aside(path)}'")
+    return partial(render_with_checkpoints, path=path, interval=60.0 * minutes, saved=saved)
+
+
+def _solver_with_first_pictures(solve: Callable) -> Callable:
+    """A `render` that first calls on_pass with films of the image in large pixels, and with how large they are.
+
+    A pass of a large image takes long; these are there at once.
+    """
+
+    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
+        for step in takewhile(lambda step: step >= LEAST_STEP, steps(scene.camera)):
+            check_memory(memory_beforehand(scene, image_copies))
+            geometry = build_geometry(scene, geometry)
+            coarse = replace(scene, camera=coarser(scene.camera, step))
+            render(coarse, hasty(settings, step), partial(on_pass, step=step), cancelled, geometry=geometry)
+        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
+
+    return look_and_solve
+
+
+def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], labels: dict, images: dict) -> Callable:
+    """A `render` that first fills `images`, by pass name, with what the middle of each pixel sees.
+
+    data: see data_passes. labels: (triangles,) for each quantity that the solver does not know.
+    """
+
+    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
+        check_memory(memory_beforehand(scene, image_copies))
+        geometry = build_geometry(scene, geometry)
+        names = [name for name in data if name not in labels]
+        found = first_hit_images(scene, names, labels, geometry, settings.workers, cancelled)
+        images.update({data[name].name: image for name, image in found.items()})
+        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
+
+    return look_and_solve
+
+
+def _solver_with_kept_geometry(solve: Callable, geometries: dict[str, Geometry], layer: str) -> Callable:
+    """A `render` that takes the layer's geometry from an earlier render, if no vertex and no triangle differs."""
+
+    def solve_and_keep(scene, settings, on_pass, cancelled, image_copies):
+        check_memory(memory_beforehand(scene, image_copies))
+        geometry = geometries[layer] = build_geometry(scene, geometries.get(layer))
+        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
+
+    return solve_and_keep
+
+
+def _watch(engine, job: RenderJob, result) -> None:
+    """Show progress and image until the job ends; Esc cancels it."""
+    next_image, shown, shown_at = time.monotonic() + LIVE_INTERVAL, None, 0.0
+    while job.is_alive():
+        if engine.test_break():
+            job.cancel()
+            return
+        now = time.monotonic()
+        images = job.take_images()
+        if images:
+            write_images(result, images)
+            engine.update_result(result)
+            cost = job.snapshot_seconds + time.monotonic() - now
+            next_image = now + max(LIVE_INTERVAL, cost / LIVE_SHARE)
+        elif now >= next_image:
+            job.request_images()
+        engine.update_progress(job.progress())
+        status = job.status()
+        if status != shown or now - shown_at > 1.0:  # not each time: without a window Blender prints a line
+            engine.update_stats("", status)
+            shown, shown_at = status, now
+        job.join(POLL)
+
+
+class RenderJob(threading.Thread):
+    """The solver in a background thread. It touches no Blender data; images are handed over on request."""
+
+    def __init__(
+        self, scene, settings, solve: Callable, paint: Callable = thermal_picture, further: Sequence[Callable] = ()
+    ):
+        """solve, paint: `render` and `thermal_picture`, or what takes the same arguments. further: see film_images."""
+        super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
+        self.scene, self.settings, self.film, self._solve, self._paint = scene, settings, None, solve, paint
+        self._further = further
+        self.snapshot_seconds = 0.0
+        self._cancel, self._request = threading.Event(), threading.Event()
+        self._images = self._latest = self._error = self._noise = None
+        self._passes = self._photons = 0
+        self._begin = time.monotonic()
+
+    def run(self):
+        try:
+            self._solve(self.scene, self.settings, self._on_pass, self._cancel.is_set)
+        except BaseException as error:  # raised again on Blender's thread
+            self._error = error
+
+    def _on_pass(self, film, step: int = 1) -> None:
+        """step: pixels of the image on each side of one of the film."""
+        if step > 1:
+            images = film_images(film, self._paint)
+            self._images = {name: enlarged(image, self.scene.camera, step) for name, image in images.items()}
+            return
+        self.film, self._passes, self._photons = film, film.passes, film.photons
+        if self._request.is_set():
+            self._request.clear()
+            self._images = self._snapshot(film)
+
+    def _snapshot(self, film) -> dict[str, np.ndarray]:
+        begin = time.monotonic()
+        with film.lock:
+            if self._latest is None or self._latest[0] != film.passes:  # only once for a pass
+                self._latest = film.passes, film_images(film, self._paint, self._further)
+        passes, images = self._latest
+        self._noise = float(np.percentile(images["Noise"], 95)) if passes > 1 else None
+        self.snapshot_seconds = time.monotonic() - begin
+        return images
+
+    def request_images(self) -> None:
+        """Ask for the images of the next finished pass."""
+        self._request.set()
+
+    def take_images(self) -> dict[str, np.ndarray] | None:
+        """The images asked for, by pass name, once."""
+        images, self._images = self._images, None
+        return images
+
+    def cancel(self) -> None:
+        """End the render; the finished passes are kept."""
+        self._cancel.set()
+
+    @property
+    def cancelled(self) -> bool:
+        """True if the render was ended before its time."""
+        return self._cancel.is_set()
+
+    def final_images(self, patience: float = 0.2) -> dict[str, np.ndarray] | None:
+        """The images at the end, by pass name; None if no pass was finished. Raises what the solver raised.
+
+        patience: s to wait for a cancelled solver, which may be compiling or sorting and is then left to itself: what
+        it has finished is in the film.
+        """
+        self.join(patience if self.cancelled else None)
+        if self._error is not None:
+            raise self._error
+        return self._snapshot(self.film) if self.film is not None else None
+
+    def progress(self) -> float:
+        """Share of the render that is done, by the stop condition that is nearest, 0..1."""
+        settings = self.settings
+        by_passes = self._passes / settings.passes if settings.passes else 0.0
+        by_time = (time.monotonic() - self._begin) / settings.time_limit if settings.time_limit else 0.0
+        return min(1.0, max(by_passes, by_time))
+
+    def status(self) -> str:
+        """What users read while they wait."""
+        if self._passes == 0:
+            return "Preparing the scene and the first pass (kernels are compiled once, on first use)"
+        total = f"/{self.settings.passes}" if self.settings.passes else ""
+        noise = "" if self._noise is None else f" | Noise {self._noise:.3g} K"
+        memory = process_memory()
+        peak = f" | Peak {memory:.0f} MB" if memory else ""
+        return f"Pass {self._passes}{total} | {self._photons:,} photons{noise}{peak}"
+
+
+def render_slot() -> int:
+    """The slot of the render result that a render started now goes to, from 0."""
+    image = next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
+    return image.render_slots.active_index if image else 0
+
+
+def finished_frame(scene, slot: int, camera, scale: TemperatureScale, temperature: np.ndarray) -> FinishedFrame:
+    """The FinishedFrame of a solver's camera in the render result of a Blender scene. temperature: the image, K."""
+    x0, y0, x1, y1 = camera.pixels
+    cropped = scene.render.use_border and scene.render.use_crop_to_border
+    size, origin = ((x1 - x0, y1 - y0), (0, 0)) if cropped else ((camera.width, camera.height), (x0, y0))
+    nodes = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.use_nodes  # Blender 5
+    composited = scene.render.use_compositing and bool(nodes)
+    return FinishedFrame(scene.name, slot, size, origin, composited, scale, scale.fitted(temperature))
+
+
+def write_images(result, images: dict[str, np.ndarray]) -> None:
+    """Fill the passes of a render result, in bulk."""
+    for render_pass in result.layers[0].passes:
+        if render_pass.name in images:
+            render_pass.rect.foreach_set(images[render_pass.name].reshape(-1))
+
+
+def process_memory() -> float:
+    """Peak memory of the whole process in MB; 0 on Windows, whose Python does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
+
+
+# Files ----------------------------------------------------------------------------------------------------------------
+
+
+def layer_images(
+    job: RenderJob, images: dict[str, np.ndarray], further: Sequence[RenderPass], facts: dict[str, object]
+) -> dict:
+    """What `formats.write_file` takes: the images of a finished view layer, and those of its further passes.
+
+    facts: more of what made them, by the names that files give it.
+    """
+    film, response = job.film, job.scene.response
+    return {
+        "bands": [images[name] for name in film.band_names],
+        "band_edges": film.band_edges,
+        "radiance": images["Radiance"],
+        "temperature": images["Temperature"],
+        "noise": images["Noise"],
+        "metadata": {"sensor": response.name if response else "Ideal", **how_rendered(film, job.settings), **facts},
+        "further": {each.name: FurtherImage(images[each.name], each.channels, each.unit) for each in further},
+    }
+
+
+def write_layer(path: Path, layer: str, images: dict, file_format: str) -> None:
+    """Write a finished view layer. images: see layer_images. file_format: a key of FORMATS. Raises OSError."""
+    write_file(file_format, path, images)
+    log.info("%s: %s written to %s", layer, FORMATS[file_format].name, path)
+
+
+def write_groups(path: Path, layer: str, images: dict, film) -> None:
+    """Write the temperature groups of a view layer's finished film. images: see layer_images. Raises OSError."""
+    from ..output.group_exr import write_group_exr
+
+    write_group_exr(path, layered_image(film), images["metadata"])
+    log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Rendered mode of a 3D viewport: Blender's thread reads and draws, others render in the background.
+
+Only these run the solver, only Blender's thread touches Blender's data. Between them go requests, of which only the
+newest counts, and pictures, of which only the newest is drawn.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import logging
+import os
+import sys
+import threading
+import weakref
+from collections.abc import Callable
+
+import gpu
+import numpy as np
+from gpu_extras.presets import draw_texture_2d
+
+from ..heat_settings import read_scale
+from ..output.temperature_scale import TemperatureScale
+from ..reading.camera_reader import read_view
+from ..reading.scene_reader import SceneError, SurfaceReader, Warnings, read_contents, read_settings
+from ..solver import Camera, Film, Scene, Settings, render
+from ..solver.geometry.surfaces import Geometry, build_geometry
+from .coarse import coarser, hasty, steps
+from .final_render import thermal_picture, working_primaries
+
+log = logging.getLogger(__name__)
+
+THREAD = "Infrared Photons viewport"  # name of the background threads
+WAIT = 0.25  # s that a request leaves to the one before, to show its first picture or to end; then it starts beside it
+IMAGE_COPIES = 2  # of the images of a film, at most: the picture, and what it is computed with
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """What a viewport wants to see. scene: its own camera does not count. scale, primaries: see thermal_picture."""
+
+    scene: Scene
+    settings: Settings
+    scale: TemperatureScale
+    primaries: np.ndarray
+    camera: Camera
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """pixels: (h, w, 4) float32, linear colours, row 0 at the bottom. step: screen pixels on each side of one of them.
+    origin: x and y of the lower left corner in the region, screen pixels.
+    temperature, noise: (h, w) float32 K, what was painted and its standard error. scale: that of the colours, fitted.
+    """
+
+    pixels: np.ndarray
+    step: int
+    origin: tuple[int, int]
+    temperature: np.ndarray
+    noise: np.ndarray
+    scale: TemperatureScale
+
+    def pixel_at(self, x: int, y: int) -> tuple[int, int] | None:
+        """(row, column) at a pixel of the region, or None outside."""
+        row, column = (y - self.origin[1]) // self.step, (x - self.origin[0]) // self.step
+        height, width = self.temperature.shape
+        return (row, column) if 0 <= row < height and 0 <= column < width else None
+
+
+def same(a, b) -> bool:
+    """Whether two requests, or parts of requests, are equal, arrays in them too."""
+    if dataclasses.is_dataclass(a) and type(a) is type(b):
+        return a is b or all(same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.array_equal(a, b)
+    return a == b
+
+
+def paint(film: Film, request: Request, step: int, origin: tuple[int, int]) -> Picture:
+    """The picture of a film as it is now."""
+    temperature = film.temperature()
+    noise = film.noise() if film.passes > 1 else temperature  # which is what the film would say, too
+    scale = request.scale.fitted(temperature)
+    pixels = thermal_picture(temperature, scale, request.primaries)
+    return Picture(pixels, step, origin, temperature, noise, scale)
+
+
+def explain(error: Exception, known: str = "") -> str:
+    """What users read of an error. The details of a mistake of ours go to the log, unless this is what they know."""
+    if isinstance(error, SceneError | MemoryError):
+        return str(error) or "Out of memory"
+    message = f"The solver failed: {error!r}; the system console has the details"
+    if message != known:
+        log.error("The viewport failed", exc_info=error)
+    return message
+
+
+class ViewportRender:
+    """Renders the newest request in the background: first coarsely, then finer, then pass by pass.
+
+    picture: the newest, or None. status: what users read of it.
+    """
+
+    def __init__(self, redraw: Callable[[], None]):
+        """redraw: called in a background thread whenever picture or status are new."""
+        self.picture: Picture | None = None
+        self.status = ""
+        self._redraw = redraw
+        self._newest: Request | None = None  # to come
+        self._latest: Request | None = None  # that was begun
+        self._geometry: Geometry | None = None  # of the last request
+        self._working = 0  # threads
+        self._changed = threading.Condition()
+
+    def submit(self, request: Request | None) -> None:
+        """Render this from now on; None is nothing. Returns at once."""
+        with self._changed:
+            self._newest = request
+            self._changed.notify_all()
+        if request is not None:
+            threading.Thread(target=self._run, args=(request,), name=THREAD, daemon=True).start()
+
+    def stop(self) -> None:
+        """Render nothing any more. Threads end as soon as they can; a kernel being compiled cannot be stopped."""
+        self.submit(None)
+
+    def _run(self, request: Request) -> None:
+        if sys.platform == "linux":  # elsewhere threads have no niceness of their own
+            os.nice(10)  # this thread and those that it starts give way to Blender's window
+        with self._changed:
+            self._changed.wait_for(lambda: self._newest is not request or not self._working, WAIT)
+            if self._newest is not request:
+                return
+            self._working, self._latest = self._working + 1, request
+        try:
+            self._geometry = build_geometry(request.scene, self._geometry)
+            self._refine(request, self._geometry)
+        except Exception as error:  # the next request has its own thread
+            self._fail(request, explain(error))
+        finally:
+            with self._changed:
+                self._working -= 1
+                self._changed.notify_all()
+
+    def _refine(self, request: Request, geometry: Geometry) -> None:
+        """Render a request until it is complete or out of date."""
+        shown = []
+        if self.picture is None:
+            self._tell("Preparing the first picture (kernels are compiled once, on first use)")
+
+        ended = False
+
+        def cancelled() -> bool:
+            nonlocal ended
+            ended = ended or is_out_of_date()  # for good, as render() counts on
+            return ended
+
+        def is_out_of_date() -> bool:
+            if self._newest is request:
+                return False
+            # during a motion requests follow each other so fast that without first pictures of old ones none would come
+            return bool(shown) or self._latest is not request or self._newest is None
+
+        for step in steps(request.camera):
+            scene = dataclasses.replace(request.scene, camera=coarser(request.camera, step))
+            settings = request.settings if step == 1 else hasty(request.settings, step)
+
+            def show(film, scene=scene, step=step, settings=settings) -> None:
+                if cancelled():
+                    return
+                shown.append(film.passes)
+                self.picture = paint(film, request, step, tuple(step * place for place in scene.camera.pixels[:2]))
+                total = f"/{settings.passes}" if settings.passes else ""
+                self._tell(f"Pass {film.passes}{total}" if step == 1 else f"1/{step} of the resolution")
+
+            render(scene, settings, show, cancelled, image_copies=IMAGE_COPIES, geometry=geometry)
+            if cancelled():
+                return
+
+    def _tell(self, status: str) -> None:
+        self.status = status
+        self._redraw()
+
+    def _fail(self, request: Request, message: str) -> None:
+        if request is self._newest:
+            self.picture = None
+            self._tell(message)
+
+
+class Viewport:
+    """A 3D viewport in Rendered mode, on Blender's thread: reads the scene, asks for pictures and draws them."""
+
+    def __init__(self, engine):
+        """engine: Blender's, one for each viewport, which keeps this."""
+        self._render = ViewportRender(_redraw_of(engine))
+        self._meshes = {}  # read earlier, see SurfaceReader
+        self._wanted = self._request = None  # what to render, but for the view, and the last request
+        self.shown: Picture | None = None
+        self._drawn = self._texture = None  # the last picture, and the texture made of it
+        self._problem = ""
+
+    def read(self, depsgraph, space) -> None:
+        """Read what changed in Blender's scene."""
+        for update in depsgraph.updates:
+            if update.is_updated_geometry:
+                name = update.id.name_full
+                self._meshes = {key: mesh for key, mesh in self._meshes.items() if key[0] != name}
+        surfaces = SurfaceReader(depsgraph, Warnings(), self._meshes)
+        try:
+            infrared = depsgraph.scene_eval.infrared
+            scene = Scene(**read_contents(depsgraph, surfaces, space), camera=Camera())
+            wanted = Request(scene, read_settings(infrared), read_scale(infrared), working_primaries(), Camera())
+            if not same(wanted, self._wanted):  # a selection changes nothing
+                self._wanted = wanted
+            self._problem = ""
+        except Exception as error:  # Blender would print each of them, and leave an old picture as if it were true
+            self._wanted, self._problem = None, explain(error, self._problem)
+        self._meshes = surfaces.kept
+
+    def draw(self, engine, context, depsgraph) -> None:
+        """Draw the newest picture; if the scene or the view changed, ask for another."""
+        self._ask(context, depsgraph)
+        engine.update_stats("", self._problem or self._render.status)
+        picture = self.shown = self._render.picture if self._request is not None else None
+        _viewports[context.region.as_pointer()] = self
+        if picture is None:
+            return
+        if picture is not self._drawn:
+            self._drawn, self._texture = picture, _texture_of(picture.pixels)
+        height, width = picture.pixels.shape[:2]
+        gpu.state.blend_set("ALPHA_PREMULT")
+        engine.bind_display_space_shader(depsgraph.scene)
+        draw_texture_2d(self._texture, picture.origin, width * picture.step, height * picture.step)
+        engine.unbind_display_space_shader()
+        gpu.state.blend_set("NONE")
+
+    def stop(self) -> None:
+        """End what goes on in the background, without waiting for it."""
+        self._render.stop()
+
+    def _ask(self, context, depsgraph) -> None:
+        """Hand the scene and the view to the solver if they are not those that it has."""
+        request = self._wanted
+        if request is not None:
+            camera = read_view(depsgraph, context.space_data, context.region, context.region_data)
+            x0, y0, x1, y1 = camera.pixels
+            request = dataclasses.replace(request, camera=camera) if x0 < x1 and y0 < y1 else None  # out of sight
+        if not same(request, self._request):
+            self._request = request
+            self._render.submit(request)
+
+
+_viewports = weakref.WeakValueDictionary()  # a region as a pointer -> the Viewport that draws in it
+
+
+def picture_in(region) -> Picture | None:
+    """What a 3D viewport's region shows of this engine, if it does."""
+    viewport = _viewports.get(region.as_pointer())
+    return viewport and viewport.shown
+
+
+def _redraw_of(engine) -> Callable[[], None]:
+    """A function for any thread that has the engine's viewport drawn again, as long as there is one.
+
+    It does not keep the engine alive. Blender frees an engine only after Python has let go of it, and this holds the
+    interpreter while it uses it.
+    """
+    reference = weakref.ref(engine)
+
+    def redraw() -> None:
+        engine = reference()
+        if engine is not None:
+            with contextlib.suppress(ReferenceError):  # Blender has just removed it
+                engine.tag_redraw()
+
+    return redraw
+
+
+def _texture_of(pixels: np.ndarray) -> gpu.types.GPUTexture:
+    """A texture of (h, w, 4) float32 pixels from 0 to 1, which 16 bits can hold."""
+    height, width = pixels.shape[:2]
+    buffer = gpu.types.Buffer("FLOAT", pixels.size, np.ascontiguousarray(pixels).reshape(-1))
+    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)

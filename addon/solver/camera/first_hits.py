@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the middle of each pixel sees first: temperature, emissivity and place of one surface.
+
+One ray through the middle of the pixel and of the lens, so a value is that of one surface: no mixture over an edge, no
+blur out of focus, no noise.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..geometry.eye import build_eye, empty_eye_rays, middle_rays
+from ..geometry.surfaces import Geometry, Surfaces, build_geometry, build_surfaces, scene_radius
+from ..physics.radiometry import Radiometry, build_radiometry, excess
+from ..physics.sensors import band_weights
+from ..physics.spectrum import faintest
+from ..scene import Material, Scene
+from ..system.kernels import njit
+
+QUANTITIES = {"surface_temperature": 1, "emissivity": 1, "depth": 1, "normal": 3, "position": 3}  # name -> channels
+FAR = 1e10  # m, depth of the surroundings, as Cycles has it; everything else is 0 there
+_TOGETHER = 1 << 14  # pixels that are looked at together
+
+
+def first_hit_images(
+    scene: Scene,
+    names: Collection[str],
+    labels: Mapping[str, np.ndarray] | None = None,
+    geometry: Geometry | None = None,
+    threads: int = 1,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> dict[str, np.ndarray]:
+    """Images of what the middle of each pixel sees, by name: (height, width) float32, or (height, width, 3).
+
+    names: some of QUANTITIES:
+        surface_temperature: K, of the surface itself.
+        emissivity: 0..1, towards the camera: radiance of the surface over that of a blackbody at its temperature, of
+            all bands through the sensor's response.
+        depth: m, along the view axis; in a panorama the distance.
+        normal: unit normal of the triangle, on the side that is seen, in world space.
+        position: m, world space.
+    labels: (triangles of the scene,) numbers by the name of an image that shows them.
+    Where the surroundings are seen depth is FAR, all else 0. Row 0 is the bottom row. The images are the same for any
+    number of threads. cancelled: as in `render`; what is not finished is then as of the surroundings.
+    geometry: of the scene, see `build_geometry`.
+    """
+    geometry = build_geometry(scene, geometry)
+    surfaces, tracer, centre = build_surfaces(scene, geometry)
+    pinhole = build_eye(scene.camera, centre, scene_radius(surfaces.corners))._replace(lens_radius=0.0)
+    radiometry = _radiometry(scene) if "emissivity" in names else None
+    x0, y0, x1, y1 = scene.camera.pixels
+    count = (x1 - x0) * (y1 - y0)
+    images = {name: np.zeros((count, QUANTITIES[name]), np.float32) for name in names}
+    images |= {name: np.zeros((count, 1), np.float32) for name in labels or {}}
+    if "depth" in names:
+        images["depth"][:] = FAR
+
+    def look(first: int) -> None:
+        if cancelled():
+            return
+        pixels = np.arange(first, min(first + _TOGETHER, count))
+        origin, direction, reach = empty_eye_rays(len(pixels))
+        middle_rays(pinhole, pixels, origin, direction, reach)
+        triangle, u, v = tracer.trace(origin, direction, reach)
+        met = triangle >= 0
+        hits = _Hits(scene, surfaces, radiometry, geometry.kept, triangle[met], u[met], v[met], direction[met])
+        for name, image in images.items():
+            values = getattr(hits, name) if name in QUANTITIES else labels[name][hits.row]
+            image[pixels[met]] = values.reshape(len(values), image.shape[1])
+
+    with ThreadPoolExecutor(threads) as pool:
+        deque(pool.map(look, range(0, count, _TOGETHER)), 0)
+    shape = (y1 - y0, x1 - x0)
+    return {name: image.reshape(shape if image.shape[1] == 1 else (*shape, 3)) for name, image in images.items()}
+
+
+@dataclass(frozen=True)
+class _Hits:
+    """Where n rays meet triangles. Its properties are those QUANTITIES, (n,) or (n, 3).
+
+    radiometry: see _radiometry. kept: see Geometry. triangle: (n,) int32, of the surfaces. u, v: (n,) float32,
+    barycentric coordinates of corners 1 and 2. direction: (n, 3) float32 of the rays.
+    """
+
+    scene: Scene
+    surfaces: Surfaces
+    radiometry: Radiometry | None
+    kept: np.ndarray
+    triangle: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    direction: np.ndarray
+
+    @cached_property
+    def row(self) -> np.ndarray:
+        """(n,) the triangle's row in the scene."""
+        return self.kept[self.triangle]
+
+    def _interpolate(self, corners: np.ndarray) -> np.ndarray:
+        """Values (n, 3[, d]) at the corners of triangles, at the hits: (n[, d]) float64."""
+        u, v = self.u.astype(np.float64), self.v.astype(np.float64)
+        return np.einsum("nc,nc...->n...", np.column_stack((1.0 - u - v, u, v)), corners)
+
+    @cached_property
+    def surface_temperature(self) -> np.ndarray:
+        kelvin = self.scene.temperature[self.row]
+        return kelvin if kelvin.ndim == 1 else self._interpolate(kelvin)
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        return self._interpolate(self.scene.vertices[self.scene.triangles[self.row]])
+
+    @cached_property
+    def depth(self) -> np.ndarray:
+        matrix = self.scene.camera.matrix
+        offset = self.position - matrix[:3, 3]
+        if self.scene.camera.kind == "PANORAMA":
+            return np.linalg.norm(offset, axis=1)
+        return np.einsum("nd,d->n", offset, -matrix[:3, 2])
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        normal = self.surfaces.plane[self.triangle, :3]
+        away = np.einsum("nd,nd->n", normal, self.direction) > 0.0
+        return np.where(away[:, None], -normal, normal)
+
+    @cached_property
+    def emissivity(self) -> np.ndarray:
+        length = np.linalg.norm(self.direction, axis=1)
+        cosine = -np.einsum("nd,nd->n", self.normal, self.direction) / length
+        kelvin = np.maximum(self.surface_temperature, faintest(float(self.scene.band_edges[0])))
+        weights = band_weights(self.scene.response, self.scene.band_edges)
+        values = np.empty(len(kelvin))
+        _emissivities(self.radiometry, weights, self.scene.material[self.row], kelvin, cosine, values)
+        return values
+
+
+def _radiometry(scene: Scene) -> Radiometry:
+    """What the materials emit in each band, without a reference temperature; the last material is a blackbody.
+
+    In no band do surfaces send anything to speak of that are colder than `faintest`: they count as that warm.
+    """
+    cold = faintest(float(scene.band_edges[0]))
+    low, high = (max(float(kelvin), cold) for kelvin in (scene.temperature.min(), scene.temperature.max()))
+    return build_radiometry((*scene.materials, Material(emissivity=1.0)), scene.band_edges, (low, high), high, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _emissivities(radiometry, weights, material, kelvin, cosine, values):
+    """Fill values (n,) with the emissivity of materials (n,) at temperatures (n,), K, towards directions (n,)."""
+    black = radiometry.specular.size - 1
+    emitted, most = np.empty(weights.size), np.empty(weights.size)
+    for i in range(values.size):
+        excess(radiometry, material[i], kelvin[i], cosine[i], emitted)
+        excess(radiometry, black, kelvin[i], 1.0, most)
+        values[i] = np.sum(weights * emitted) / np.sum(weights * most)

@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The image: running mean of every band and the spread between passes, which gives the noise."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..physics.correction import Correction
+from ..physics.layers import SINGLE, Layer, from_json, layer_factors, to_json
+from ..physics.radiometry import reference_radiance
+from ..physics.spectrum import apparent_temperature, band_names
+from ..scene import check_band_edges
+from ..system.kernels import KERNEL, njit
+
+_VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
+_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares")
+
+
+class Film:
+    """Mean over passes of the radiance of each pixel and band. Row 0 is the bottom row.
+
+    Films of disjoint pass ranges merge into the film of all of them. Memory does not depend on the number of passes.
+
+    width, height: pixels. band_edges: (b + 1,) um. reference_temperature: K, 0 without subtraction.
+    weights: (b,) response of the sensor in each band (`sensors.band_weights`), by which the bands count in radiance();
+    None counts all alike. correction: of temperature() and noise(); it may be changed at any time.
+    layers: the temperature groups that it keeps apart; its images show them at the temperatures of the scene.
+    seed, first_pass: of the passes to be added. ranges: (seed, first pass, last pass + 1) of those that are finished.
+    passes: finished. photons: emitted in them.
+    lock: held while a pass is added; hold it to read several images of the same passes from another thread.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        band_edges: np.ndarray,
+        reference_temperature: float = 0.0,
+        seed: int = 0,
+        first_pass: int = 0,
+        weights: np.ndarray | None = None,
+        layers: tuple[Layer, ...] = SINGLE,
+    ):
+        self.width, self.height = width, height
+        self.band_edges = np.asarray(band_edges, dtype=np.float64)
+        self.reference_temperature = reference_temperature
+        self.weights = np.ones(self.band_count) if weights is None else np.asarray(weights, dtype=np.float64)
+        self.correction = Correction()
+        self.layers = layers
+        self._factors = layer_factors(layers, self.band_edges, reference_temperature)
+        self.ranges = [(seed, first_pass, first_pass)]
+        self.passes = 0
+        self.photons = 0
+        self.lock = threading.RLock()
+        self._reference = reference_radiance(self.band_edges, reference_temperature)
+        # float64: a float32 mean stops moving after 2^24 passes and drifts long before
+        self._mean = np.zeros((height * width, self._factors.size))
+        # sums of squared deviations (Welford 1962) of what surfaces send straight into the camera, and of the rest,
+        # both through the response
+        self._seen, self._seen_squares = np.zeros(height * width), np.zeros(height * width)
+        self._squares = np.zeros(height * width)
+
+    def __getstate__(self):
+        """A film can be pickled, to be merged on another machine; a lock cannot."""
+        return {name: value for name, value in self.__dict__.items() if name != "lock"}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state, lock=threading.RLock())
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
+        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS)}
+        return arrays | {"layers": np.asarray(to_json(self.layers))}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
+        """The film of a state. Raises ValueError if something is missing, misshapen or not finite."""
+        missing = {*_VALUES, "ranges", "layers", *_ARRAYS} - set(state)
+        if missing:
+            raise ValueError(f"{', '.join(sorted(missing))} missing")
+        width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
+        edges = np.asarray(state["band_edges"], np.float64)
+        check_band_edges(edges)
+        layers = from_json(str(state["layers"]))
+        for name in _ARRAYS:
+            shape = (height * width, len(layers) * (len(edges) - 1)) if name == "_mean" else (height * width,)
+            if state[name].shape != shape or state[name].dtype != np.float64:
+                raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
+            if not np.isfinite(state[name]).all():
+                raise ValueError(f"{name} holds values that are not finite")
+        weights = state["weights"]
+        if weights.shape != (len(edges) - 1,) or not (
+            np.isfinite(weights).all() and weights.min() >= 0 < weights.max()
+        ):
+            raise ValueError(f"weights {weights.tolist()} are no response in {len(edges) - 1} bands")
+        ranges = state["ranges"]
+        if ranges.dtype != np.int64 or ranges.shape[1:] != (3,) or np.sum(ranges[:, 2] - ranges[:, 1]) != passes:
+            raise ValueError(f"ranges {ranges.tolist()} are not those of {passes} passes")
+        film = cls(width, height, edges, float(state["reference_temperature"]), weights=weights, layers=layers)
+        film.ranges = [tuple(row) for row in ranges.tolist()]
+        film.passes, film.photons = passes, photons
+        for name in _ARRAYS:
+            setattr(film, name, state[name])
+        return film
+
+    @property
+    def band_count(self) -> int:
+        return len(self.band_edges) - 1
+
+    @property
+    def layer_weights(self) -> np.ndarray:
+        """(layers, b) by which each band of each layer counts in radiance()."""
+        return self._factors * self.weights
+
+    @property
+    def band_names(self) -> list[str]:
+        """Names of the bands as in Blender's passes."""
+        return band_names(self.band_edges)
+
+    def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int) -> None:
+        """Add one finished pass: excess radiance (height * width, layers * b) float32, W m-2 sr-1 per band, the part
+        of its sum, by layer_weights, that surfaces send straight into the camera (height * width,) float32, and its
+        photons.
+        """
+        with self.lock:
+            count = self.passes + 1
+            means, squares = (self._mean, self._seen), (self._squares, self._seen_squares)
+            _accumulate(means, squares, excess, seen, self.layer_weights.ravel(), count)
+            seed, first, stop = self.ranges[-1]
+            self.ranges[-1] = seed, first, stop + 1
+            self.passes += 1
+            self.photons += photons
+
+    def check_same_kind(self, other: Film) -> None:
+        """Raise ValueError if the passes of two films cannot be of one image."""
+        same_shape = (self.width, self.height) == (other.width, other.height)
+        if not (same_shape and np.array_equal(self.band_edges, other.band_edges)):
+            raise ValueError("Only films of the same size and bands can be merged")
+        if self.reference_temperature != other.reference_temperature:
+            raise ValueError(
+                f"Films with different reference temperatures cannot be merged: "
+                f"{self.reference_temperature:g} K and {other.reference_temperature:g} K"
+            )
+        if not np.array_equal(self.weights, other.weights):
+            raise ValueError("Films of sensors with different responses cannot be merged")
+        if to_json(self.layers) != to_json(other.layers):
+            raise ValueError("Films with different temperature groups cannot be merged")
+
+    def merge(self, other: Film) -> Film:
+        """Film of the passes of both (Chan, Golub and LeVeque 1979).
+
+        Raises ValueError if they do not belong together or hold the same pass: it would count twice, and the noise
+        would come out too small.
+        """
+        self.check_same_kind(other)
+        options = {"weights": self.weights, "layers": self.layers}
+        total = Film(self.width, self.height, self.band_edges, self.reference_temperature, **options)
+        total.correction = self.correction
+        total.ranges = _joined(self.ranges + other.ranges) or self.ranges[:]
+        total.passes = self.passes + other.passes
+        total.photons = self.photons + other.photons
+        if total.passes:
+            share = other.passes / total.passes
+            difference = other._mean - self._mean
+            total._mean = self._mean + share * difference
+            seen = other._seen - self._seen
+            total._seen = self._seen + share * seen
+            total._seen_squares = self._seen_squares + other._seen_squares + seen**2 * self.passes * share
+            rest = _weighted(difference, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
+            total._squares = self._squares + other._squares + rest**2 * self.passes * share
+        return total
+
+    def band_radiance(self, band: int) -> np.ndarray:
+        """(height, width) float32 spectral radiance averaged over one band, W m-2 sr-1 um-1."""
+        width = self.band_edges[band + 1] - self.band_edges[band]
+        return self._image((self._excess()[:, band] + self._reference[band]) / width)
+
+    def bands(self) -> np.ndarray:
+        """(b, height, width) float32, band_radiance of every band, in one pass over the film."""
+        images = np.empty((self.band_count, self.height * self.width), np.float32)
+        _split(self._excess(), self._reference, np.diff(self.band_edges), images)
+        return images.reshape(self.band_count, self.height, self.width)
+
+    def layer_means(self) -> np.ndarray:
+        """(pixels, layers * b) float64 excess radiance of the layers as traced, W m-2 sr-1. Do not change it."""
+        return self._mean
+
+    def radiance(self) -> np.ndarray:
+        """(height, width) float32 radiance over all bands through the sensor's response, W m-2 sr-1."""
+        return self._image(self._radiance())
+
+    def temperature(self) -> np.ndarray:
+        """(height, width) float32 temperature of the blackbody with this radiance, after the correction, K.
+
+        Where the correction leaves no radiance, as the surroundings alone would send more, it is 0 K.
+        """
+        return self._image(self._apparent(self._object_radiance()))
+
+    def noise(self) -> np.ndarray:
+        """(height, width) float32 standard error of temperature(), K.
+
+        One pass says nothing about its error; the temperature itself then stands for it.
+        """
+        if self.passes < 2:
+            return self.temperature()
+        radiance = self._object_radiance()
+        # Photons of different passes are independent. The passes' camera rays are one stratified sequence: the
+        # variance of the area that an edge cuts off falls as n^-3/2, as only n^1/2 strata on it err (Mitchell 1996).
+        seen = self._seen_squares / math.sqrt(self.passes)
+        error = np.sqrt((self._squares + seen) / (self.passes * (self.passes - 1))) / self.correction.emissivity
+        # half of the interval that one standard error spans: finite where the radiance itself is 0
+        above = self._apparent(radiance + error)
+        below = self._apparent(np.maximum(radiance - error, 0.0))
+        return self._image(0.5 * (above - below))
+
+    def _apparent(self, radiance: np.ndarray) -> np.ndarray:
+        return apparent_temperature(radiance, self.band_edges, self.weights)
+
+    def _object_radiance(self) -> np.ndarray:
+        return self.correction.object_radiance(self._radiance(), self.band_edges, self.weights)
+
+    def _radiance(self) -> np.ndarray:
+        return _weighted(self._excess(), self._reference, self.weights)
+
+    def _excess(self) -> np.ndarray:
+        """(pixels, b) float64 excess radiance of all layers at the temperatures of the scene, W m-2 sr-1."""
+        return self._mean if len(self.layers) == 1 else _combined(self._mean, self._factors)
+
+    def _image(self, values: np.ndarray) -> np.ndarray:
+        return values.astype(np.float32).reshape(self.height, self.width)
+
+
+def _joined(ranges: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
+    """Film.ranges in order, without empty ones, neighbours as one. Raises ValueError if two hold the same pass."""
+    joined = []
+    for seed, first, stop in sorted(each for each in ranges if each[1] < each[2]):
+        last_seed, begin, end = joined[-1] if joined else (None, 0, 0)
+        if seed == last_seed and first < end:
+            raise ValueError(f"Both films hold pass {first} of seed {seed}: only different passes can be merged")
+        if seed == last_seed and first == end:
+            joined[-1] = seed, begin, stop
+        else:
+            joined.append((seed, first, stop))
+    return joined
+
+
+@njit(cache=True, nogil=True)
+def _combined(mean, factors):
+    """(pixels, b) float64 sum over layers of factor times mean (pixels, layers * b)."""
+    total = np.zeros((mean.shape[0], factors.shape[1]))
+    for i in range(mean.shape[0]):
+        for layer in range(factors.shape[0]):
+            first = layer * factors.shape[1]
+            for b in range(factors.shape[1]):
+                total[i, b] += factors[layer, b] * mean[i, first + b]
+    return total
+
+
+@njit(**KERNEL)
+def _split(mean, reference, width, images):
+    for i in range(mean.shape[0]):
+        for b in range(mean.shape[1]):
+            images[b, i] = (mean[i, b] + reference[b]) / width[b]
+
+
+@njit(cache=True, nogil=True)
+def _weighted(mean, reference, weights):
+    """(pixels,) float64 sum over bands of weights * (mean + reference): exactly 0 where they cancel in each band."""
+    total = np.zeros(mean.shape[0])
+    for i in range(mean.shape[0]):
+        for b in range(mean.shape[1]):
+            total[i] += weights[b] * (mean[i, b] + reference[b])
+    return total
+
+
+@njit(**KERNEL)
+def _accumulate(means, squares, excess, seen, weights, count):
+    """Welford's step for the bands, what is seen and the rest."""
+    (mean, seen_mean), (rest_squares, seen_squares) = means, squares
+    share = 1.0 / count
+    for i in range(excess.shape[0]):
+        row = mean[i]
+        rest = 0.0  # deviation of the radiance from the old mean
+        for b in range(row.size):
+            delta = excess[i, b] - row[b]
+            row[b] += delta * share
+            rest += weights[b] * delta
+        delta = seen[i] - seen_mean[i]
+        seen_mean[i] += delta * share
+        seen_squares[i] += delta * delta * (1.0 - share)
+        rest -= delta
+        rest_squares[i] += rest * rest * (1.0 - share)

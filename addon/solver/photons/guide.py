@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where photons go: the numbers that choose a photon's emission are drawn from where they have mattered to the image.
+
+Five numbers in [0, 1) choose an emission: the emitter, the place on it (2) and the direction (2). Trial photons are
+scored by what they leave where camera paths gather, and the cube of these numbers is cut into cells, each sampled in
+proportion to the root mean square of the score within: importance sampling in primary sample space (Guo et al. 2018).
+A photon's weight is divided by the density it was chosen with, and some of the density is spread evenly, so
+the mean is exact whatever the pilot missed; it decides on the noise only. This is how photons from the surroundings
+find the opening of a cavity, those of a large floor the few things it lights, and a sun's the scene.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.point_tree import (
+    WIDTH,
+    PointTree,
+    build_tree,
+    empty_leaves,
+    empty_walk,
+    morton_order,
+    open_node,
+    start_walk,
+)
+from ..geometry.surfaces import SAME_SURFACE, point, unit_normal
+from ..physics.radiometry import NONE
+from ..system.kernels import KERNEL, njit
+from .wave import arrived
+
+DIMENSIONS = 5
+CELLS = 1024
+_EVENLY = 0.5  # share of the density that is spread evenly: the most that a mistake can cost is a weight of 2
+_LEAST = 64  # samples of a cell that is cut
+_PRIOR = 16.0  # samples that the cell above is worth in the estimate of a half
+_GAIN = 1e-3  # by which a cut must lower the sum over all cells, relative to it
+
+
+class Guide(NamedTuple):
+    """Cells of the cube, n of them, in the order of their emitters.
+
+    low, size: (n, 5) float64. cumulative: (n + 1,) float64, probability. density: (n,) float64, that over volume.
+    """
+
+    low: np.ndarray
+    size: np.ndarray
+    cumulative: np.ndarray
+    density: np.ndarray
+
+
+def even_guide() -> Guide:
+    """One cell: every emission in proportion to its power."""
+    return Guide(np.zeros((1, DIMENSIONS)), np.ones((1, DIMENSIONS)), np.array([0.0, 1.0]), np.ones(1))
+
+
+def build_guide(samples: np.ndarray, score: np.ndarray, density: np.ndarray) -> tuple[Guide, float]:
+    """Guide from emissions that were tried, and by how much it should lower the noise (a factor of at least 1).
+
+    samples: (n, 5) float64. score: (n,) float64, what each left where the image gathers, with the weight of even
+    sampling. density: (n,) float64, that the samples were drawn with.
+    """
+    squares = score**2 / density
+    low, size, mass = np.zeros((CELLS, DIMENSIONS)), np.ones((CELLS, DIMENSIONS)), np.zeros(CELLS)
+    count = _cut(samples, squares, density, low, size, mass)
+    low, size, mass = low[:count], size[:count], mass[:count]
+    if mass.sum() <= 0:
+        return even_guide(), 1.0
+    volume = size.prod(axis=1)
+    probability = (1.0 - _EVENLY) * mass / mass.sum() + _EVENLY * volume
+    order = np.argsort(low[:, 0], kind="stable")
+    low, size, probability, volume = low[order], size[order], probability[order], volume[order]
+    cumulative = np.concatenate(([0.0], np.cumsum(probability)))
+    gain = math.sqrt(np.mean(squares)) / mass.sum()
+    return Guide(low, size, cumulative / cumulative[-1], probability / cumulative[-1] / volume), gain
+
+
+@njit(cache=True, nogil=True)
+def _cut(samples, squares, density, low, size, mass):
+    """Cut cells in halves where that lowers the sum of volume times root mean square; returns their number.
+
+    That sum is the standard deviation that is left when every cell is sampled in proportion to its part of it.
+    """
+    n = squares.size
+    order = np.arange(n)
+    first, last = np.zeros(CELLS, np.int64), np.zeros(CELLS, np.int64)
+    mean = np.empty(CELLS)  # of squares over the cell
+    last[0], mean[0], mass[0] = n, squares.mean(), math.sqrt(squares.mean())
+    total = mass[0]
+    count, cell = 1, 0
+    sums, volumes = np.empty(2), np.empty(2)
+    while cell < count:  # cells that were cut leave their lower half in place, to be looked at again
+        best, best_mass, best_mean = -1, 0.0, (0.0, 0.0)
+        lowest = mass[cell] - _GAIN * total
+        volume = 1.0
+        for d in range(DIMENSIONS):
+            volume *= size[cell, d]
+        if count < CELLS and last[cell] - first[cell] >= _LEAST:
+            for d in range(DIMENSIONS):
+                middle = low[cell, d] + 0.5 * size[cell, d]
+                sums[:] = 0.0
+                volumes[:] = 0.0
+                for i in range(first[cell], last[cell]):
+                    half = 1 if samples[order[i], d] >= middle else 0
+                    sums[half] += squares[order[i]]
+                    volumes[half] += 1.0 / density[order[i]]
+                prior = _PRIOR * (volumes[0] + volumes[1]) / (last[cell] - first[cell])
+                means = (
+                    (sums[0] + prior * mean[cell]) / (volumes[0] + prior),
+                    (sums[1] + prior * mean[cell]) / (volumes[1] + prior),
+                )
+                together = 0.5 * volume * (math.sqrt(means[0]) + math.sqrt(means[1]))
+                if together < lowest:
+                    best, lowest, best_mass, best_mean = d, together, together, means
+        if best < 0:
+            cell += 1
+            continue
+        middle = low[cell, best] + 0.5 * size[cell, best]
+        i, j = first[cell], last[cell] - 1
+        while i <= j:
+            if samples[order[i], best] < middle:
+                i += 1
+            else:
+                order[i], order[j] = order[j], order[i]
+                j -= 1
+        total += best_mass - mass[cell]
+        size[cell, best] *= 0.5
+        low[count], size[count] = low[cell], size[cell]
+        low[count, best] = middle
+        first[count], last[count], last[cell] = i, last[cell], i
+        mean[cell], mean[count] = best_mean
+        mass[cell], mass[count] = 0.5 * volume * math.sqrt(mean[cell]), 0.5 * volume * math.sqrt(mean[count])
+        count += 1
+    return count
+
+
+class GatherPlaces(NamedTuple):
+    """Where camera paths gather: tree over the points, whose leaves hold their normals too; squared radius, m2."""
+
+    tree: PointTree
+    radius2: float
+
+
+def build_gather_places(place: np.ndarray, facing: np.ndarray, radius2: float) -> GatherPlaces:
+    """place, facing: (r, 3) float64 points and normals. radius2: squared distance (m2) up to which a photon counts."""
+    points = place.astype(np.float32)
+    order, to = morton_order(points), np.arange(len(points))
+    leaves = empty_leaves(len(points), 6)
+    leaves[to // WIDTH, :3, to % WIDTH] = points[order]
+    leaves[to // WIDTH, 3:, to % WIDTH] = facing[order]
+    return GatherPlaces(build_tree(leaves), radius2)
+
+
+def add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score):
+    """Add to score (n,) what the photons of a wave leave where the image gathers, in proportion to its noise.
+
+    That is the power they would reflect times the root of the number of gathers around: each adds to the variance.
+    """
+    _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score, empty_walk())
+
+
+@njit(**KERNEL)
+def _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score, walk):
+    for i in range(triangle.size):
+        t, pu, pv, dx, dy, dz = arrived(wave, i, triangle[i], u[i], v[i])
+        if t < 0:
+            continue
+        material = surfaces.material[t]
+        if wave.direct[i] or radiometry.stores[material] == NONE:
+            continue
+        power = 0.0
+        for b in range(wave.power.shape[1]):
+            power += abs(wave.power[i, b]) * radiometry.reflectance[material, b]
+        nx, ny, nz = unit_normal(surfaces, t)
+        if dx * nx + dy * ny + dz * nz > 0.0:
+            nx, ny, nz = -nx, -ny, -nz
+        x, y, z = point(surfaces.corners, t, pu, pv)
+        around = _count(gathers, x, y, z, nx, ny, nz, walk)
+        score[wave.photon[i]] += power * math.sqrt(around)
+
+
+@njit(inline="always")
+def _count(gathers, x, y, z, nx, ny, nz, walk):
+    """Number of gathers around a point that face the same way."""
+    tree, bound = gathers.tree, np.float32(gathers.radius2)
+    x, y, z = np.float32(x), np.float32(y), np.float32(z)
+    nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
+    count = 0
+    depth = start_walk(tree, walk)
+    while depth > 0:
+        depth, children = open_node(tree, walk, depth, x, y, z, bound)
+        for c in range(children):
+            p = tree.leaves[walk.stack[depth + c]]
+            for j in range(WIDTH):
+                dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
+                cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
+                inside = dx * dx + dy * dy + dz * dz < bound
+                count += 1 if inside & (cosine > np.float32(SAME_SURFACE)) else 0
+    return count

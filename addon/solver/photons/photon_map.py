@@ -1,0 +1,433 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The photon map: photons in a tree of points, and the density of the nearest of them."""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.point_tree import (
+    FAR,
+    WIDTH,
+    PointTree,
+    Walk,
+    build_tree,
+    empty_leaves,
+    empty_walk,
+    morton_order,
+    open_node,
+    start_walk,
+)
+from ..geometry.surfaces import (
+    SAME_SURFACE,
+    Surfaces,
+    beyond,
+    in_slab,
+    is_cut_off,
+    is_small,
+    layer_of,
+    longest_edge,
+    patch_in_ball,
+    region_area,
+    unit_normal,
+)
+from ..system.kernels import FAST_KERNEL, KERNEL, njit
+
+MAX_PHOTONS = 2**31 - 1
+_GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
+
+
+class Photons(NamedTuple):
+    """Stored hits of one pass, n of them.
+
+    position: (n, 3) float32, m. surface: (n,) int32, code 2 triangle + side. power: (n, b) float32, W per band.
+    incoming: (n, 3) float32 unit vector back along the path for photons straight from a light (mirrors between count
+        as straight), zeros for others; (0, 3) where the scene has no use for it.
+    caustic: (n,) bool, whether it comes from a lamp or light by way of specular surfaces alone; (0,) without such.
+    layer: (n,) uint8, the layer of the image that it adds to (see layers); (0,) if there is but one.
+    """
+
+    position: np.ndarray
+    surface: np.ndarray
+    power: np.ndarray
+    incoming: np.ndarray
+    caustic: np.ndarray
+    layer: np.ndarray
+
+
+class PhotonStore:
+    """Room for the photons of one pass that grows as needed and is used again by the next pass."""
+
+    def __init__(self, bands: int, incoming: bool, caustic: bool, layer: bool = False):
+        """incoming, caustic, layer: see photon_arrays."""
+        self.count = 0
+        self._new = functools.partial(photon_arrays, bands=bands, incoming=incoming, caustic=caustic, layer=layer)
+        self._room = self._new(0)
+
+    @property
+    def photons(self) -> Photons:
+        """The photons stored so far, without a copy."""
+        return Photons(*(array[: self.count] for array in self._room))
+
+    def append(self, batch: Photons) -> None:
+        """Copy a batch behind what is there."""
+        end = self.count + len(batch.surface)
+        if end > MAX_PHOTONS:
+            raise MemoryError(f"Over {MAX_PHOTONS} photons stored in one pass: lower the photons per pass")
+        if end > len(self._room.surface):
+            larger = self._new(end + end // 4)
+            for old, new in zip(self._room, larger, strict=True):
+                new[: min(self.count, len(new))] = old[: self.count]
+            self._room = larger
+        for array, values in zip(self._room, batch, strict=True):
+            array[self.count : self.count + len(values)] = values
+        self.count = end
+
+    def clear(self) -> None:
+        """Forget the photons, keep the room."""
+        self.count = 0
+
+
+def photon_arrays(count: int, bands: int, incoming: bool, caustic: bool, layer: bool) -> Photons:
+    """Room for count photons. incoming: whether they carry the direction they came from, caustic: whether that mark,
+    layer: whether a layer."""
+    return Photons(
+        np.empty((count, 3), np.float32),
+        np.empty(count, np.int32),
+        np.empty((count, bands), np.float32),
+        np.empty((count if incoming else 0, 3), np.float32),
+        np.empty(count if caustic else 0, np.bool_),
+        np.empty(count if layer else 0, np.uint8),
+    )
+
+
+class PhotonMap(NamedTuple):
+    """Photons in Morton order; the tree's leaves hold positions, oriented normals and labels of sheets.
+
+    Labels are kept as float32, which tells 2^24 apart.
+    """
+
+    tree: PointTree
+    photons: Photons
+
+
+@njit(**KERNEL)
+def _fill_leaves(photons, plane, sheet, leaves):
+    """Put positions, normals and sheets of sorted photons into the leaves."""
+    for i in range(photons.surface.size):
+        leaf, slot = i // WIDTH, i % WIDTH
+        code = photons.surface[i]
+        sign = np.float32(1.0 if code & 1 == 0 else -1.0)
+        for axis in range(3):
+            leaves[leaf, axis, slot] = photons.position[i, axis]
+            leaves[leaf, 3 + axis, slot] = sign * plane[code >> 1, axis]
+        leaves[leaf, 6, slot] = sheet[code >> 1, code & 1]
+
+
+@njit(cache=True, nogil=True)
+def _cycles(order):
+    """The cycles of the permutation i -> order[i], one behind the other, (n,) int32; ~i marks where one starts.
+
+    Walking them first lets the processor move rows ahead of time: it then knows where the next ones lie.
+    """
+    walk, n = np.empty(order.size, np.int32), 0
+    seen = np.zeros(order.size, np.bool_)
+    for i in range(order.size):
+        j = i
+        while not seen[j]:
+            seen[j] = True
+            walk[n] = ~j if j == i else j
+            n += 1
+            j = order[j]
+    return walk
+
+
+@njit(cache=True, nogil=True)
+def _permute(rows, walk):
+    """Fill every row of (n, c) with the next one of its cycle, without a second array."""
+    kept = np.empty(rows.shape[1], rows.dtype)
+    for n in range(walk.size):
+        i = walk[n]
+        if i < 0:
+            i = ~i
+            for b in range(kept.size):
+                kept[b] = rows[i, b]
+        if n + 1 < walk.size and walk[n + 1] >= 0:
+            for b in range(kept.size):
+                rows[i, b] = rows[walk[n + 1], b]
+        else:  # the end of a cycle is filled with its start
+            for b in range(kept.size):
+                rows[i, b] = kept[b]
+
+
+@njit(cache=True, nogil=True)
+def _coincident(position):
+    """How many of sorted photons (n, 3) lie where the one before them does."""
+    count = 0
+    for i in range(1, len(position)):
+        same = True
+        for axis in range(3):
+            same &= position[i, axis] == position[i - 1, axis]
+        count += same
+    return count
+
+
+def _merged(photons: Photons) -> Photons:
+    """Sorted photons, of which those in one place, on one side and of one layer are one.
+
+    k of them or more would leave estimates a disk that holds none: as one they are spread over the largest disk, and
+    none of their power is lost. Where they came from differently, the first one's way stands for all.
+    """
+    starts = np.ones(len(photons.surface), np.bool_)
+    starts[1:] = np.any(photons.position[1:] != photons.position[:-1], axis=1)
+    for mark in (photons.surface, photons.caustic, photons.layer):
+        if len(mark):
+            starts[1:] |= mark[1:] != mark[:-1]
+    first = np.flatnonzero(starts)
+    firsts = Photons(*(array[first] if len(array) else array for array in photons))
+    return firsts._replace(power=np.add.reduceat(photons.power, first))
+
+
+def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap:
+    """Photon map of photons on the surfaces, which are sorted in place. run: map, or a pool's."""
+    walk = _cycles(morton_order(photons.position))
+    leaves = empty_leaves(len(walk), 7)
+
+    def sort(power: bool):  # two jobs of about equal length
+        marks = photons.caustic[:, None], photons.layer[:, None]
+        others = (photons.position, photons.surface[:, None], photons.incoming, *marks)
+        for rows in (photons.power,) if power else others:
+            if len(rows):
+                _permute(rows, walk)
+        if not power:
+            _fill_leaves(photons, surfaces.plane, surfaces.sheet, leaves)
+
+    list(run(sort, (True, False)))
+    if _coincident(photons.position):
+        photons = _merged(photons)
+        leaves = empty_leaves(len(photons.surface), 7)
+        _fill_leaves(photons, surfaces.plane, surfaces.sheet, leaves)
+    return PhotonMap(build_tree(leaves), photons)
+
+
+class Neighbours(NamedTuple):
+    """Room for one search: numbers and squared distances of candidates, room for a walk, and one value."""
+
+    index: np.ndarray
+    distance2: np.ndarray
+    walk: Walk
+    edge: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def neighbours_room(k):
+    """Room for searches of k neighbours."""
+    return Neighbours(
+        np.empty(4 * k + 65 + WIDTH, np.int32),
+        np.empty(4 * k + 65 + WIDTH, np.float32),
+        empty_walk(),
+        np.empty(1, np.float32),
+    )
+
+
+@njit(**KERNEL)
+def _kth_smallest(values, count, k, top, edge):
+    """The k-th smallest (from 1) of the first count values >= 0, of which at least k are not above top.
+
+    Squared distances within a disk are about evenly spread, so interpolation between an edge that lies below it and one
+    above closes in within a few steps; what is left is counted off from the nearer edge. Each step is a pass without
+    branches over the values' bits, which are in the order of the values. edge: room for (1,) float32.
+    """
+    bits, edge_bits = values.view(np.int32), edge.view(np.int32)
+    low, high = np.float32(0.0), np.nextafter(np.float32(top), np.float32(np.inf))
+    below, under = 0, count  # how many values lie under each edge
+    for _ in range(6):
+        if k - below <= 3 or under - k <= 2:
+            break
+        edge[0] = low + (high - low) * np.float32((k - below - 0.5) / (under - below))
+        if not low < edge[0] < high:
+            break
+        lower = np.int32(0)
+        for i in range(count):
+            lower += np.int32(bits[i] < edge_bits[0])
+        if lower >= k:
+            high, under = edge[0], lower
+        else:
+            low, below = edge[0], lower
+    none_left = np.int32(0x7FFFFFFF)
+    if k - below <= under - k + 1:
+        edge[0] = low
+        while True:
+            least, same = none_left, np.int32(0)
+            for i in range(count):
+                least = min(least, bits[i] if bits[i] >= edge_bits[0] else none_left)
+            for i in range(count):
+                same += np.int32(bits[i] == least)
+            below += same
+            edge_bits[0] = least
+            if below >= k:
+                return edge[0]
+            edge_bits[0] += np.int32(1)
+    edge[0] = high
+    while True:
+        most, same = np.int32(-1), np.int32(0)
+        for i in range(count):
+            most = max(most, bits[i] if bits[i] < edge_bits[0] else np.int32(-1))
+        for i in range(count):
+            same += np.int32(bits[i] == most)
+        under -= same
+        edge_bits[0] = most
+        if under < k:
+            return edge[0]
+
+
+@njit(inline="always")
+def leaf_distances(leaf, sheet, x, y, z, nx, ny, nz, other, near):
+    """Squared distances, m2, of a leaf's points (see PhotonMap) from a point into near (WIDTH,) float32.
+
+    `other` stands for those on other sheets and those that face another way. All are float32.
+    """
+    for j in range(WIDTH):
+        dx, dy, dz = leaf[0, j] - x, leaf[1, j] - y, leaf[2, j] - z
+        cosine = leaf[3, j] * nx + leaf[4, j] * ny + leaf[5, j] * nz
+        d2 = dx * dx + dy * dy + dz * dz
+        near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (leaf[6, j] == sheet) else other
+
+
+@njit(inline="always")
+def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
+    """List the photons of a sheet nearer than sqrt(bound) that face the normal's way, and some more, in room.
+
+    Returns how many, and the squared distance within which all are known: that of the k-th, or bound if fewer.
+    """
+    tree = photon_map.tree
+    index, distance2, walk, near = room.index, room.distance2, room.walk, room.walk.near
+    limit = 4 * k + 64
+    count = np.int64(0)  # a literal would be a type of its own
+    depth = start_walk(tree, walk)
+    x, y, z = np.float32(x), np.float32(y), np.float32(z)
+    nx, ny, nz, sheet = np.float32(nx), np.float32(ny), np.float32(nz), np.float32(sheet)
+    while depth > 0:
+        depth, children = open_node(tree, walk, depth, x, y, z, bound)
+        for c in range(children - 1, -1, -1):
+            if walk.apart[depth + c] >= bound:
+                continue
+            leaf = walk.stack[depth + c]
+            leaf_distances(tree.leaves[leaf], sheet, x, y, z, nx, ny, nz, FAR, near)
+            for j in range(WIDTH):  # no branch: which photons lie inside is as good as random
+                index[count] = leaf * WIDTH + j
+                distance2[count] = near[j]
+                count += 1 if near[j] < bound else 0
+            if count > limit:
+                bound = _kth_smallest(distance2, count, k, bound, room.edge)
+                kept = 0
+                for j in range(count):
+                    # many may lie at exactly one distance; they must not push out those that are nearer
+                    if distance2[j] < bound or (distance2[j] == bound and kept < 2 * k):
+                        index[kept], distance2[kept] = index[j], distance2[j]
+                        kept += 1
+                count = kept
+    if count >= k:
+        bound = _kth_smallest(distance2, count, k, bound, room.edge)
+    return count, bound
+
+
+@njit(inline="always")
+def gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, only_caustic, guess, room, patch):
+    """Find the photons around a point on one side of triangle t, and the surface area they fell on.
+
+    The disk is that of the k-th neighbour, or of radius sqrt(reach2) where fewer than k photons lie in it, and then
+    shrunk: r^2 = shrink2 r_k^2. Of k neighbours the k-th is left out. Both together estimate the density without bias:
+    for k neighbours E[(k - 1) / (density area)] = 1, and the fixed disk adds exactly what the limit cuts off that mean.
+    Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball), and
+    beside a wall that of this side of it.
+
+    wall: (3,) float32, 1 / m, see FreeSpace. only_caustic: list those of caustics alone. guess: squared radius to try
+    first; it changes the time, not the result.
+    Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
+    """
+    return _gather(
+        photon_map, surfaces, np.int64(t), np.int64(side), np.float64(x), np.float64(y), np.float64(z), wall, k,
+        np.float64(reach2), np.float64(shrink2), bool(only_caustic), np.float64(guess), room, patch,
+    )  # fmt: skip
+
+
+@njit(**FAST_KERNEL)
+def _gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, only_caustic, guess, room, patch):
+    """gather, with one type of each argument, whoever calls: so it is compiled once."""
+    corners, wall = surfaces.corners, (wall[0], wall[1], wall[2])
+    nx, ny, nz = unit_normal(surfaces, t, side)
+    sheet = surfaces.sheet[t, side]
+    limit = np.float32(reach2)
+    smallest = np.float32(1e-12) * limit  # photons that all coincide still get an area
+    bound = max(np.float32(min(guess, reach2)), smallest)
+    while True:
+        count, r2 = _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room)
+        if count >= k or bound >= limit:
+            break
+        bound = min(np.float32(4.0) * bound, limit)
+    next_guess = _GUESS * r2
+    disk2 = max(np.float32(shrink2 * r2), smallest)
+    members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), wall, patch)
+    if members == 0:  # a mesh much finer than the disk
+        area = region_area(surfaces, t, side, x, y, z, np.float64(disk2), wall, room.walk)
+    if area <= 0.0:  # at a wall's foot float32 puts points beyond the rim, where nothing lies before the wall
+        return 0, math.pi * disk2, next_guess
+    index, codes = room.index, photon_map.photons.surface
+    near = 0
+    for i in range(count):  # no branch here and below: the order is as good as random
+        index[near] = index[i]
+        near += 1 if room.distance2[i] < disk2 else 0
+    if is_cut_off(wall, disk2):
+        before = 0
+        for i in range(near):
+            p = photon_map.photons.position[index[i]]
+            index[before] = index[i]
+            before += 1 if beyond(wall, p[0] - x, p[1] - y, p[2] - z) <= 0.0 else 0
+        near = before
+    if only_caustic:
+        marked = 0
+        for i in range(near):
+            index[marked] = index[i]
+            marked += 1 if photon_map.photons.caustic[index[i]] else 0
+        near = marked
+    kept = 0
+    if members == 1:
+        for i in range(near):
+            index[kept] = index[i]
+            kept += 1 if codes[index[i]] == patch[0] else 0
+        return kept, area, next_guess
+    for i in range(near):
+        photon = index[i]
+        code, inside = codes[photon], False
+        for j in range(members):
+            inside |= patch[j] == code
+        if members == 0 and surfaces.sheet[code >> 1, code & 1] == sheet:
+            p = photon_map.photons.position[photon]
+            height = (p[0] - x) * nx + (p[1] - y) * ny + (p[2] - z) * nz
+            small = is_small(np.float32(longest_edge(corners, code >> 1)), disk2)
+            inside = in_slab(np.float32(height), disk2) if small else True
+        if inside:
+            index[kept] = photon
+            kept += 1
+    return kept, area, next_guess
+
+
+@njit(**FAST_KERNEL)
+def irradiance(photon_map, room, count, area, out):
+    """Fill out (layers * b,) float64 with the irradiance of the gathered photons, W m-2 per layer and band."""
+    power, layer, index = photon_map.photons.power, photon_map.photons.layer, room.index
+    bands = power.shape[1]
+    out[:] = 0.0
+    whole = 0 if layer.size else count - count % 4
+    for i in range(0, whole, 4):  # four rows at a time: the sum is read and written a quarter as often
+        p, q, r, s = power[index[i]], power[index[i + 1]], power[index[i + 2]], power[index[i + 3]]
+        for b in range(bands):
+            out[b] += (p[b] + q[b]) + (r[b] + s[b])
+    for i in range(whole, count):
+        row, first = power[index[i]], bands * layer_of(layer, index[i])
+        for b in range(bands):
+            out[first + b] += row[b]
+    for b in range(out.size):
+        out[b] /= area

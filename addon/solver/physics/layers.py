@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Layers of an image by what emitted: one for each temperature group, so that groups take new temperatures afterwards.
+
+Transport is linear in what is emitted. With E_l the image of all that layer l emitted at the temperature R_l, and
+X_l(T) what its surfaces emit in excess of the reference T0, in each band:
+
+    L = B(T0) + sum over l of  X_l(T_l) / X_l(R_l)  E_l
+
+is the image with the layers at any temperatures T_l. The ratio is the same for all surfaces whose emissivity does not
+change within a band, whatever it is; of the others each spectrum needs a layer of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ..scene import Scene, SceneError, check_temperature
+from .spectrum import band_radiance
+
+MOST_LAYERS = 256  # a photon keeps the number of its layer in a byte
+# K between a layer's temperature while it is traced and T0: closer, it would emit next to nothing, and its transport
+# would stay unknown.
+LEAST_EXCESS = 10.0
+_FLAT = 1e-6  # change of the emissivity within a band that counts as none
+_FAINT = 1e-30  # W m-2 sr-1: less does not survive as the power of a float32 photon
+
+
+class Layer(NamedTuple):
+    """What one layer of an image holds.
+
+    group: name of the temperature group; '' is the first layer, of all that is in none.
+    material: name of the material whose spectrum it has; '' where emissivities are constant within each band.
+    curve: wavelengths (n,) um and emissivities (n,) of that material, float64; a blackbody without one.
+    temperature: K, in the scene. traced: K, while it was traced. Neither has a meaning for the first layer.
+    """
+
+    group: str = ""
+    material: str = ""
+    curve: tuple[np.ndarray, np.ndarray] = (np.array([1.0]), np.array([1.0]))
+    temperature: float = 0.0
+    traced: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As files and messages call it."""
+        return f"{self.group}, {self.material}" if self.material else self.group or "no group"
+
+
+SINGLE = (Layer(),)  # the layers of a scene without groups
+
+
+def scene_layers(scene: Scene) -> tuple[tuple[Layer, ...], np.ndarray | None]:
+    """The layers of a scene, and that of each triangle, (m,) uint8; None if there is but one.
+
+    `traced` is the scene's own temperature, see `trace_apart`. Raises SceneError if there are too many layers.
+    """
+    if not scene.groups:
+        return SINGLE, None
+    spectrum = _spectra(scene)[scene.material]
+    kinds = len(scene.materials) + 1
+    codes = np.where(scene.group >= 0, kinds * scene.group.astype(np.int64) + spectrum + 1, -1)
+    of_world = [kinds * scene.world_group] if scene.world_group >= 0 else []
+    found = np.unique(np.concatenate((codes, of_world)))
+    found = found[found >= 0].astype(np.int64)
+    if len(found) >= MOST_LAYERS:
+        raise SceneError(
+            f"The {len(scene.groups)} temperature groups need {len(found) + 1} layers, one for each spectrum in a "
+            f"group; at most {MOST_LAYERS} are possible"
+        )
+    layers = list(SINGLE)
+    for code in found:
+        group, material = int(code) // kinds, int(code) % kinds - 1
+        kelvin = scene.group_temperature(group)
+        spectral = Layer()[1:3]
+        if material >= 0:
+            spectral = scene.materials[material].name or "unnamed", scene.materials[material].curve
+        layers.append(Layer(scene.groups[group], *spectral, kelvin, kelvin))
+    layer = np.where(codes >= 0, np.searchsorted(found, codes) + 1, 0)
+    return tuple(layers), layer.astype(np.uint8)
+
+
+def _spectra(scene: Scene) -> np.ndarray:
+    """(materials,) int64: -1 where emissivity is constant within each band, else the first material with that curve."""
+    first, spectra = {}, []
+    for index, material in enumerate(scene.materials):
+        wavelengths, values = material.curve
+        points = np.union1d(wavelengths, scene.band_edges)
+        at = np.interp(points, wavelengths, values)
+        flat = all(
+            np.ptp(at[(points >= low) & (points <= high)]) <= _FLAT
+            for low, high in zip(scene.band_edges[:-1], scene.band_edges[1:], strict=True)
+        )
+        key = wavelengths.tobytes() + values.tobytes()
+        spectra.append(-1 if flat else first.setdefault(key, index))
+    return np.array(spectra)
+
+
+def trace_apart(layers: tuple[Layer, ...], reference: float) -> tuple[Layer, ...]:
+    """The layers with temperatures to trace them at: their own, or warmer ones if those are near the reference (K)."""
+
+    def apart(kelvin: float) -> float:
+        near = abs(kelvin - reference) < LEAST_EXCESS
+        return float(np.float32(reference + LEAST_EXCESS)) if near else kelvin
+
+    return tuple(each._replace(traced=apart(each.temperature)) if each.group else each for each in layers)
+
+
+def traced_temperature(temperature: np.ndarray, layer: np.ndarray, layers: tuple[Layer, ...]) -> np.ndarray:
+    """The surfaces' temperatures, float32 K, with those in groups at the temperatures that their layers are traced at.
+
+    temperature: (m, 1) or (m, 3) float32 K. layer: (m,) uint8, see Surfaces.
+    """
+    if not layer.size:
+        return temperature
+    traced = np.array([each.traced for each in layers], np.float32)
+    return np.where(layer[:, None] > 0, traced[layer][:, None], temperature)
+
+
+def sky_layer(scene: Scene, layers: tuple[Layer, ...]) -> int:
+    """The layer that the surroundings are in: they radiate like a blackbody."""
+    if scene.world_group < 0:
+        return 0
+    of_sky = scene.groups[scene.world_group], ""
+    return next(i for i, each in enumerate(layers) if (each.group, each.material) == of_sky)
+
+
+def group_temperatures(layers: tuple[Layer, ...]) -> dict[str, float]:
+    """The temperature (K) of each group in the scene."""
+    return {layer.group: layer.temperature for layer in layers if layer.group}
+
+
+def layer_factors(
+    layers: tuple[Layer, ...], edges: np.ndarray, reference: float, temperatures: Mapping[str, float] | None = None
+) -> np.ndarray:
+    """(layers, b) float64: X_l(T) / X_l(R_l), by which the bands of the layers count at other temperatures.
+
+    edges: (b + 1,) um. reference: T0, K. temperatures: K, by group; those that are missing stay as in the scene.
+    Raises SceneError for a group that is not there, for what is no temperature, and where a layer was traced so cold
+    that a band holds nothing to go by.
+    """
+    wanted = group_temperatures(layers)
+    for group, kelvin in (temperatures or {}).items():
+        if group not in wanted:
+            raise SceneError(f"There is no temperature group '{group}', only {', '.join(map(repr, wanted)) or 'none'}")
+        check_temperature(kelvin, f"Temperature group '{group}'")
+        wanted[group] = float(kelvin)
+    factors = np.ones((len(layers), len(edges) - 1))
+    for row, layer in zip(factors, layers, strict=True):
+        if not layer.group or wanted[layer.group] == layer.traced:
+            continue
+        kelvin = np.array([reference, layer.traced, wanted[layer.group]])
+        base, traced, new = band_radiance(edges, kelvin, layer.curve)
+        known = np.abs(traced - base) > _FAINT
+        if np.any(np.abs(new - base)[~known] > _FAINT):
+            raise SceneError(
+                f"Temperature group '{layer.group}' was rendered at {layer.traced:g} K, where its bands hold no "
+                f"radiance to scale up to {kelvin[2]:g} K: render it warmer"
+            )
+        row[:] = np.divide(new - base, traced - base, out=np.zeros_like(new), where=known)
+    return factors
+
+
+def to_json(layers: tuple[Layer, ...]) -> str:
+    """The layers as text, every number with all its digits."""
+    plain = ({**each._asdict(), "curve": [values.tolist() for values in each.curve]} for each in layers)
+    return json.dumps(list(plain))
+
+
+def from_json(text: str) -> tuple[Layer, ...]:
+    """The layers of `to_json`. Raises ValueError if the text is none, or holds what no layer can have."""
+    try:
+        layers = tuple(Layer(**{**each, "curve": tuple(map(np.array, each["curve"]))}) for each in json.loads(text))
+        for each in layers:
+            wavelengths, values = each.curve
+            whole = len(wavelengths) == len(values) > 0 and np.all(np.diff(wavelengths) > 0) and wavelengths[0] > 0
+            numbers = [*wavelengths, *values, each.temperature, each.traced]
+            if not (whole and all(math.isfinite(number) and number >= 0 for number in numbers)):
+                raise ValueError(f"'{each.name}' holds impossible numbers")
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"{error!r}") from error
+    if not layers or layers[0].group or not all(each.group for each in layers[1:]):
+        raise ValueError("the first layer, and no other, is that of no group")
+    return layers

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What surfaces emit and reflect in each band, as tables for the kernels.
+
+Radiance here is per band (W m-2 sr-1, integrated over the band), and in excess of the reference: with a reference
+temperature T0 the solver traces dL = L - B(T0), for which a surface emits e(T) - e(T0) (docs/method.md).
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..sampling.warps import ALBEDO_NODES, interpolate_albedo, lobe_albedo
+from ..scene import Material
+from ..system.kernels import FAST_INLINED, njit
+from .spectrum import band_emissivity, band_radiance, faintest
+
+# Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
+_LOG_STEP = 0.004
+COLDEST = 1.0  # K, see emission_range
+NONE, ALL, STRAIGHT = 0, 1, 2  # photons that a material stores
+_ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4
+
+
+class Radiometry(NamedTuple):
+    """Materials (m of them) in b bands.
+
+    reflectance: (m, b) float32, 1 - eps, the emissivity weighted with what arrives, see excess_emissivity.
+    stores: (m,) uint8, see stored_photons.
+    specular: (m,) float32 share of the specular lobe. alpha: (m,) float32 GGX width, 0 is a mirror.
+    albedo: (m, n) float64 of the lobe over sqrt(cosine); ones for mirrors.
+    emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
+    slope: the same, d/d(ln T) times the step.
+    log_start: ln of the first temperature. base: (m + 1, b) float64, integral of eps B at T0, or zeros.
+    reference: (b,) float64, its last row. quiet: T0, K: surfaces at exactly this temperature have no excess.
+    """
+
+    reflectance: np.ndarray
+    stores: np.ndarray
+    specular: np.ndarray
+    alpha: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    slope: np.ndarray
+    log_start: float
+    base: np.ndarray
+    reference: np.ndarray
+    quiet: float
+
+
+def stored_photons(materials: tuple[Material, ...], edges: np.ndarray) -> np.ndarray:
+    """(materials,) uint8, the photons that each stores: NONE, as it is a mirror or reflects nothing between the first
+    and the last edge (um), ALL, or those STRAIGHT from lights, in a rough lobe that is all of its reflection."""
+    stores = np.full(len(materials), ALL, np.uint8)
+    for i, material in enumerate(materials):
+        um, emissivity = material.curve
+        ends = np.interp(edges[[0, -1]], um, emissivity)
+        inside = emissivity[(um > edges[0]) & (um < edges[-1])]
+        if min(*ends, *inside) == 1.0:
+            stores[i] = NONE
+        elif np.float32(material.specular) == 1.0:
+            stores[i] = STRAIGHT if material.alpha > 0.0 else NONE
+    return stores
+
+
+def build_radiometry(
+    materials: tuple[Material, ...],
+    edges: np.ndarray,
+    temperatures: tuple[float, float],
+    weighting: float,
+    reference: float,
+) -> Radiometry:
+    """Tables of the materials over bands.
+
+    temperatures: lowest (above 0) and highest temperature of any surface, K.
+    weighting: K, temperature of what lights the surfaces: its excess over the reference averages reflectance in a band.
+    reference: T0 in K, 0 for no subtraction.
+    """
+    low, high = temperatures
+    nodes = table_rows(temperatures)
+    log_start = math.log(low) if high > 0 else 0.0
+    table = np.exp(log_start + _LOG_STEP * np.arange(nodes))
+    bands = len(edges) - 1
+    emission = np.empty((len(materials) + 1, nodes, bands))
+    slope = np.empty_like(emission)
+    black, black_slope = band_radiance(edges, table), band_radiance(edges, table, derivative=True)
+    emission[-1], slope[-1] = black, black_slope * _LOG_STEP
+    base = np.tile(reference_radiance(edges, reference), (len(materials) + 1, 1))
+    reflectance = np.empty((len(materials), bands))
+    albedo = np.ones((len(materials), ALBEDO_NODES))
+    alpha = np.zeros(len(materials))
+    for i, material in enumerate(materials):
+        curve = material.curve
+        if len(curve[0]) == 1:
+            emission[i], slope[i] = curve[1][0] * emission[-1], curve[1][0] * slope[-1]
+            base[i] *= curve[1][0]
+            reflectance[i] = 1.0 - curve[1][0]
+        else:
+            emission[i] = band_radiance(edges, table, curve)
+            slope[i] = band_radiance(edges, table, curve, derivative=True) * _LOG_STEP
+            base[i] *= band_emissivity(edges, reference, curve)
+            reflectance[i] = 1.0 - excess_emissivity(edges, weighting, reference, curve)
+        if material.specular > 0 and material.alpha > 0:
+            alpha[i] = material.alpha
+            albedo[i] = _lobe_albedo(float(alpha[i]))
+    return Radiometry(
+        reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
+        stores=stored_photons(materials, edges),
+        specular=np.array([m.specular for m in materials], np.float32),
+        alpha=alpha.astype(np.float32),
+        albedo=albedo,
+        emission=emission,
+        slope=slope,
+        log_start=log_start,
+        base=base,
+        reference=base[-1],
+        quiet=reference,
+    )
+
+
+def table_rows(temperatures: tuple[float, float]) -> int:
+    """Temperatures t of the emission table, for the lowest and highest of any surface, K (see emission_range)."""
+    low, high = temperatures
+    return max(2, math.ceil(math.log(high / low) / _LOG_STEP) + 2) if high > 0 else 2
+
+
+@lru_cache(maxsize=256)
+def _lobe_albedo(alpha: float) -> np.ndarray:
+    return lobe_albedo(alpha, _ALBEDO_SAMPLES)
+
+
+def reference_radiance(edges: np.ndarray, temperature: float) -> np.ndarray:
+    """(b,) float64 B(T0) of each band, W m-2 sr-1, rounded to float32: images hold -B(T0) in float32 where a ray sees
+    0 K, and adding the same number again must give exactly 0.
+    """
+    return band_radiance(edges, temperature).astype(np.float32).astype(np.float64)
+
+
+def excess_emissivity(edges: np.ndarray, one: float, other: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(b,) emissivity of each band, weighted with the excess of a blackbody at one temperature (K) over the other.
+
+    (e(T1) - e(T0)) / (B(T1) - B(T0)), see docs/bands.md. Where both are alike (to 0.1 %) this is nearly the derivative.
+    """
+    cold = min(one, other)
+    kelvin = np.array([cold, max(one, other, 1.001 * cold, faintest(float(edges[0])))])
+    emitted, black = band_radiance(edges, kelvin, curve), band_radiance(edges, kelvin)
+    return (emitted[1] - emitted[0]) / (black[1] - black[0])
+
+
+@njit(inline="always")
+def locate(radiometry, temperature):
+    """Row of the emission table below a temperature and the place between the rows, 0..1; row -1 where cold."""
+    if temperature <= 0.0:
+        return -1, 0.0
+    position = (math.log(temperature) - radiometry.log_start) / _LOG_STEP
+    if (
+        position < -0.5
+    ):  # far below the table, which reaches to the coldest surface but for rounding: see emission_range
+        return -1, 0.0
+    row = min(max(math.floor(position), 0), radiometry.emission.shape[1] - 2)
+    return row, position - row
+
+
+@njit(**FAST_INLINED)
+def excess(radiometry, material, temperature, cosine, out):
+    """Fill out (b,) with the radiance that a surface emits towards a direction, in excess of that at T0, W m-2 sr-1.
+
+    The lobe's loss at grazing angles is emissivity: eps(theta) = eps + rho specular (1 - albedo(theta)).
+    """
+    if temperature == radiometry.quiet:
+        out[:] = 0.0
+        return
+    row, t = locate(radiometry, temperature)
+    black = radiometry.emission.shape[0] - 1
+    h0 = (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t)
+    h1 = t * t * (3.0 - 2.0 * t)
+    d0 = t * (1.0 - t) * (1.0 - t)
+    d1 = t * t * (t - 1.0)
+    lost = 0.0
+    if radiometry.alpha[material] > 0.0:
+        lost = radiometry.specular[material] * (1.0 - interpolate_albedo(radiometry.albedo, material, cosine))
+    e, s = radiometry.emission, radiometry.slope
+    for b in range(out.size):
+        value = -radiometry.base[material, b]
+        if row >= 0:
+            value += h0 * e[material, row, b] + h1 * e[material, row + 1, b]
+            value += d0 * s[material, row, b] + d1 * s[material, row + 1, b]
+        if lost > 0.0:
+            extra = radiometry.base[material, b] - radiometry.base[black, b]
+            if row >= 0:
+                extra += h0 * (e[black, row, b] - e[material, row, b]) + h1 * (
+                    e[black, row + 1, b] - e[material, row + 1, b]
+                )
+                extra += d0 * (s[black, row, b] - s[material, row, b]) + d1 * (
+                    s[black, row + 1, b] - s[material, row + 1, b]
+                )
+            value += lost * extra
+        out[b] = value
+
+
+def typical_emissivity(materials: tuple[Material, ...], edges: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+    """(m, b) emissivity of each material in each band, weighted at the mean of the surfaces' temperatures (K)."""
+    kelvin = float(temperature.mean(dtype=np.float64))
+    return np.array([band_emissivity(edges, kelvin, material.curve) for material in materials])
+
+
+def emission_range(temperature: np.ndarray) -> tuple[float, float]:
+    """Lowest temperature above 0 K and highest of an array, K: what the emission table must reach.
+
+    Where a surface runs from 0 K to warmer, it reaches down to COLDEST, below which no band holds radiance to speak of:
+    at 1 K and 1 mm x = c2 / (lambda T) is 14, and it grows with 1 / T.
+    """
+    low, high = float(temperature.min()), float(temperature.max())
+    if low < COLDEST <= high:
+        runs = temperature.shape[-1] > 1
+        low = COLDEST if runs else float(temperature[temperature >= COLDEST].min())
+    elif low == 0.0 < high:
+        low = float(temperature[temperature > 0.0].min())
+    return low, high

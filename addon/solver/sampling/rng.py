@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random numbers as a function of (seed, pass, path, dimension): no state, so threads and order do not matter."""
+
+import numpy as np
+
+from ..system.kernels import KERNEL, njit
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_TO_UNIT = 2.0**-53
+
+# Streams of one pass: photons and camera paths never share a number.
+PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE = range(6)
+
+
+@njit(**KERNEL)
+def _mix(z):
+    """Finaliser of SplitMix64 (Steele, Lea and Flood 2014), a bijection of 64-bit integers."""
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(**KERNEL)
+def _pass_key(seed, index, stream):
+    z = _mix(seed + _GOLDEN)
+    z = _mix(z ^ index)
+    return _mix(z ^ stream)
+
+
+def pass_key(seed: int, index: int, stream: int) -> np.uint64:
+    """Key of one stream of one pass. A numpy integer, so that kernels are compiled for one type of key."""
+    return np.uint64(_pass_key(np.uint64(seed), np.uint64(index), np.uint64(stream)))
+
+
+@njit(**KERNEL)
+def path_key(key, path):
+    """Key of one path (photon or camera ray) of a stream."""
+    return _mix(key + _GOLDEN * np.uint64(path + 1))
+
+
+@njit(**KERNEL)
+def uniform(key, dimension):
+    """Number in [0, 1) for one dimension of a path, float64."""
+    return float(_mix(key + _GOLDEN * np.uint64(dimension + 1)) >> np.uint64(11)) * _TO_UNIT
+
+
+@njit(cache=True, nogil=True)
+def uniforms(key, first, count):
+    """Numbers in [0, 1), (count,) float64, one for each of the paths first, first + 1, ..."""
+    numbers = np.empty(count)
+    for i in range(count):
+        numbers[i] = uniform(path_key(key, first + i), 0)
+    return numbers
+
+
+def strata(key: np.uint64, count: int, total: int) -> np.ndarray:
+    """(count,) int64 ascending numbers below `total`: one from each of `count` equal parts, at random, so that no
+    period of what they number (as the columns of a picture) is met again and again."""
+    return np.minimum((np.arange(count) + uniforms(key, 0, count)) * total / count, total - 1).astype(np.int64)

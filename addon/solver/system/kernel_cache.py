@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where compiled kernels are kept between runs.
+
+Numba notices that a kernel's own file changed, but not the files of the functions compiled into it. So all kernels live
+in a folder named after the contents of every source file here: a new version of any of them starts a new folder.
+"""
+
+import hashlib
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep them instead of beside the sources
+_PREFIX = "infrared-photons-"
+_SOLVER = Path(__file__).parents[1]
+
+
+@cache
+def source_digest() -> str:
+    """16 hexadecimal digits that name the version of the solver: of the contents of its source files."""
+    sources = sorted(_SOLVER.rglob("*.py"))  # in all rooms: kernels of one are compiled into those of another
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+
+
+@cache
+def kernel_folder() -> Path:
+    """The folder for this version of the solver, which exists now. Folders of other versions are removed."""
+    folder = Path(os.environ.get(FOLDER_VARIABLE) or _SOLVER / "__pycache__") / (_PREFIX + source_digest())
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(folder)
+    except OSError:  # a read-only installation: kernels are compiled in every process
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+    for other in folder.parent.iterdir():
+        if other != folder and re.fullmatch(_PREFIX + "[0-9a-f]{16}", other.name):
+            shutil.rmtree(other, ignore_errors=True)
+    return folder
+
+
+@contextmanager
+def kept_kernels() -> Iterator[None]:
+    """Kernels defined in this context are kept in kernel_folder(). Numba's own setting is as before afterwards."""
+    import numba  # here, so that those who only ask for source_digest() do not load it
+
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(kernel_folder())
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
