@@ -201,13 +201,14 @@ def start_walk(tree, walk):
 
 
 @njit(**FAST_INLINED)
-def open_node(tree, walk, depth, x, y, z, bound):
+def open_node(tree, walk, depth, point, bound):
     """Take the last node off the stack; nothing else if it is no nearer than sqrt(bound), which may have fallen since.
 
     Children nearer than sqrt(bound) go on the stack, the nearest last, so that it is opened first and a search can soon
     lower its bound. Returns the new depth and how many leaves lie on the stack above it, nearest last too.
     """
     stack, apart, near = walk.stack, walk.apart, walk.near
+    x, y, z = point
     depth -= 1
     if apart[depth] >= bound:
         return depth, 0

@@ -6,21 +6,19 @@ temperature T0 the solver traces dL = L - B(T0), for which a surface emits e(T) 
 """
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from ..sampling.warps import ALBEDO_NODES, interpolate_albedo, lobe_albedo
 from ..scene import Material
 from ..system.kernels import FAST_INLINED, njit
+from .lobes import LobeTable, build_lobe_table, emitted_complement
 from .spectrum import band_emissivity, band_radiance, faintest
 
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
 COLDEST = 1.0  # K, see emission_range
 NONE, ALL, STRAIGHT = 0, 1, 2  # photons that a material stores
-_ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4
 
 
 class Radiometry(NamedTuple):
@@ -28,8 +26,7 @@ class Radiometry(NamedTuple):
 
     reflectance: (m, b) float32, 1 - eps, the emissivity weighted with what arrives, see excess_emissivity.
     stores: (m,) uint8, see stored_photons.
-    specular: (m,) float32 share of the specular lobe. alpha: (m,) float32 GGX width, 0 is a mirror.
-    albedo: (m, n) float64 of the lobe over sqrt(cosine); ones for mirrors.
+    lobes: of each material, how it shares what it reflects, see lobes.
     emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
     slope: the same, d/d(ln T) times the step.
     log_start: ln of the first temperature. base: (m + 1, b) float64, integral of eps B at T0, or zeros.
@@ -38,9 +35,7 @@ class Radiometry(NamedTuple):
 
     reflectance: np.ndarray
     stores: np.ndarray
-    specular: np.ndarray
-    alpha: np.ndarray
-    albedo: np.ndarray
+    lobes: LobeTable
     emission: np.ndarray
     slope: np.ndarray
     log_start: float
@@ -88,8 +83,6 @@ def build_radiometry(
     emission[-1], slope[-1] = black, black_slope * _LOG_STEP
     base = np.tile(reference_radiance(edges, reference), (len(materials) + 1, 1))
     reflectance = np.empty((len(materials), bands))
-    albedo = np.ones((len(materials), ALBEDO_NODES))
-    alpha = np.zeros(len(materials))
     for i, material in enumerate(materials):
         curve = material.curve
         if len(curve[0]) == 1:
@@ -101,15 +94,10 @@ def build_radiometry(
             slope[i] = band_radiance(edges, table, curve, derivative=True) * _LOG_STEP
             base[i] *= band_emissivity(edges, reference, curve)
             reflectance[i] = 1.0 - excess_emissivity(edges, weighting, reference, curve)
-        if material.specular > 0 and material.alpha > 0:
-            alpha[i] = material.alpha
-            albedo[i] = _lobe_albedo(float(alpha[i]))
     return Radiometry(
         reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
         stores=stored_photons(materials, edges),
-        specular=np.array([m.specular for m in materials], np.float32),
-        alpha=alpha.astype(np.float32),
-        albedo=albedo,
+        lobes=build_lobe_table(materials),
         emission=emission,
         slope=slope,
         log_start=log_start,
@@ -119,15 +107,29 @@ def build_radiometry(
     )
 
 
+def grey_radiometry(materials: tuple[Material, ...], emissivity: np.ndarray) -> Radiometry:
+    """One band in which each material has one emissivity (m,) and nothing emits: for paths that plan.
+
+    Of all that is known before the reference temperature is chosen this is what says how much a path carries.
+    """
+    nothing = np.zeros((len(materials) + 1, 2, 1))
+    return Radiometry(
+        reflectance=(1.0 - emissivity)[:, None].astype(np.float32),
+        stores=np.full(len(materials), ALL, np.uint8),
+        lobes=build_lobe_table(materials),
+        emission=nothing,
+        slope=nothing,
+        log_start=0.0,
+        base=nothing[:, 0],
+        reference=nothing[-1, 0],
+        quiet=0.0,
+    )
+
+
 def table_rows(temperatures: tuple[float, float]) -> int:
     """Temperatures t of the emission table, for the lowest and highest of any surface, K (see emission_range)."""
     low, high = temperatures
     return max(2, math.ceil(math.log(high / low) / _LOG_STEP) + 2) if high > 0 else 2
-
-
-@lru_cache(maxsize=256)
-def _lobe_albedo(alpha: float) -> np.ndarray:
-    return lobe_albedo(alpha, _ALBEDO_SAMPLES)
 
 
 def reference_radiance(edges: np.ndarray, temperature: float) -> np.ndarray:
@@ -166,7 +168,7 @@ def locate(radiometry, temperature):
 def excess(radiometry, material, temperature, cosine, out):
     """Fill out (b,) with the radiance that a surface emits towards a direction, in excess of that at T0, W m-2 sr-1.
 
-    The lobe's loss at grazing angles is emissivity: eps(theta) = eps + rho specular (1 - albedo(theta)).
+    What lobes lose at grazing angles is emitted: eps(theta) = eps + rho times their complement (see lobes).
     """
     if temperature == radiometry.quiet:
         out[:] = 0.0
@@ -177,9 +179,7 @@ def excess(radiometry, material, temperature, cosine, out):
     h1 = t * t * (3.0 - 2.0 * t)
     d0 = t * (1.0 - t) * (1.0 - t)
     d1 = t * t * (t - 1.0)
-    lost = 0.0
-    if radiometry.alpha[material] > 0.0:
-        lost = radiometry.specular[material] * (1.0 - interpolate_albedo(radiometry.albedo, material, cosine))
+    lost = emitted_complement(radiometry.lobes, material, cosine)
     e, s = radiometry.emission, radiometry.slope
     for b in range(out.size):
         value = -radiometry.base[material, b]

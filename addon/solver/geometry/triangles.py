@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the corners (m, 3, 3) float32 of triangles, m, say of each of them."""
+
+import math
+
+import numpy as np
+
+from ..sampling.vectors import cross, difference, dot, scaled, vector
+from ..system.kernels import INLINED, njit
+
+CLEAR = 2.0**-20  # distance from a plane that float32 tells for sure, over the largest length that takes part
+
+
+@njit(**INLINED)
+def normal(corners, t):
+    """Unit normal of triangle t and twice its area, m2, float64."""
+    a = vector(corners[t], 0)
+    n = cross(difference(vector(corners[t], 1), a), difference(vector(corners[t], 2), a))
+    length = math.sqrt(dot(n, n))
+    return scaled(n, 1.0 / length if length > 0.0 else 0.0), length
+
+
+@njit(**INLINED)
+def point(corners, t, u, v):
+    """Point of triangle t with barycentric coordinates u, v of corners 1 and 2."""
+    w = 1.0 - u - v
+    return (
+        w * corners[t, 0, 0] + u * corners[t, 1, 0] + v * corners[t, 2, 0],
+        w * corners[t, 0, 1] + u * corners[t, 1, 1] + v * corners[t, 2, 1],
+        w * corners[t, 0, 2] + u * corners[t, 1, 2] + v * corners[t, 2, 2],
+    )
+
+
+@njit(**INLINED)
+def centroid(corners, t):
+    """Centroid of triangle t, m, float64."""
+    third = 1.0 / 3.0
+    return point(corners, t, third, third)
+
+
+@njit(cache=True, nogil=True)
+def areas(corners):
+    """(m,) float64 areas, m2."""
+    area = np.empty(corners.shape[0])
+    for t in range(corners.shape[0]):
+        area[t] = 0.5 * normal(corners, t)[1]
+    return area
+
+
+@njit(cache=True, nogil=True)
+def centroids(corners):
+    """(m, 3) float32 centroids, m."""
+    middle = np.empty((corners.shape[0], 3), np.float32)
+    for t in range(corners.shape[0]):
+        middle[t, 0], middle[t, 1], middle[t, 2] = centroid(corners, t)
+    return middle
+
+
+@njit(cache=True, nogil=True)
+def scene_radius(corners):
+    """Radius (m) of a sphere around the origin that holds all triangles."""
+    most = 0.0
+    for t in range(corners.shape[0]):
+        for i in range(3):
+            x, y, z = np.float64(corners[t, i, 0]), np.float64(corners[t, i, 1]), np.float64(corners[t, i, 2])
+            most = max(most, x * x + y * y + z * z)
+    return math.sqrt(most)
+
+
+@njit(**INLINED)
+def _edge(corners, t, i):
+    """Length of the edge of triangle t from corner i to the next, m, float64."""
+    square = 0.0
+    for axis in range(3):
+        edge = np.float64(corners[t, (i + 1) % 3, axis]) - corners[t, i, axis]
+        square += edge * edge
+    return math.sqrt(square)
+
+
+@njit(**INLINED)
+def longest_edge(corners, t):
+    """Length of the longest edge of triangle t, m, float64."""
+    return max(_edge(corners, t, 0), _edge(corners, t, 1), _edge(corners, t, 2))
+
+
+@njit(inline="always")
+def offset(corners, t):
+    """Distance along the normal (m) that takes a ray's origin clear of triangle t in float32.
+
+    The plane of a triangle is known to a few units in the last place of its coordinates, and Embree computes with
+    differences between origin and corners, so the error grows with the largest coordinate. Its normal is the cross
+    product of a short edge a and a long one c. That errs by a c units, which is a c / (2 A) of its length and moves the
+    plane by a c^2 / (2 A) at the far end: with a + b >= c, at most 4 times the circumradius a b c / (4 A). So right
+    needles, such as the sides of a pipe, are as exact as other triangles, obtuse ones are not (tests/test_surfaces.py).
+    """
+    reach = 0.0
+    for i in range(3):
+        for axis in range(3):
+            reach = max(reach, abs(corners[t, i, axis]))
+    double_area = normal(corners, t)[1]
+    if double_area > 0.0:
+        reach = max(reach, _edge(corners, t, 0) * _edge(corners, t, 1) * _edge(corners, t, 2) / (2.0 * double_area))
+    return reach * CLEAR
+
+
+@njit(cache=True, nogil=True)
+def planes(corners):
+    """(m, 4) float32 unit normal and clearance (m, see `offset`) of each triangle."""
+    plane = np.empty((corners.shape[0], 4), np.float32)
+    for t in range(corners.shape[0]):
+        plane[t, 0], plane[t, 1], plane[t, 2] = normal(corners, t)[0]
+        plane[t, 3] = offset(corners, t)
+    return plane

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lobes: into which directions a surface reflects what it does not emit.
+
+A surface has a diffuse lobe, a specular one, or both; each takes a share of the reflectance rho. What is here says,
+for every lobe there is, how a direction is drawn from it, with which density, what it reflects from one direction to
+another, and how much of rho it reflects in all: its albedo. What a lobe loses at grazing angles, the surface emits, so
+that an enclosure of one temperature is exactly black (docs/method.md).
+
+A new lobe gets a flag, a property of scene.Material, a column of LobeTable, and a branch in each kernel below.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..sampling.vectors import dot
+from ..sampling.warps import cosine_direction, to_local, to_world, turn
+from ..scene import Material
+from ..system.kernels import INLINED, njit
+
+# Kinds of lobes, as flags that can be joined (pbrt's BxDFFlags): a mirror's lobe is SPECULAR, a rough one GLOSSY.
+DIFFUSE, GLOSSY, SPECULAR = 1, 2, 4
+ALBEDO_NODES = 64
+_ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4
+
+
+class LobeTable(NamedTuple):
+    """The lobes of m materials.
+
+    flags: (m,) uint8, the kinds that each has, joined. specular: (m,) float32 share of the reflectance that the
+    specular or glossy lobe takes, the diffuse one has the rest. alpha: (m,) float32 GGX width, 0 for mirrors. albedo:
+    (m, ALBEDO_NODES) float64 of the glossy lobe at cosines (i / (n - 1))^2; ones for mirrors.
+    """
+
+    flags: np.ndarray
+    specular: np.ndarray
+    alpha: np.ndarray
+    albedo: np.ndarray
+
+
+class Lobes(NamedTuple):
+    """The lobes at one point of a surface; see LobeTable."""
+
+    flags: int
+    specular: float
+    alpha: float
+
+
+class LobeSample(NamedTuple):
+    """A direction drawn from a lobe: unit vector away from the surface, and the weight f cos / density of the lobe
+    whose reflectance is 1; weight 0 where the direction points into the surface."""
+
+    direction: tuple[float, float, float]
+    weight: float
+
+
+def build_lobe_table(materials: tuple[Material, ...]) -> LobeTable:
+    """The lobes of the materials."""
+    alpha = np.array([material.alpha if material.specular > 0 else 0.0 for material in materials])
+    specular = np.array([material.specular for material in materials], np.float32)
+    sharp = np.where(alpha > 0.0, GLOSSY, SPECULAR)
+    flags = np.where(specular < 1.0, DIFFUSE, 0) | np.where(specular > 0.0, sharp, 0)
+    albedo = [ggx_albedo(float(width)) if width > 0.0 else np.ones(ALBEDO_NODES) for width in alpha]
+    return LobeTable(flags.astype(np.uint8), specular, alpha.astype(np.float32), np.array(albedo))
+
+
+@njit(**INLINED)
+def lobes_of(table, material):
+    """The Lobes of a material."""
+    return Lobes(int(table.flags[material]), float(table.specular[material]), float(table.alpha[material]))
+
+
+@njit(**INLINED)
+def diffuse_share(lobes):
+    """Share of the reflectance that the diffuse lobe takes."""
+    return 1.0 - lobes.specular
+
+
+@njit(**INLINED)
+def is_glossy(lobes):
+    """Whether a rough lobe is there, whose emission and reflection depend on the angle."""
+    return lobes.flags & GLOSSY != 0
+
+
+@njit(**INLINED)
+def is_specular(lobes):
+    """Whether there is a specular lobe, sharp or rough."""
+    return lobes.flags & (GLOSSY | SPECULAR) != 0
+
+
+@njit(**INLINED)
+def sample_diffuse(normal, s, w):
+    """Unit direction with density cos / pi around the normal, from two numbers in [0, 1)."""
+    return to_world(cosine_direction(s, w), normal)
+
+
+@njit(**INLINED)
+def sample_specular(lobes, at, s, w):
+    """The LobeSample of the specular or glossy lobe at an Interaction, from two numbers in [0, 1)."""
+    if lobes.alpha == 0.0:
+        return LobeSample(mirrored(at.incoming, at.shading_normal, at.cosine), 1.0)
+    x, y, _ = to_local(at.incoming, at.shading_normal)
+    local, weight = sample_ggx((-x, -y, at.cosine), lobes.alpha, s, w)
+    return LobeSample(to_world(local, at.shading_normal), weight)
+
+
+@njit(**INLINED)
+def evaluate_glossy(lobes, at, direction):
+    """BRDF of the glossy lobe between the ray of an Interaction and a unit direction, sr^-1; 0 for mirrors, which no
+    given direction meets."""
+    if lobes.alpha == 0.0:
+        return 0.0
+    x, y, _ = to_local(at.incoming, at.shading_normal)
+    return evaluate_ggx(to_local(direction, at.shading_normal), (-x, -y, at.cosine), lobes.alpha)
+
+
+@njit(**INLINED)
+def mirrored(incoming, normal, cosine):
+    """Direction of a ray after a mirror whose normal it meets under `cosine` > 0."""
+    twice = 2.0 * cosine
+    return incoming[0] + twice * normal[0], incoming[1] + twice * normal[1], incoming[2] + twice * normal[2]
+
+
+@njit(**INLINED)
+def emitted_complement(table, material, cosine):
+    """Share of the reflectance that the lobes lose towards a cosine, and that is emitted: eps(theta) = eps + rho times
+    this. 0 for diffuse and mirror lobes, which lose nothing."""
+    if table.alpha[material] == 0.0:
+        return 0.0
+    return table.specular[material] * (1.0 - interpolate_albedo(table.albedo, material, cosine))
+
+
+# The GGX lobe --------------------------------------------------------------------------------------------------------
+
+
+@njit(**INLINED)
+def _lambda(alpha, z):
+    """Smith's auxiliary function of GGX for a direction with cosine z > 0 (Heitz 2014, eq. 72)."""
+    tan2 = max(0.0, 1.0 - z * z) / (z * z)
+    return 0.5 * (math.sqrt(1.0 + alpha * alpha * tan2) - 1.0)
+
+
+@njit(**INLINED)
+def sample_ggx(local, alpha, u, v):
+    """Reflect a local direction, z > 0, at a microfacet of the GGX normals visible from it (Heitz 2018).
+
+    Returns local direction and weight f cos / pdf = G2 / G1 <= 1; weight 0 where the facet points into the surface.
+    """
+    x, y, z = local
+    # stretch to the hemisphere configuration
+    hx, hy, hz = alpha * x, alpha * y, z
+    inverse = 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
+    hx, hy, hz = hx * inverse, hy * inverse, hz * inverse
+    square = hx * hx + hy * hy
+    if square > 1e-24:
+        inverse = 1.0 / math.sqrt(square)
+        ax, ay = -hy * inverse, hx * inverse
+    else:
+        ax, ay = 1.0, 0.0
+    bx, by, bz = -hz * ay, hz * ax, hx * ay - hy * ax
+    r = math.sqrt(u)
+    c, s = turn(v)
+    p, q = r * c, r * s
+    s = 0.5 * (1.0 + hz)
+    q = (1.0 - s) * math.sqrt(max(0.0, 1.0 - p * p)) + s * q
+    n = math.sqrt(max(0.0, 1.0 - p * p - q * q))
+    mx, my, mz = p * ax + q * bx + n * hx, p * ay + q * by + n * hy, q * bz + n * hz
+    mx, my, mz = alpha * mx, alpha * my, max(1e-12, mz)
+    inverse = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+    mx, my, mz = mx * inverse, my * inverse, mz * inverse
+    twice = 2.0 * (x * mx + y * my + z * mz)
+    ox, oy, oz = twice * mx - x, twice * my - y, twice * mz - z
+    if oz <= 1e-9:
+        return (ox, oy, oz), 0.0
+    lambda_in = _lambda(alpha, z)
+    return (ox, oy, oz), (1.0 + lambda_in) / (1.0 + lambda_in + _lambda(alpha, oz))
+
+
+@njit(**INLINED)
+def evaluate_ggx(incoming, outgoing, alpha):
+    """GGX BRDF without Fresnel factor, sr^-1, for two local directions: D G2 / (4 cos cos)."""
+    (ix, iy, iz), (ox, oy, oz) = incoming, outgoing
+    if iz <= 1e-9 or oz <= 1e-9:
+        return 0.0
+    mx, my, mz = ix + ox, iy + oy, iz + oz
+    square = mx * mx + my * my + mz * mz
+    cos2 = mz * mz / square
+    alpha2 = alpha * alpha
+    d = cos2 * (alpha2 - 1.0) + 1.0
+    return alpha2 / (math.pi * d * d * (1.0 + _lambda(alpha, iz) + _lambda(alpha, oz)) * 4.0 * iz * oz)
+
+
+@njit(**INLINED)
+def ggx_density(incoming, outgoing, alpha):
+    """Density, sr^-1, with which sample_ggx makes an outgoing local direction of an incoming one: G1 D / (4 cos) of the
+    incoming cosine (Heitz 2018, eq. 17)."""
+    (ix, iy, iz), (ox, oy, oz) = incoming, outgoing
+    if iz <= 1e-9 or oz <= 1e-9:
+        return 0.0
+    mx, my, mz = ix + ox, iy + oy, iz + oz
+    cos2 = mz * mz / (mx * mx + my * my + mz * mz)
+    alpha2 = alpha * alpha
+    d = cos2 * (alpha2 - 1.0) + 1.0
+    return alpha2 / (math.pi * d * d * (1.0 + _lambda(alpha, iz)) * 4.0 * iz)
+
+
+@lru_cache(maxsize=256)
+def ggx_albedo(alpha: float) -> np.ndarray:
+    """(ALBEDO_NODES,) float64 albedo of the GGX lobe of this width, see LobeTable; error about 1e-4."""
+    return _ggx_albedo(alpha, _ALBEDO_SAMPLES)
+
+
+@njit(cache=True, nogil=True)
+def _ggx_albedo(alpha, samples):
+    """Albedo of the GGX lobe, (ALBEDO_NODES,) float64, at cosines (i / (n - 1))^2: the mean weight of sample_ggx.
+
+    It falls below 1 where facets shadow each other; the surface emits what the lobe loses. samples: per axis.
+    """
+    albedo = np.empty(ALBEDO_NODES)
+    for i in range(ALBEDO_NODES):
+        z = max(1e-4, (i / (ALBEDO_NODES - 1.0)) ** 2)
+        x = math.sqrt(max(0.0, 1.0 - z * z))
+        total = 0.0
+        for j in range(samples):
+            g = 1.0 - (j + 0.5) / samples  # u = 1 - g^2: dense where facets stand steep and most is lost
+            for k in range(samples):
+                total += 2.0 * g * sample_ggx((x, 0.0, z), alpha, 1.0 - g * g, (k + 0.5) / samples)[1]
+        albedo[i] = total / (samples * samples)
+    return albedo
+
+
+@njit(**INLINED)
+def interpolate_albedo(albedo, row, cosine):
+    """Lobe albedo of a material (row of the table) at a cosine, linear between the nodes."""
+    position = math.sqrt(min(1.0, max(0.0, cosine))) * (ALBEDO_NODES - 1.0)
+    i = min(int(position), ALBEDO_NODES - 2)
+    t = position - i
+    return (1.0 - t) * albedo[row, i] + t * albedo[row, i + 1]
