@@ -20,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 
-from .geometry.surfaces import Geometry
 from .image.film import Film
 from .passes import render
 from .scene import Scene
@@ -107,13 +106,12 @@ def render_with_checkpoints(
     path: Path,
     interval: float,
     saved: Film | None = None,
-    image_copies: int = 0,
-    geometry: Geometry | None = None,
+    **options,
 ) -> Film:
     """Render as `render` does, and save the finished passes every `interval` seconds and when cancelled.
 
     saved: finished passes of this render (see `load`), to which the others are added; on_pass gets them first.
-    image_copies, geometry: as in `render`.
+    options: image_copies and geometry, as in `render`.
     A complete render removes its checkpoint. One that cannot be written during the render is a warning in the log.
     Raises OSError, before the first pass, if there is no way to write to path.
     """
@@ -140,7 +138,7 @@ def render_with_checkpoints(
         log.info("Going on after %d saved passes", saved.passes)
         if on_pass:
             on_pass(saved)
-    film = render(scene, settings, after_pass, cancelled, saved, image_copies, geometry)
+    film = render(scene, settings, after_pass, cancelled, saved, **options)
     if not cancelled():
         path.unlink(missing_ok=True)
     elif film.passes:

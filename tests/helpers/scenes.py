@@ -4,6 +4,7 @@
 import numpy as np
 
 from addon.solver import Camera, Scene, render
+from addon.solver.photons.emission import Batch
 from addon.solver.photons.transport import trace_photons
 
 _BOX_FACES = {  # quads seen from inside are back faces or front faces alike: both sides emit and reflect
@@ -101,9 +102,8 @@ def make_scene(vertices, triangles, temperature, materials, camera, band_edges, 
 
 def stored_photons(model, count, key=1, on_hits=None):
     """What a pass of so many photons stores: a list of Photons, one a bounce. on_hits: see trace_photons."""
-    m = model
-    tables = m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics
-    return list(trace_photons(*tables, np.uint64(key), 0, count, count, on_hits=on_hits))
+    batch = Batch(np.uint64(key), 0, count, count)
+    return list(trace_photons(model.tracer, model.stage, model.emitters, model.optics, batch, on_hits=on_hits))
 
 
 def pass_means(scene, settings):

@@ -141,7 +141,7 @@ def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
             u = v = 0.0
             if eye.lens_radius > 0.0:
                 u, v = scrambled(n, path, 2), scrambled(n, path, 3)
-            _put_eye_ray(eye, x + s, y + t, u, v, origin, direction, reach, row)
+            _put_eye_ray(eye, x + s, y + t, (u, v), origin, direction, reach, row)
             row += 1
 
 
@@ -151,12 +151,12 @@ def middle_rays(eye, pixels, origin, direction, reach):
     columns = eye.window[2] - eye.window[0]
     for i in range(pixels.size):
         x, y = eye.window[0] + pixels[i] % columns, eye.window[1] + pixels[i] // columns
-        _put_eye_ray(eye, x + 0.5, y + 0.5, 0.0, 0.0, origin, direction, reach, i)
+        _put_eye_ray(eye, x + 0.5, y + 0.5, (0.0, 0.0), origin, direction, reach, i)
 
 
 @njit(inline="always")
-def _put_eye_ray(eye, x, y, u, v, origin, direction, reach, row):
-    """Fill one ray: through the frame at (x, y), in pixels from its lower left, and point (u, v) of the lens.
+def _put_eye_ray(eye, x, y, lens, origin, direction, reach, row):
+    """Fill one ray: through the frame at (x, y), in pixels from its lower left, and the lens at two numbers in [0, 1).
 
     Origins far from the scene are moved to it in float64, as float32 would shift the view.
     """
@@ -165,7 +165,7 @@ def _put_eye_ray(eye, x, y, u, v, origin, direction, reach, row):
     fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * (y / eye.height)
     lx = ly = 0.0
     if eye.lens_radius > 0.0:
-        lx, ly = _lens_point(eye, u, v)
+        lx, ly = _lens_point(eye, *lens)
         lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
     if eye.kind == 0:
         ox, oy = lx, ly

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.mesh import SAME_SURFACE
 from ..geometry.point_tree import (
     WIDTH,
     PointTree,
@@ -24,10 +25,10 @@ from ..geometry.point_tree import (
     open_node,
     start_walk,
 )
-from ..geometry.surfaces import SAME_SURFACE, point, unit_normal
+from ..geometry.stage import reflectance_at, stored_at
 from ..physics.radiometry import NONE
 from ..system.kernels import KERNEL, njit
-from .wave import arrived
+from .wave import arrive, has_arrived
 
 DIMENSIONS = 5
 CELLS = 1024
@@ -134,61 +135,56 @@ def _cut(samples, squares, density, low, size, mass):
     return count
 
 
-class GatherPlaces(NamedTuple):
+class GatherTree(NamedTuple):
     """Where camera paths gather: tree over the points, whose leaves hold their normals too; squared radius, m2."""
 
     tree: PointTree
     radius2: float
 
 
-def build_gather_places(place: np.ndarray, facing: np.ndarray, radius2: float) -> GatherPlaces:
-    """place, facing: (r, 3) float64 points and normals. radius2: squared distance (m2) up to which a photon counts."""
-    points = place.astype(np.float32)
+def build_gather_tree(point: np.ndarray, normal: np.ndarray, radius2: float) -> GatherTree:
+    """point, normal: (r, 3) float64 points, m, and normals. radius2: squared distance (m2) up to which a photon
+    counts."""
+    points = point.astype(np.float32)
     order, to = morton_order(points), np.arange(len(points))
     leaves = empty_leaves(len(points), 6)
     leaves[to // WIDTH, :3, to % WIDTH] = points[order]
-    leaves[to // WIDTH, 3:, to % WIDTH] = facing[order]
-    return GatherPlaces(build_tree(leaves), radius2)
+    leaves[to // WIDTH, 3:, to % WIDTH] = normal[order]
+    return GatherTree(build_tree(leaves), radius2)
 
 
-def add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score):
+def add_scores(gather_tree: GatherTree, stage, hits, wave, score: np.ndarray) -> None:
     """Add to score (n,) what the photons of a wave leave where the image gathers, in proportion to its noise.
 
     That is the power they would reflect times the root of the number of gathers around: each adds to the variance.
     """
-    _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score, empty_walk())
+    _add_scores(gather_tree, stage, hits, wave, score, empty_walk())
 
 
 @njit(**KERNEL)
-def _add_scores(gathers, surfaces, radiometry, triangle, u, v, wave, score, walk):
-    for i in range(triangle.size):
-        t, pu, pv, dx, dy, dz = arrived(wave, i, triangle[i], u[i], v[i])
-        if t < 0:
+def _add_scores(gather_tree, stage, hits, wave, score, walk):
+    for i in range(hits.triangle.size):
+        if not has_arrived(wave, i, hits.triangle[i]):
             continue
-        material = surfaces.material[t]
-        if wave.direct[i] or radiometry.stores[material] == NONE:
+        at = arrive(stage.surfaces, hits, i, wave)
+        if wave.direct[i] or stored_at(stage, at) == NONE:
             continue
-        power = 0.0
-        for b in range(wave.power.shape[1]):
-            power += abs(wave.power[i, b]) * radiometry.reflectance[material, b]
-        nx, ny, nz = unit_normal(surfaces, t)
-        if dx * nx + dy * ny + dz * nz > 0.0:
-            nx, ny, nz = -nx, -ny, -nz
-        x, y, z = point(surfaces.corners, t, pu, pv)
-        around = _count(gathers, x, y, z, nx, ny, nz, walk)
-        score[wave.photon[i]] += power * math.sqrt(around)
+        rho, power = reflectance_at(stage, at), 0.0
+        for b in range(rho.size):
+            power += abs(wave.power[i, b]) * rho[b]
+        score[wave.photon[i]] += power * math.sqrt(_count(gather_tree, at, walk))
 
 
 @njit(inline="always")
-def _count(gathers, x, y, z, nx, ny, nz, walk):
-    """Number of gathers around a point that face the same way."""
-    tree, bound = gathers.tree, np.float32(gathers.radius2)
-    x, y, z = np.float32(x), np.float32(y), np.float32(z)
-    nx, ny, nz = np.float32(nx), np.float32(ny), np.float32(nz)
+def _count(gather_tree, at, walk):
+    """Number of gathers around an Interaction that face the same way."""
+    tree, bound = gather_tree.tree, np.float32(gather_tree.radius2)
+    x, y, z = np.float32(at.point[0]), np.float32(at.point[1]), np.float32(at.point[2])
+    nx, ny, nz = np.float32(at.normal[0]), np.float32(at.normal[1]), np.float32(at.normal[2])
     count = 0
     depth = start_walk(tree, walk)
     while depth > 0:
-        depth, children = open_node(tree, walk, depth, x, y, z, bound)
+        depth, children = open_node(tree, walk, depth, (x, y, z), bound)
         for c in range(children):
             p = tree.leaves[walk.stack[depth + c]]
             for j in range(WIDTH):

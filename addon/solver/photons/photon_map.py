@@ -7,6 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.area import (
+    PATCH_LIMIT,
+    Ball,
+    beyond,
+    in_slab,
+    is_cut_off,
+    is_small,
+    patch_in_ball,
+    region_area,
+)
+from ..geometry.mesh import SAME_SURFACE
 from ..geometry.point_tree import (
     FAR,
     WIDTH,
@@ -19,20 +30,10 @@ from ..geometry.point_tree import (
     open_node,
     start_walk,
 )
-from ..geometry.surfaces import (
-    SAME_SURFACE,
-    Surfaces,
-    beyond,
-    in_slab,
-    is_cut_off,
-    is_small,
-    layer_of,
-    longest_edge,
-    patch_in_ball,
-    region_area,
-    unit_normal,
-)
-from ..system.kernels import FAST_KERNEL, KERNEL, njit
+from ..geometry.surfaces import Surfaces, layer_of, sheet_of, unit_normal
+from ..geometry.triangles import longest_edge
+from ..sampling.vectors import difference, dot, vector
+from ..system.kernels import FAST_KERNEL, INLINED, KERNEL, njit
 
 MAX_PHOTONS = 2**31 - 1
 _GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
@@ -41,7 +42,7 @@ _GUESS = 1.3  # on the squared radius of the last search, for the next: small co
 class Photons(NamedTuple):
     """Stored hits of one pass, n of them.
 
-    position: (n, 3) float32, m. surface: (n,) int32, code 2 triangle + side. power: (n, b) float32, W per band.
+    position: (n, 3) float32, m. surface: (n,) int32, side_id. power: (n, b) float32, W per band.
     incoming: (n, 3) float32 unit vector back along the path for photons straight from a light (mirrors between count
         as straight), zeros for others; (0, 3) where the scene has no use for it.
     caustic: (n,) bool, whether it comes from a lamp or light by way of specular surfaces alone; (0,) without such.
@@ -117,12 +118,12 @@ def _fill_leaves(photons, plane, sheet, leaves):
     """Put positions, normals and sheets of sorted photons into the leaves."""
     for i in range(photons.surface.size):
         leaf, slot = i // WIDTH, i % WIDTH
-        code = photons.surface[i]
-        sign = np.float32(1.0 if code & 1 == 0 else -1.0)
+        side_id = photons.surface[i]
+        sign = np.float32(1.0 if side_id & 1 == 0 else -1.0)
         for axis in range(3):
             leaves[leaf, axis, slot] = photons.position[i, axis]
-            leaves[leaf, 3 + axis, slot] = sign * plane[code >> 1, axis]
-        leaves[leaf, 6, slot] = sheet[code >> 1, code & 1]
+            leaves[leaf, 3 + axis, slot] = sign * plane[side_id >> 1, axis]
+        leaves[leaf, 6, slot] = sheet[side_id >> 1, side_id & 1]
 
 
 @njit(cache=True, nogil=True)
@@ -174,7 +175,7 @@ def _coincident(position):
 
 
 def _merged(photons: Photons) -> Photons:
-    """Sorted photons, of which those in one place, on one side and of one layer are one.
+    """Sorted photons, of which those at one point, on one side and of one layer are one.
 
     k of them or more would leave estimates a disk that holds none: as one they are spread over the largest disk, and
     none of their power is lost. Where they came from differently, the first one's way stands for all.
@@ -212,12 +213,14 @@ def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap
 
 
 class Neighbours(NamedTuple):
-    """Room for one search: numbers and squared distances of candidates, room for a walk, and one value."""
+    """Room for one search: numbers and squared distances of candidates, room for a walk, one value, and the side_ids of
+    the triangles that a disk lies on (PATCH_LIMIT,)."""
 
     index: np.ndarray
     distance2: np.ndarray
     walk: Walk
     edge: np.ndarray
+    patch: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -228,7 +231,43 @@ def neighbours_room(k):
         np.empty(4 * k + 65 + WIDTH, np.float32),
         empty_walk(),
         np.empty(1, np.float32),
+        np.empty(PATCH_LIMIT, np.int32),
     )
+
+
+class Query(NamedTuple):
+    """What a search looks for: points around a point, m, of its sheet, that face the way of the normal. All float32."""
+
+    point: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    sheet: float
+
+
+@njit(**INLINED)
+def query_at(surfaces, side_id, point):
+    """The Query of a point on a side."""
+    n, sheet = unit_normal(surfaces, side_id), np.float32(sheet_of(surfaces, side_id))
+    return Query(_single(point), _single(n), sheet)
+
+
+@njit(**INLINED)
+def _single(a):
+    """A vector in float32."""
+    return np.float32(a[0]), np.float32(a[1]), np.float32(a[2])
+
+
+class Disk(NamedTuple):
+    """How a gather chooses its disk.
+
+    neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on the squared radius in this pass.
+    wall: (3,) floats, 1 / m, see Ball. only_caustic: whether only the photons of caustics count.
+    """
+
+    neighbours: int
+    reach2: float
+    shrink2: float
+    wall: tuple[float, float, float]
+    only_caustic: bool
 
 
 @njit(**KERNEL)
@@ -283,21 +322,22 @@ def _kth_smallest(values, count, k, top, edge):
 
 
 @njit(inline="always")
-def leaf_distances(leaf, sheet, x, y, z, nx, ny, nz, other, near):
-    """Squared distances, m2, of a leaf's points (see PhotonMap) from a point into near (WIDTH,) float32.
+def leaf_distances(leaf, query, other, near):
+    """Squared distances, m2, of a leaf's points (see PhotonMap) from a Query into near (WIDTH,) float32.
 
     `other` stands for those on other sheets and those that face another way. All are float32.
     """
+    (x, y, z), (nx, ny, nz) = query.point, query.normal
     for j in range(WIDTH):
         dx, dy, dz = leaf[0, j] - x, leaf[1, j] - y, leaf[2, j] - z
         cosine = leaf[3, j] * nx + leaf[4, j] * ny + leaf[5, j] * nz
         d2 = dx * dx + dy * dy + dz * dz
-        near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (leaf[6, j] == sheet) else other
+        near[j] = d2 if (cosine > np.float32(SAME_SURFACE)) & (leaf[6, j] == query.sheet) else other
 
 
 @njit(inline="always")
-def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
-    """List the photons of a sheet nearer than sqrt(bound) that face the normal's way, and some more, in room.
+def _search(photon_map, query, k, bound, room):
+    """List the photons of a Query that are nearer than sqrt(bound), and some more, in room.
 
     Returns how many, and the squared distance within which all are known: that of the k-th, or bound if fewer.
     """
@@ -306,15 +346,13 @@ def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
     limit = 4 * k + 64
     count = np.int64(0)  # a literal would be a type of its own
     depth = start_walk(tree, walk)
-    x, y, z = np.float32(x), np.float32(y), np.float32(z)
-    nx, ny, nz, sheet = np.float32(nx), np.float32(ny), np.float32(nz), np.float32(sheet)
     while depth > 0:
-        depth, children = open_node(tree, walk, depth, x, y, z, bound)
+        depth, children = open_node(tree, walk, depth, query.point, bound)
         for c in range(children - 1, -1, -1):
             if walk.apart[depth + c] >= bound:
                 continue
             leaf = walk.stack[depth + c]
-            leaf_distances(tree.leaves[leaf], sheet, x, y, z, nx, ny, nz, FAR, near)
+            leaf_distances(tree.leaves[leaf], query, FAR, near)
             for j in range(WIDTH):  # no branch: which photons lie inside is as good as random
                 index[count] = leaf * WIDTH + j
                 distance2[count] = near[j]
@@ -334,8 +372,8 @@ def _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room):
 
 
 @njit(inline="always")
-def gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, only_caustic, guess, room, patch):
-    """Find the photons around a point on one side of triangle t, and the surface area they fell on.
+def gather(photon_map, surfaces, side_id, point, disk, guess, room):
+    """Find the photons around a point on a side, and the surface area they fell on.
 
     The disk is that of the k-th neighbour, or of radius sqrt(reach2) where fewer than k photons lie in it, and then
     shrunk: r^2 = shrink2 r_k^2. Of k neighbours the k-th is left out. Both together estimate the density without bias:
@@ -343,75 +381,84 @@ def gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, onl
     Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball), and
     beside a wall that of this side of it.
 
-    wall: (3,) float32, 1 / m, see FreeSpace. only_caustic: list those of caustics alone. guess: squared radius to try
-    first; it changes the time, not the result.
+    disk: see Disk. guess: squared radius to try first; it changes the time, not the result.
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
     """
+    x, y, z = point
+    wx, wy, wz = disk.wall
     return _gather(
-        photon_map, surfaces, np.int64(t), np.int64(side), np.float64(x), np.float64(y), np.float64(z), wall, k,
-        np.float64(reach2), np.float64(shrink2), bool(only_caustic), np.float64(guess), room, patch,
+        photon_map, surfaces, np.int64(side_id), (np.float64(x), np.float64(y), np.float64(z)),
+        Disk(disk.neighbours, np.float64(disk.reach2), np.float64(disk.shrink2), (wx, wy, wz), bool(disk.only_caustic)),
+        np.float64(guess), room,
     )  # fmt: skip
 
 
 @njit(**FAST_KERNEL)
-def _gather(photon_map, surfaces, t, side, x, y, z, wall, k, reach2, shrink2, only_caustic, guess, room, patch):
+def _gather(photon_map, surfaces, side_id, point, disk, guess, room):
     """gather, with one type of each argument, whoever calls: so it is compiled once."""
-    corners, wall = surfaces.corners, (wall[0], wall[1], wall[2])
-    nx, ny, nz = unit_normal(surfaces, t, side)
-    sheet = surfaces.sheet[t, side]
-    limit = np.float32(reach2)
+    k, photons = disk.neighbours, photon_map.photons
+    query = query_at(surfaces, side_id, point)
+    limit = np.float32(disk.reach2)
     smallest = np.float32(1e-12) * limit  # photons that all coincide still get an area
-    bound = max(np.float32(min(guess, reach2)), smallest)
+    bound = max(np.float32(min(guess, disk.reach2)), smallest)
     while True:
-        count, r2 = _search(photon_map, sheet, k, x, y, z, nx, ny, nz, bound, room)
+        count, r2 = _search(photon_map, query, k, bound, room)
         if count >= k or bound >= limit:
             break
         bound = min(np.float32(4.0) * bound, limit)
     next_guess = _GUESS * r2
-    disk2 = max(np.float32(shrink2 * r2), smallest)
-    members, area = patch_in_ball(corners, surfaces.neighbours, t, side, x, y, z, np.float64(disk2), wall, patch)
+    disk2 = max(np.float32(disk.shrink2 * r2), smallest)
+    ball = Ball(point, np.float64(disk2), disk.wall)
+    members, area = patch_in_ball(surfaces, side_id, ball, room.patch)
     if members == 0:  # a mesh much finer than the disk
-        area = region_area(surfaces, t, side, x, y, z, np.float64(disk2), wall, room.walk)
+        area = region_area(surfaces, side_id, ball, room.walk)
     if area <= 0.0:  # at a wall's foot float32 puts points beyond the rim, where nothing lies before the wall
         return 0, math.pi * disk2, next_guess
-    index, codes = room.index, photon_map.photons.surface
+    index = room.index
     near = 0
     for i in range(count):  # no branch here and below: the order is as good as random
         index[near] = index[i]
         near += 1 if room.distance2[i] < disk2 else 0
-    if is_cut_off(wall, disk2):
+    if is_cut_off(disk.wall, disk2):
         before = 0
         for i in range(near):
-            p = photon_map.photons.position[index[i]]
+            way = difference(vector(photons.position, index[i]), point)
             index[before] = index[i]
-            before += 1 if beyond(wall, p[0] - x, p[1] - y, p[2] - z) <= 0.0 else 0
+            before += 1 if beyond(disk.wall, way) <= 0.0 else 0
         near = before
-    if only_caustic:
+    if disk.only_caustic:
         marked = 0
         for i in range(near):
             index[marked] = index[i]
-            marked += 1 if photon_map.photons.caustic[index[i]] else 0
+            marked += 1 if photons.caustic[index[i]] else 0
         near = marked
-    kept = 0
+    return _on_patch(photons, surfaces, side_id, ball, members, near, room), area, next_guess
+
+
+@njit(**FAST_KERNEL)
+def _on_patch(photons, surfaces, side_id, ball, members, near, room):
+    """Keep those of the first `near` photons in room.index that lie on the patch whose area is counted, of so many
+    members; returns their number."""
+    index, patch, surface, kept = room.index, room.patch, photons.surface, 0
     if members == 1:
         for i in range(near):
             index[kept] = index[i]
-            kept += 1 if codes[index[i]] == patch[0] else 0
-        return kept, area, next_guess
+            kept += 1 if surface[index[i]] == patch[0] else 0
+        return kept
+    sheet, n = sheet_of(surfaces, side_id), unit_normal(surfaces, side_id)
+    disk2 = np.float32(ball.radius2)
     for i in range(near):
-        photon = index[i]
-        code, inside = codes[photon], False
+        photon, inside = index[i], False
         for j in range(members):
-            inside |= patch[j] == code
-        if members == 0 and surfaces.sheet[code >> 1, code & 1] == sheet:
-            p = photon_map.photons.position[photon]
-            height = (p[0] - x) * nx + (p[1] - y) * ny + (p[2] - z) * nz
-            small = is_small(np.float32(longest_edge(corners, code >> 1)), disk2)
+            inside |= patch[j] == surface[photon]
+        if members == 0 and sheet_of(surfaces, surface[photon]) == sheet:
+            height = dot(difference(vector(photons.position, photon), ball.center), n)
+            small = is_small(np.float32(longest_edge(surfaces.corners, surface[photon] >> 1)), disk2)
             inside = in_slab(np.float32(height), disk2) if small else True
         if inside:
             index[kept] = photon
             kept += 1
-    return kept, area, next_guess
+    return kept
 
 
 @njit(**FAST_KERNEL)

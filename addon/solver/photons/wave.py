@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.interaction import interact, interact_at
+from ..sampling.vectors import scaled, vector
 from ..system.kernels import INLINED, njit
 
 LIT_BY_LIGHT, LIT_BY_LAMP = 1, 2
@@ -16,7 +18,7 @@ class Wave(NamedTuple):
     origin, direction: (n, 3) float32. power: (n, b) float32. photon: (n,) int64 number in the pass.
     direct: (n,) bool, on the way from a lamp or light, whose direct light is not the photons' task. chain: (n,) int8,
     LIT_BY_LIGHT or LIT_BY_LAMP where only specular reflections (of lights: only mirrors) lie between, else 0.
-    arrival: (n,) int32, code of the side that a photon from the surroundings arrives on if the way back to them (the
+    arrival: (n,) int32, side_id that a photon from the surroundings arrives on if the way back to them (the
     ray) is free; -1 for photons on their way. u, v: where on it. layer: (n,) uint8 as in Photons.
     """
 
@@ -49,12 +51,16 @@ def empty_wave(count: int, bands: int, layer: bool) -> Wave:
 
 
 @njit(**INLINED)
-def arrived(wave, i, t, u, v):
-    """Where ray i of a wave brings its photon, if it meets triangle t there (-1: none): the triangle, the place on it
-    and the photon's direction. Triangle -1 if it is gone: past the scene or, of one from the surroundings, as the way
-    back to them is not free.
-    """
-    dx, dy, dz = float(wave.direction[i, 0]), float(wave.direction[i, 1]), float(wave.direction[i, 2])
+def has_arrived(wave, i, triangle):
+    """Whether photon i is anywhere after its ray met a triangle, or none (-1): it is gone if it left the scene, and one
+    from the surroundings if the way back to them is not free."""
+    return (triangle >= 0) == (wave.arrival[i] < 0)
+
+
+@njit(**INLINED)
+def arrive(surfaces, hits, i, wave):
+    """The Interaction of photon i, which has arrived."""
     if wave.arrival[i] < 0:
-        return t, u, v, dx, dy, dz
-    return -1 if t >= 0 else wave.arrival[i] >> 1, wave.u[i], wave.v[i], -dx, -dy, -dz
+        return interact(surfaces, hits, i, wave)
+    u, v, back = wave.u[i], wave.v[i], scaled(vector(wave.direction, i), -1.0)
+    return interact_at(surfaces, wave.arrival[i] >> 1, u, v, back, hits.distance[i])

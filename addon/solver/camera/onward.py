@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where camera paths go next: by way of specular lobes, in the rays of final gathers, and on from the ends of these."""
+
+import numpy as np
+
+from ..geometry.interaction import interact, leave
+from ..geometry.stage import lobes_at, reflectance_at
+from ..photons.transport import MAX_SURVIVAL
+from ..physics.lobes import diffuse_share, is_specular, sample_diffuse, sample_specular
+from ..sampling.low_discrepancy import lattice_point
+from ..sampling.rng import path_key, uniform
+from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
+from .rays import largest_throughput
+from .streams import CONTINUING, DIMENSIONS, LOBE, SPLITTING, SURVIVAL
+
+_SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
+_WEAK = 1.0 / 16.0  # of a camera ray: roulette starts where its path carries less
+
+
+def follow(stage, bounce, samples, gathers, onward) -> int:
+    """Send on the rays that meet a specular surface, those of final gathers, and those that go on (see recall); returns
+    their number. samples: (pixels,), camera rays of each."""
+    shares = np.zeros(len(gathers.ray))  # of the rays of a final gather that those before had, of all groups
+    first = np.empty(len(gathers.ray), np.int64)  # of the rays of each
+    return _follow(stage, bounce, samples, gathers, onward, shares, first)
+
+
+@njit(**FAST_KERNEL)
+def _follow(stage, bounce, samples, gathers, onward, shares, first):
+    rays, hits, sent = bounce.rays, bounce.hits, 0
+    for i in range(hits.triangle.size):
+        if hits.triangle[i] >= 0:
+            at = interact(stage.surfaces, hits, i, rays)
+            if is_specular(lobes_at(stage, at)):
+                # of a final gather each ray carries little, so what counts is what the mirror leaves of that
+                full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
+                sent += _reflect_specularly(stage, at, bounce, i, full, onward, sent)
+            if bounce.goes_on[i] > 0.0:
+                _go_on(stage, at, bounce, i, onward, sent)
+                sent += 1
+    for g in range(first.size):  # those of a gather lie one behind the other, whichever rays of its group send them
+        first[g] = sent
+        sent += gathers.rays[g]
+    for i in range(hits.triangle.size):
+        g = gathers.of[i]
+        if g >= 0 and gathers.rays[g] > 0:
+            at = interact(stage.surfaces, hits, i, rays)
+            before = shares[g]
+            shares[g] += largest_throughput(rays.throughput[i], reflectance_at(stage, at))
+            part = before / gathers.carried[g], shares[g] / gathers.carried[g]
+            path = path_key(rays.path[gathers.ray[g]], SPLITTING + bounce.number)
+            _split(stage.surfaces, at, gathers, g, part, path, first[g], onward)
+    return sent
+
+
+@njit(inline="always")
+def _split(surfaces, at, gathers, g, part, path, first, onward):
+    """Send a ray's part of the rays of final gather g, cosine-distributed, as those from `first` on.
+
+    part: share of all rays that fall to rays before this one, without and with it, in [0, 1]: each gets those between,
+    by a random start for all (systematic resampling). The directions of all are points of one lattice, and those of a
+    ray points that follow one another. They add to the gather's row.
+    """
+    count = gathers.rays[g]
+    start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
+    for ray in range(_resampled(part[0], count, start), _resampled(part[1], count, start)):
+        u, v = lattice_point(ray, count, shift_u, shift_v)
+        direction = sample_diffuse(at.shading_normal, u, v)
+        _leave(surfaces, at, direction, gathers.row[g], path_key(path, 3 + ray), onward, first + ray)
+        onward.final[first + ray], onward.continued[first + ray] = True, False
+        onward.throughput[first + ray, :] = np.float32(gathers.contribution[g] / count)
+
+
+@njit(inline="always")
+def _resampled(share, count, start):
+    """How many of `count` fall to a share, start in [0, 1); all fall to all of it, whatever sums of shares round to."""
+    return min(count, int(share * count + start)) if share < 1.0 - 1e-9 else count
+
+
+@njit(inline="always")
+def _leave(surfaces, at, direction, pixel, path, onward, row):
+    leave(surfaces, at.side_id, at.point, direction, onward, row)
+    onward.pixel[row], onward.path[row] = pixel, path
+
+
+@njit(inline="always")
+def _go_on(stage, at, bounce, i, onward, sent):
+    """Send ray i of a final gather on in one diffuse direction, as ray `sent`."""
+    rays, rho, path = bounce.rays, reflectance_at(stage, at), path_key(bounce.rays.path[i], CONTINUING + bounce.number)
+    direction = sample_diffuse(at.shading_normal, uniform(path, 0), uniform(path, 1))
+    _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
+    onward.final[sent] = onward.continued[sent] = True
+    scale = np.float32(diffuse_share(lobes_at(stage, at)) * bounce.goes_on[i])
+    for b in range(rho.size):
+        onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * scale
+
+
+@njit(**FAST_INLINED)
+def _largest(throughput):
+    largest = np.float32(0.0)
+    for b in range(throughput.size):
+        largest = max(largest, throughput[b])
+    return float(largest)
+
+
+@njit(inline="always")
+def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
+    """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live, which
+    but after many bounces it does for sure if as much is left as `full`."""
+    rays, rho, lobes = bounce.rays, reflectance_at(stage, at), lobes_at(stage, at)
+    path, dimension = rays.path[i], DIMENSIONS * bounce.number
+    direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
+    scale = lobes.specular * weight
+    left = scale * largest_throughput(rays.throughput[i], rho)
+    survival = min(MAX_SURVIVAL if bounce.number >= _SURE else 1.0, left / full)
+    if left <= 0.0 or uniform(path, dimension + SURVIVAL) >= survival:
+        return 0
+    _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
+    onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
+    for b in range(rho.size):
+        onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
+    return 1

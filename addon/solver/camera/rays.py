@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Camera paths on their way, and what one bounce of them meets."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.segments import Hits
+from ..planning.antialiasing import MOST
+from ..planning.splitting import Splitting
+from ..sampling.rng import path_key
+from ..system.kernels import FAST_INLINED, KERNEL, njit
+
+
+class Estimate(NamedTuple):
+    """Choices of the radiance estimate in one pass.
+
+    neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on r^2 in this pass.
+    photons: whether passes have any, though one may store none. straight: whether rough lobes need photons straight
+    from lights.
+    splitting: what decides between photons and rays. layers: of the image (see layers).
+    """
+
+    neighbours: int
+    reach2: float
+    shrink2: float
+    photons: bool
+    straight: bool
+    splitting: Splitting
+    layers: int = 1
+
+
+class Rays(NamedTuple):
+    """Camera paths on their way, n of them, those of a pixel one behind the other.
+
+    origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32, row of the image that they add to.
+    path: (n,) uint64 key of the random numbers. final: (n,) bool, whether it is part of a final gather. continued: (n,)
+    bool, whether it goes on from the end of a ray of one.
+    """
+
+    origin: np.ndarray
+    direction: np.ndarray
+    throughput: np.ndarray
+    pixel: np.ndarray
+    path: np.ndarray
+    final: np.ndarray
+    continued: np.ndarray
+
+
+def empty_rays(count: int, bands: int) -> Rays:
+    """Room for count rays."""
+    return Rays(
+        np.empty((count, 3), np.float32),
+        np.empty((count, 3), np.float32),
+        np.empty((count, bands), np.float32),
+        np.empty(count, np.int32),
+        np.empty(count, np.uint64),
+        np.empty(count, np.bool_),
+        np.empty(count, np.bool_),
+    )
+
+
+@njit(**KERNEL)
+def start_paths(key, samples, pixels, rays):
+    """Camera rays carry an even share of their pixel."""
+    row = 0
+    for i in range(pixels.size):
+        for sample in range(samples[i]):
+            rays.pixel[row], rays.final[row], rays.continued[row] = i, False, False
+            rays.path[row] = path_key(key, MOST * pixels[i] + sample)
+            rays.throughput[row, :] = np.float32(1.0) / samples[i]
+            row += 1
+
+
+class Bounce(NamedTuple):
+    """One bounce of n rays: its number, from 0; the rays; what they hit.
+
+    near: (n,) bool, set for rays of final gathers that end too near to their start to recall (see NearDisks).
+    goes_on: (n,) float32, the factor on the throughput of those that go on from there, 0 for the others.
+    """
+
+    number: int
+    rays: Rays
+    hits: Hits
+    near: np.ndarray
+    goes_on: np.ndarray
+
+
+class Rows(NamedTuple):
+    """What rays add to: the pixels of a tile, and behind them rows for what final gathers meet.
+
+    image: (rows, layers * b) float32, W m-2 sr-1. closeness: (rows,) float64, sum of 1 / m to what final rays meet.
+    """
+
+    image: np.ndarray
+    closeness: np.ndarray
+
+
+@njit(**FAST_INLINED)
+def largest_throughput(throughput, rho):
+    """Largest throughput of any band after a reflection."""
+    largest = np.float32(0.0)
+    for b in range(rho.size):
+        largest = max(largest, throughput[b] * rho[b])
+    return float(largest)

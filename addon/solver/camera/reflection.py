@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What surfaces reflect: gathers ask the photons around them, the ends of final gathers recall what the cache knows,
+and shadow rays bring the light of lamps and of the surroundings."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.free_space import FreeSpace, largest_disk, wall_of
+from ..geometry.interaction import interact
+from ..geometry.point_tree import empty_walk
+from ..geometry.stage import lobes_at, reflectance_at
+from ..geometry.surfaces import sheet_of
+from ..photons.irradiance_cache import recalled
+from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
+from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
+from ..planning.pilot import SKY_RAYS
+from ..planning.splitting import gather_chance, recall_chance
+from ..sampling.rng import uniform
+from ..sampling.vectors import dot, vector
+from ..system.kernels import FAST_KERNEL, njit
+from .gathers import Gathers, empty_gathers, first_gathers
+from .rays import largest_throughput
+from .shadow_rays import CANDIDATES, LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
+from .streams import LAMP_NUMBERS, LAMPS, RECALLING
+
+_FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
+
+
+class Asking(NamedTuple):
+    """Gathers that ask the photons around them: which, the free space around each, and whether they are ends of final
+    gathers, which recall their irradiance if they can, or all others among them."""
+
+    gathers: Gathers
+    space: FreeSpace
+    are_ends: bool
+
+
+def reflect(stage, photon_map, estimate, bounce, asking, image) -> None:
+    """Add to the image what the photons around gathers reflect. asking: see Asking."""
+    rooms = neighbours_room(estimate.neighbours), np.empty(image.shape[1])
+    _reflect(stage, photon_map, estimate, bounce, asking, image, rooms)
+
+
+@njit(**FAST_KERNEL)
+def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
+    (room, value), guess, (gathers, space, are_ends) = rooms, estimate.reach2, asking
+    rays, photons = bounce.rays, photon_map.photons
+    for g in range(gathers.ray.size):
+        i = gathers.ray[g]
+        only_caustic = gathers.rays[g] > 0  # of those that send rays, which find all else
+        if only_caustic and photons.caustic.size == 0:
+            continue
+        at = interact(stage.surfaces, bounce.hits, i, rays)
+        lobes, rho, out = lobes_at(stage, at), reflectance_at(stage, at), image[rays.pixel[i]]
+        by_lobe = is_glossy(lobes) and estimate.straight and not are_ends
+        is_diffuse = lobes.flags & DIFFUSE != 0 and rays.final[i] == are_ends
+        if not (is_diffuse or by_lobe):
+            continue
+        reach2 = largest_disk(space.radius2[g], estimate)
+        disk = Disk(estimate.neighbours, reach2, estimate.shrink2, wall_of(space, g), only_caustic)
+        kept, area, guess = gather(photon_map, stage.surfaces, at.side_id, at.point, disk, guess, room)
+        if kept == 0:
+            continue
+        if is_diffuse:
+            irradiance(photon_map, room, kept, area, value)
+            scale = gathers.weight[g] * diffuse_share(lobes) / math.pi
+            for layer in range(estimate.layers):
+                first = layer * rho.size
+                for b in range(rho.size):
+                    out[first + b] += rays.throughput[i, b] * rho[b] * scale * value[first + b]
+        if by_lobe:
+            scale = gathers.weight[g] * lobes.specular / area
+            _add_straight(stage, photons, room.index[:kept], at, scale, rays.throughput[i], out)
+
+
+@njit(inline="always")
+def _add_straight(stage, photons, index, at, scale, throughput, out):
+    """Reflect photons straight from lights in a rough lobe: lights are not there for a camera path to hit."""
+    lobes, rho = lobes_at(stage, at), reflectance_at(stage, at)
+    for j in range(index.size):
+        photon = index[j]
+        towards = vector(photons.incoming, photon)
+        if dot(towards, at.normal) > 0.0:
+            f = evaluate_glossy(lobes, at, towards) * scale
+            for b in range(rho.size):  # lights add to the first layer
+                out[b] += throughput[b] * rho[b] * f * photons.power[photon, b]
+
+
+def recall(stage, cache, estimate, bounce, image) -> Gathers:
+    """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
+
+    Sets bounce.goes_on for those of them that go on. Returns those that have to ask photons, as gathers: ends far from
+    the cache's points, where there are few photons to count, and those that go on, for caustics alone, as rays bring
+    the rest.
+    """
+    lost = empty_gathers(len(bounce.hits.triangle))
+    return first_gathers(lost, _recall(stage, cache, estimate, bounce, image, lost, empty_walk()))
+
+
+@njit(**FAST_KERNEL)
+def _recall(stage, cache, estimate, bounce, image, lost, walk):
+    rays, splitting, found = bounce.rays, estimate.splitting, 0
+    for i in range(bounce.hits.triangle.size):
+        if bounce.hits.triangle[i] < 0 or not rays.final[i]:
+            continue
+        at = interact(stage.surfaces, bounce.hits, i, rays)
+        rho, diffuse = reflectance_at(stage, at), diffuse_share(lobes_at(stage, at))
+        carried = diffuse * largest_throughput(rays.throughput[i], rho)
+        if carried == 0.0:
+            continue
+        sheet = sheet_of(stage.surfaces, at.side_id)
+        chance, choice = recall_chance(splitting, sheet, carried), uniform(rays.path[i], RECALLING + bounce.number)
+        if choice >= chance:
+            continue
+        if bounce.near[i]:
+            bounce.goes_on[i] = 1.0 / chance
+            lost.ray[found], lost.weight[found], lost.rays[found] = i, 1.0 / chance, 1
+            found += 1
+            continue
+        query = query_at(stage.surfaces, at.side_id, at.point)
+        known = recalled(cache, query, _FAR * estimate.shrink2 * estimate.reach2, walk)
+        out = image[rays.pixel[i]]
+        if known >= 0:
+            scale = np.float32(diffuse / (math.pi * chance))
+            for layer in range(estimate.layers):
+                first = layer * rho.size
+                for b in range(rho.size):
+                    out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
+            continue
+        chance = gather_chance(splitting, sheet, carried)
+        if choice < chance:
+            lost.ray[found], lost.weight[found] = i, 1.0 / chance
+            found += 1
+    return found
+
+
+def shadow_rays(stage, lighting, bounce, gathers) -> Shadows:
+    """The shadow rays of the gathers, to lamps and, from open sides, to the surroundings."""
+    bands = stage.radiometry.reference.size
+    shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
+    room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
+    sent = _send_shadows(stage, lighting, bounce, gathers, shadows, room)
+    return Shadows(*(column[:sent] for column in shadows))
+
+
+@njit(**FAST_KERNEL)
+def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
+    surroundings, rays, sky = lighting.surroundings, bounce.rays, False
+    for b in range(surroundings.radiance.size):
+        sky |= surroundings.radiance[b] != 0.0
+    sent = 0
+    for g in range(gathers.ray.size):
+        i = gathers.ray[g]
+        at = interact(stage.surfaces, bounce.hits, i, rays)
+        receiver = Receiver(
+            at, rays.throughput[i], gathers.weight[g], rays.path[i], LAMPS + LAMP_NUMBERS * bounce.number, rays.pixel[i]
+        )
+        if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.near[i]:
+            send_sky(surroundings, stage, receiver, shadows, sent)
+            sent += SKY_RAYS
+        if lighting.lamps.power > 0.0:
+            sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
+    return sent

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Direct light by shadow rays: to points on lamps and lights, and from open sides to the surroundings."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.interaction import Interaction, emit_at, leave
+from ..geometry.segments import transmit
+from ..geometry.stage import layer_at, lobes_at, reflectance_at, temperature_at
+from ..geometry.surfaces import clear_of
+from ..geometry.triangles import CLEAR, normal
+from ..photons.emission import Surroundings
+from ..photons.lights import (
+    ELLIPSE,
+    RECTANGLE,
+    SPOT,
+    SUN,
+    area_light_normal,
+    area_light_point,
+    spot_brightness,
+)
+from ..physics.lobes import diffuse_share, evaluate_glossy, is_glossy
+from ..physics.radiometry import excess
+from ..planning.lamps import Lamps
+from ..planning.pilot import SKY_RAYS
+from ..sampling.rng import path_key, uniform
+from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
+from ..sampling.warps import cone_direction, cosine_stratum, to_world, triangle_point
+from ..system.kernels import KERNEL, njit
+
+_SIDE = math.isqrt(SKY_RAYS)  # strata of the rays to the surroundings, on each side of a square
+POINTS = 4096  # on lamps, in one pass
+CANDIDATES = 32  # of them that compete for a shadow ray
+
+
+class LampPoints(NamedTuple):
+    """Points on lamps in proportion to power, n of them in the order of the lamps, for one pass.
+
+    position, normal: (n, 3) float64; for suns the direction towards them instead of a position, and no normal for
+    points of no extent. entry: (n,) int32, of the lamp. u, v: (n,) float64, on a triangle.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    entry: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+
+class Lighting(NamedTuple):
+    """Where rays find light of themselves in one pass: what they see, and what shadow rays are sent to."""
+
+    surroundings: Surroundings
+    lamps: Lamps
+    points: LampPoints
+
+
+@njit(cache=True, nogil=True)
+def lamp_points(lamps, surfaces, key):
+    """The POINTS lamp points of a pass. key: of the pass's lamps."""
+    count = POINTS if lamps.power > 0.0 else 0
+    points = LampPoints(
+        np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, np.int32), np.zeros(count), np.zeros(count)
+    )
+    last = lamps.cumulative.size - 2
+    entry = 0
+    for i in range(count):
+        path = path_key(key, i)
+        pick = (i + uniform(path, 0)) / count
+        while entry < last and lamps.cumulative[entry + 1] <= pick:
+            entry += 1
+        points.entry[i] = entry
+        s, w = uniform(path, 1), uniform(path, 2)
+        if entry < lamps.side_id.size:
+            u, v = triangle_point(s, w)
+            at = emit_at(surfaces, lamps.side_id[entry], u, v, 1.0)
+            put_vector(clear_of(surfaces, at.side_id, at.point), points.position, i)
+            put_vector(at.normal, points.normal, i)
+            points.u[i], points.v[i] = u, v
+        else:
+            position, n = _light_point(lamps.lights, entry - lamps.side_id.size, s, w)
+            put_vector(position, points.position, i)
+            put_vector(n, points.normal, i)
+    return points
+
+
+@njit(inline="always")
+def _light_point(lights, light, s, w):
+    """Point on a light and the normal there, by two numbers in [0, 1): see LampPoints."""
+    if lights.kind[light] == SUN:
+        towards = to_world(cone_direction(s, w, lights.cos_cone[light]), vector(lights.axis, light))
+        return scaled(towards, -1.0), (0.0, 0.0, 0.0)
+    if lights.kind[light] in (RECTANGLE, ELLIPSE):
+        return area_light_point(lights, light, s, w), area_light_normal(lights, light)
+    n, radius = (0.0, 0.0, 0.0), lights.radius[light]  # a sphere of even radiance, or a point
+    if radius > 0.0:
+        n = cone_direction(s, w, -1.0)
+    return moved(vector(lights.position, light), radius, n), n
+
+
+@njit(inline="always")
+def _received(lighting, i, at):
+    """Irradiance at an Interaction from lamp point i, if nothing hides it, m-2, for 1 W of power of its lamp."""
+    lamps, points = lighting.lamps, lighting.points
+    lights, light = lamps.lights, points.entry[i] - lamps.side_id.size
+    position, n = vector(points.position, i), vector(points.normal, i)
+    kind = lights.kind[light] if light >= 0 else RECTANGLE
+    if kind == SUN:
+        return max(0.0, dot(position, at.normal)) / (math.pi * lights.scene_radius * lights.scene_radius)
+    way = difference(position, at.point)
+    d2 = dot(way, way)
+    cos_hit, cos_lamp = dot(way, at.normal), -dot(way, n)  # both cosines times the distance
+    if cos_hit <= 0.0:
+        return 0.0
+    if kind in (RECTANGLE, ELLIPSE):
+        return max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
+    inverse = 1.0 / math.sqrt(d2)
+    intensity = 1.0 / (2.0 * math.pi * (1.0 - lights.cos_cone[light]))
+    if kind == SPOT:
+        intensity *= spot_brightness(lights, light, -dot(way, vector(lights.axis, light)) * inverse)
+    if lights.radius[light] > 0.0:  # a sphere shows each direction the disk pi r^2 of its 4 pi r^2
+        intensity *= 4.0 * max(0.0, cos_lamp) * inverse
+    return intensity * cos_hit * inverse / d2
+
+
+class Shadows(NamedTuple):
+    """Shadow rays, n of them: origin, direction (n, 3), to the lamp where the ray's parameter is reach (n,); what
+    arrives in the pixel if nothing is between, radiance (n, b); all float32. pixel: (n,) int32. layer: (n,) uint8, of
+    the image (see layers).
+    """
+
+    origin: np.ndarray
+    direction: np.ndarray
+    reach: np.ndarray
+    radiance: np.ndarray
+    pixel: np.ndarray
+    layer: np.ndarray
+
+
+def empty_shadows(count: int, bands: int) -> Shadows:
+    """Room for count shadow rays."""
+    return Shadows(
+        np.empty((count, 3), np.float32),
+        np.empty((count, 3), np.float32),
+        np.empty(count, np.float32),
+        np.empty((count, bands), np.float32),
+        np.empty(count, np.int32),
+        np.empty(count, np.uint8),
+    )
+
+
+class Receiver(NamedTuple):
+    """Where a camera path asks for direct light.
+
+    at: the Interaction. throughput: (b,) float32 of the path so far, and weight, a factor on it. path: key of its
+    random numbers, which start at a dimension. pixel: row of the image.
+    """
+
+    at: Interaction
+    throughput: np.ndarray
+    weight: float
+    path: int
+    dimension: int
+    pixel: int
+
+
+class LampRoom(NamedTuple):
+    """Room for choosing a lamp point: weight (CANDIDATES,), value (b,), float64."""
+
+    weight: np.ndarray
+    value: np.ndarray
+
+
+@njit(inline="always")
+def send_shadow(lighting, stage, receiver, room, shadows, count):
+    """Choose a point on a lamp for a receiver and fill shadow ray `count`; returns 1, or 0 if no lamp shines there.
+
+    Of a few points, spread evenly over the lamps' power, one is chosen in proportion to the irradiance it would cause
+    (resampled importance sampling, Talbot et al. 2005): unbiased, and most of what is left to chance is whether
+    something is between.
+    """
+    lamps, points, value = lighting.lamps, lighting.points, room.value
+    at = receiver.at
+    i, total = _choose_point(lighting, receiver, room.weight)
+    if total <= 0.0:
+        return 0
+    position, chosen = vector(points.position, i), points.entry[i]
+    way, reach = difference(position, clear_of(stage.surfaces, at.side_id, at.point)), 1.0
+    distance = math.sqrt(dot(way, way))
+    probability = lamps.cumulative[chosen + 1] - lamps.cumulative[chosen]
+    factor = receiver.weight * total / (CANDIDATES * probability)
+    rho, lobes, light, layer = reflectance_at(stage, at), lobes_at(stage, at), chosen - lamps.side_id.size, 0
+    brdf = diffuse_share(lobes) / math.pi
+    if light < 0:
+        # camera paths find the lamp in the specular lobe themselves
+        cosine = abs(dot(way, vector(points.normal, i))) / distance
+        lamp = emit_at(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], cosine)
+        layer = layer_at(stage, lamp)
+        excess(stage.radiometry, lamp.material, temperature_at(stage, lamp), cosine, value)
+        factor *= 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] * math.pi
+    else:
+        for b in range(value.size):
+            value[b] = lamps.lights.power[light, b]
+        if lamps.lights.kind[light] == SUN:
+            scene_radius = lamps.lights.scene_radius
+            factor *= math.pi * scene_radius * scene_radius  # its power is per square metre
+            way, reach, distance = position, 1e37, 1.0
+        if is_glossy(lobes):
+            brdf += lobes.specular * evaluate_glossy(lobes, at, scaled(way, 1.0 / math.sqrt(dot(way, way))))
+    # so long a ray must end further from the lamp, or its own surface, or one that it is flush with, hides it
+    end = moved(way, CLEAR * distance, vector(points.normal, i))
+    _start(stage.surfaces, receiver, end, reach, layer, shadows, count)
+    for b in range(value.size):
+        shadows.radiance[count, b] = receiver.throughput[b] * rho[b] * (value[b] * brdf * factor)
+    return 1
+
+
+@njit(inline="always")
+def _choose_point(lighting, receiver, weight):
+    """The lamp point that a receiver asks, and the sum of what all candidates would cause: 0 if none shines there."""
+    stride = POINTS // CANDIDATES
+    offset = int(stride * uniform(receiver.path, receiver.dimension))
+    total = 0.0
+    for c in range(CANDIDATES):
+        total += _received(lighting, offset + stride * c, receiver.at)
+        weight[c] = total
+    pick = total * uniform(receiver.path, receiver.dimension + 1)
+    c = 0
+    while c < CANDIDATES - 1 and weight[c] <= pick:
+        c += 1
+    return offset + stride * c, total
+
+
+@njit(inline="always")
+def send_sky(surroundings, stage, receiver, shadows, count):
+    """Fill SKY_RAYS shadow rays from `count` on towards the surroundings, cosine-distributed and stratified."""
+    at, path = receiver.at, receiver.path
+    rho = reflectance_at(stage, at)
+    scale = receiver.weight * diffuse_share(lobes_at(stage, at)) / SKY_RAYS
+    for stratum in range(SKY_RAYS):
+        dimension = receiver.dimension + 2 + 2 * stratum
+        local = cosine_stratum(stratum, _SIDE, uniform(path, dimension), uniform(path, dimension + 1))
+        direction = to_world(local, at.shading_normal)
+        _start(stage.surfaces, receiver, direction, 1e37, surroundings.layer, shadows, count + stratum)
+        for b in range(rho.size):
+            radiance = surroundings.radiance[b] * scale
+            shadows.radiance[count + stratum, b] = receiver.throughput[b] * rho[b] * radiance
+
+
+@njit(inline="always")
+def _start(surfaces, receiver, direction, reach, layer, shadows, count):
+    leave(surfaces, receiver.at.side_id, receiver.at.point, direction, shadows, count)
+    shadows.reach[count] = reach
+    shadows.pixel[count], shadows.layer[count] = receiver.pixel, layer
+
+
+@njit(**KERNEL)
+def add_unshadowed(stage, hits, shadows, image):
+    """Add to the image (n, layers * b) what shadow rays bring that met nothing (triangle < 0)."""
+    bands = shadows.radiance.shape[1]
+    for i in range(hits.triangle.size):
+        if hits.triangle[i] < 0:
+            transmit(stage, shadows.origin[i], shadows.direction[i], hits.distance[i], shadows.radiance[i])
+            row, first = image[shadows.pixel[i]], bands * shadows.layer[i]
+            for b in range(bands):
+                row[first + b] += shadows.radiance[i, b]

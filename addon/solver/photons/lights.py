@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light objects for the kernels: points, spots, areas and suns. Nobody sees them, they only shine."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.triangles import CLEAR
+from ..physics.spectrum import band_radiance
+from ..sampling.vectors import cross, dot, moved, scaled, vector
+from ..sampling.warps import basis, cone_direction, cosine_direction, to_world, turn
+from ..scene import AreaLight, Light, PointLight, SpotLight, SunLight
+from ..system.kernels import INLINED, njit
+
+_SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
+POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
+
+
+class LightTable(NamedTuple):
+    """The lights of a scene, l of them.
+
+    kind: (l,) int32, POINT to SUN. position: (l, 3) float64, m, in solver coordinates. axis: (l, 3) float64, unit
+    direction in which spots and suns shine, for points any. half_u, half_v: (l, 3) float64, m, half axes of areas.
+    cos_cone: (l,) float64, cosine of half the angle of a spot's cone or a sun's disk, -1 for points. radius: (l,)
+    float64, m, of points and spots. blend: (l,) float64, width in cosine over which a spot fades at its rim. fullness:
+    (l,) float64, power in a spot's cone over that of one without a fading rim. power: (l, b) float64 W in each band; a
+    sun's is W m-2 across each of its directions. scene_radius: m, of a sphere around the origin that holds the scene.
+    """
+
+    kind: np.ndarray
+    position: np.ndarray
+    axis: np.ndarray
+    half_u: np.ndarray
+    half_v: np.ndarray
+    cos_cone: np.ndarray
+    radius: np.ndarray
+    blend: np.ndarray
+    fullness: np.ndarray
+    power: np.ndarray
+    scene_radius: float
+
+
+def build_light_table(lights: tuple[Light, ...], edges: np.ndarray, centre: np.ndarray, radius: float) -> LightTable:
+    """The table of some lights. edges: (b + 1,) um. centre: (3,) m, subtracted. radius: see LightTable.scene_radius."""
+    count = len(lights)
+    table = LightTable(
+        np.zeros(count, np.int32), *np.zeros((4, count, 3)), *np.zeros((4, count)), np.zeros((count, len(edges) - 1)),
+        radius,
+    )  # fmt: skip
+    for i, light in enumerate(lights):
+        table.power[i] = _flux(light) * light_spectrum(light, edges)
+        _put_shape(light, centre, table, i)
+    return table
+
+
+def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
+    """(b,) share of a light's total flux in each band: that of a blackbody at its temperature."""
+    total = _SIGMA * light.temperature**4
+    if total == 0.0:  # at 0 K, and where float64 cannot tell it from that
+        return np.zeros(len(edges) - 1)
+    return math.pi * band_radiance(edges, light.temperature) / total
+
+
+def light_totals(lights: LightTable) -> np.ndarray:
+    """(l,) float64 W of the lights over all bands, a sun's through the disk that holds the scene."""
+    return lights.power.sum(axis=1) * np.where(lights.kind == SUN, math.pi * lights.scene_radius**2, 1.0)
+
+
+def _flux(light: Light) -> float:
+    """W; of a sun W m-2 across each of the directions that it shines from, which reach a plane facing it aslant."""
+    if isinstance(light, SunLight):
+        mean_cosine = 0.5 * (1.0 + math.cos(0.5 * light.angle))
+        return light.irradiance / mean_cosine
+    return light.power
+
+
+def _put_shape(light: Light, centre: np.ndarray, table: LightTable, i: int) -> None:
+    """Fill row i of a table with the shape of a light."""
+    if isinstance(light, SunLight):
+        table.kind[i], table.axis[i] = SUN, np.asarray(light.direction) / np.linalg.norm(light.direction)
+        table.cos_cone[i] = math.cos(0.5 * light.angle)
+        return
+    position, facing, extent = np.asarray(light.position, np.float64) - centre, np.zeros(3), 0.0
+    if isinstance(light, AreaLight):
+        table.kind[i] = ELLIPSE if light.ellipse else RECTANGLE
+        table.half_u[i], table.half_v[i] = light.axis_u, light.axis_v
+        facing = np.cross(table.half_v[i], table.half_u[i])
+        extent = max(np.abs(table.half_u[i]).max(), np.abs(table.half_v[i]).max())
+        facing /= np.linalg.norm(facing)
+    elif isinstance(light, SpotLight):
+        table.kind[i], table.axis[i] = SPOT, np.asarray(light.direction) / np.linalg.norm(light.direction)
+        outer = math.cos(0.5 * light.cone_angle)
+        table.cos_cone[i], table.radius[i], table.blend[i] = outer, light.radius, (1.0 - outer) * light.blend
+        # mean of smoothstep over its own width is 1/2, so the cone holds this share of a full one
+        table.fullness[i] = 1.0 - 0.5 * light.blend
+        facing = table.axis[i]
+    elif isinstance(light, PointLight):
+        table.kind[i], table.cos_cone[i], table.radius[i] = POINT, -1.0, light.radius
+        table.axis[i] = (0.0, 0.0, 1.0)
+    # a light that is set flush into a ceiling is to shine into the room: clear of that plane, as rays' origins are
+    table.position[i] = position + CLEAR * (np.abs(position).max() + extent) * facing
+
+
+@njit(**INLINED)
+def area_light_point(lights, i, u, v):
+    """Point of an area light, even over its area."""
+    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
+    if lights.kind[i] == ELLIPSE:
+        r = math.sqrt(u)
+        a, b = turn(v)
+        a, b = r * a, r * b
+    return moved(moved(vector(lights.position, i), a, vector(lights.half_u, i)), b, vector(lights.half_v, i))
+
+
+@njit(**INLINED)
+def area_light_normal(lights, i):
+    """Unit normal of an area light on the side that shines: along cross(half_v, half_u)."""
+    n = cross(vector(lights.half_v, i), vector(lights.half_u, i))
+    return scaled(n, 1.0 / math.sqrt(dot(n, n)))
+
+
+@njit(**INLINED)
+def spot_brightness(lights, i, cosine):
+    """Intensity of a spot light under an angle from its axis over that of an evenly lit cone of the same power."""
+    if cosine < lights.cos_cone[i]:
+        return 0.0
+    if lights.blend[i] <= 0.0:
+        return 1.0
+    t = min(1.0, (cosine - lights.cos_cone[i]) / lights.blend[i])
+    return t * t * (3.0 - 2.0 * t) / lights.fullness[i]
+
+
+@njit(**INLINED)
+def light_ray(lights, i, numbers):
+    """A ray that light i sends out, by four numbers in [0, 1): origin, unit direction, and the factor on its power (1
+    on average over what the light emits)."""
+    s0, s1, s2, s3 = numbers
+    kind, brightness = lights.kind[i], 1.0
+    if kind in (RECTANGLE, ELLIPSE):
+        return (
+            area_light_point(lights, i, s0, s1),
+            to_world(cosine_direction(s2, s3), area_light_normal(lights, i)),
+            brightness,
+        )
+    local = cone_direction(s0, s1, lights.cos_cone[i])
+    direction, origin = to_world(local, vector(lights.axis, i)), vector(lights.position, i)
+    if kind == SPOT:
+        brightness = spot_brightness(lights, i, local[2])
+    # A sphere (or the sun) seen from a direction is a disk: start anywhere on it
+    radius = lights.scene_radius if kind == SUN else lights.radius[i]
+    if radius > 0.0:
+        r, (p, q), (t, b) = radius * math.sqrt(s2), turn(s3), basis(direction)
+        origin = moved(moved(origin, r * p, t), r * q, b)
+    if kind == SUN:
+        origin = moved(origin, -1.01 * radius, direction)
+        brightness = math.pi * radius * radius
+    return origin, direction, brightness

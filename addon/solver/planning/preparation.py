@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a Scene to a Model: tables, emitters, and all that is learnt before the first pass.
+
+The order is that in which things depend on each other. The pilot follows grey paths and finds what the image can depend
+on; from that follow the reference temperature, hence what emits how much, hence the lamps and the photons' chances; a
+few trial photons then say where photons are needed, and a survey of the pixels what to spend on each.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.eye import Eye, build_eye
+from ..geometry.segments import Tracer
+from ..geometry.stage import Stage
+from ..geometry.surfaces import Geometry, build_surfaces, sheet_count
+from ..geometry.triangles import areas, scene_radius
+from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, chosen_numbers, side_power
+from ..photons.guide import GatherTree, add_scores, build_gather_tree, build_guide
+from ..photons.irradiance_cache import VisiblePoints
+from ..photons.lights import build_light_table
+from ..photons.photon_map import Photons, PhotonStore
+from ..photons.transport import Optics, trace_photons
+from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
+from ..physics.lobes import GLOSSY, SPECULAR
+from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
+from ..physics.sensors import band_weights
+from ..sampling.rng import LAMP_CHOICE, PILOT, SHEETS, SURVEY, TRIAL, pass_key
+from ..scene import Scene
+from ..settings import Settings
+from .antialiasing import choose_samples, least_price
+from .lamps import Lamps, build_lamps, choose_lamps
+from .pilot import explore, gather_reach
+from .reference import Sources, choose_reference, gather_sources, typical_source
+from .sheets import Excess, Gathering, Trial, dark_sheets, measure_sheets
+from .splitting import Splitting, most_rays, plan_splitting
+from .survey import survey_pixels
+
+log = logging.getLogger(__name__)
+
+_TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
+_KNOWN = 512  # photons that mattered, after which no larger trial is made
+_PLAN_PHOTONS = 8192
+_ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
+_WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refined
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene made ready to render.
+
+    samples: (pixels,) uint16, rays of every pixel in a pass. reach2: m2, squared radius of the largest disk. visible:
+    where camera paths gather. splitting: None without photons. reference_temperature: K. weights: (b,) response of the
+    sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers, b) by which
+    their bands count in what the sensor sees. hits_per_photon: that are stored, of trial photons. rays_per_pixel: that
+    are under way at once, where most are.
+    """
+
+    tracer: Tracer
+    stage: Stage
+    emitters: Emitters
+    lamps: Lamps
+    optics: Optics
+    eye: Eye
+    samples: np.ndarray
+    reach2: float
+    visible: VisiblePoints
+    splitting: Splitting | None
+    reference_temperature: float
+    weights: np.ndarray
+    layers: tuple[Layer, ...]
+    layer_weights: np.ndarray
+    photons_per_pass: int
+    hits_per_photon: float
+    rays_per_pixel: float
+
+
+def prepare(
+    scene: Scene,
+    settings: Settings,
+    geometry: Geometry | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Model | None:
+    """Build what the passes need, and only what this scene needs; the log says what that is. None if it was cancelled.
+
+    geometry: of an earlier scene, kept if it is the same.
+    """
+    layers, layer = scene_layers(scene)
+    surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
+    radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)
+    eye = build_eye(scene.camera, centre, radius)
+    emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
+    grey = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1)))
+    pilot = explore(grey, tracer, eye, area)
+    sources = gather_sources(scene, surfaces, pilot, emissivity)
+    reference = _reference_temperature(settings, sources)
+    layers = trace_apart(layers, reference)
+    stage = _build_stage(scene, grey, layers, reference, typical_source(sources, scene.band_edges, reference))
+    power = side_power(stage, area)
+    lit = float(np.sum(pilot.importance * power / area))
+    lamp = choose_lamps(surfaces, tracer, power, pilot, lit, pass_key(0, LAMP_CHOICE, PILOT))
+    sky = sky_layer(scene, layers)
+    kelvin = layers[sky].traced if sky else scene.world_temperature
+    surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
+    lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
+    reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
+    emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamp)
+    lamps = build_lamps(emitters, surfaces, power, lamp)
+    optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
+    photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
+    reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
+    gathering = Gathering(reach2, settings.neighbours, photons)
+    _log_needs(scene, stage, reference if settings.reference_subtraction else None, photons)
+    if cancelled():
+        return None
+    excess, sheets, hits = Excess(surroundings, lamps.shines), dark_sheets(sheet_count(surfaces)), 0.0
+    if photons:
+        if len(pilot.point):
+            tree = build_gather_tree(pilot.point, pilot.normal, reach2)
+            emitters = learn_guide(tracer, stage, emitters, optics, tree, cancelled)
+        trial = trial_pass(tracer, stage, emitters, optics, cancelled)
+        hits = len(trial.side_id) / trial.photons
+        sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
+    survey = survey_pixels(
+        stage, tracer, excess, sheets, eye, scene.band_edges, pass_key(0, SURVEY, PILOT), settings.workers, cancelled
+    )
+    if cancelled():
+        return None
+    splitting = plan_splitting(sheets, survey, reach2, settings.neighbours, photons) if photons else None
+    price = max(splitting.price if splitting else 0.0, least_price(survey.variance))
+    samples = choose_samples(survey.variance, survey.unknown, price)
+    log.info("%.1f camera rays a pixel and pass", samples.mean())
+    weights = band_weights(scene.response, scene.band_edges)
+    rays = most_rays(splitting, samples, survey.unknown, reach2, settings.neighbours) if splitting else samples.max()
+    return Model(
+        tracer=tracer,
+        stage=stage,
+        emitters=emitters,
+        lamps=lamps,
+        optics=optics,
+        eye=eye,
+        samples=samples,
+        reach2=reach2,
+        visible=VisiblePoints(pilot.point, pilot.normal, pilot.side_id, np.cumsum(pilot.throughput)),
+        splitting=splitting,
+        reference_temperature=reference,
+        weights=weights,
+        layers=layers,
+        layer_weights=layer_factors(layers, scene.band_edges, reference) * weights,
+        photons_per_pass=photons,
+        hits_per_photon=hits,
+        rays_per_pixel=float(rays),
+    )
+
+
+def _reference_temperature(settings: Settings, sources: Sources) -> float:
+    """T0 in K, 0 for none; in float32 as surfaces' temperatures are, so that those that equal it emit no photons."""
+    if not settings.reference_subtraction:
+        return 0.0
+    given = settings.reference_temperature
+    return float(np.float32(choose_reference(sources) if given is None else given))
+
+
+def _build_stage(scene: Scene, grey: Stage, layers: tuple[Layer, ...], reference: float, weighting: float) -> Stage:
+    """The stage of the passes: the surfaces of the grey one at the temperatures that their layers are traced at.
+
+    reference: T0, K. weighting: K, temperature of what lights the surfaces.
+    """
+    surfaces = grey.surfaces
+    temperature = traced_temperature(surfaces.temperature, surfaces.layer, layers)
+    radiometry = build_radiometry(scene.materials, scene.band_edges, emission_range(temperature), weighting, reference)
+    return Stage(surfaces._replace(temperature=temperature), radiometry)
+
+
+def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps, layers: int) -> tuple[Optics, bool]:
+    """What hits of photons need, and whether any hit stores one."""
+    used = np.unique(stage.surfaces.material)
+    flags = stage.radiometry.lobes.flags[used]
+    caustic = lamps.power > 0 and bool(np.any(flags & (GLOSSY | SPECULAR)))
+    straight = bool(np.any(flags & GLOSSY)) and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
+    stored = stage.radiometry.stores[used]
+    widths = np.diff(scene.band_edges)
+    optics = Optics(
+        (widths / widths.sum()).astype(np.float32), settings.roulette == "POWER", straight, caustic, layers > 1
+    )
+    return optics, bool(np.any(stored == ALL) or (straight and np.any(stored == STRAIGHT)))
+
+
+def _log_needs(scene: Scene, stage: Stage, reference: float | None, photons: int) -> None:
+    """Tell what this scene needs. reference: K, None for no subtraction. photons: of a pass."""
+    used = np.unique(stage.surfaces.material)
+    flags = np.bitwise_or.reduce(stage.radiometry.lobes.flags[used])
+    log.info(
+        "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
+        len(stage.surfaces.corners),
+        scene.band_count,
+        len(used),
+        "rough specular" if flags & GLOSSY else "specular" if flags & SPECULAR else "diffuse",
+        len(scene.lights),
+        "off" if reference is None else f"{reference:g} K",
+        f"{photons} photons a pass"
+        if photons
+        else "no photons needed: nothing differs from the reference or nothing reflects diffusely",
+    )
+
+
+def photon_store(bands: int, optics: Optics) -> PhotonStore:
+    """Room for the photons of a pass."""
+    return PhotonStore(bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
+
+
+def trial_pass(
+    tracer: Tracer, stage: Stage, emitters: Emitters, optics: Optics, cancelled: Callable[[], bool]
+) -> Trial:
+    """What a pass of _PLAN_PHOTONS stores, to plan splitting by."""
+
+    def told(hits: Photons):
+        caustic = hits.caustic if optics.keep_caustic else np.zeros(len(hits.surface), np.bool_)
+        return hits.position, hits.surface, hits.power.sum(axis=1, dtype=np.float64), caustic
+
+    count = _PLAN_PHOTONS
+    batch = Batch(pass_key(0, len(_TRIAL_PHOTONS), TRIAL), 0, count, count)
+    nothing = photon_store(stage.radiometry.reference.size, optics).photons
+    batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled)
+    parts = zip(*map(told, itertools.chain([nothing], batches)), strict=True)
+    return Trial(count, *map(np.concatenate, parts))
+
+
+def learn_guide(
+    tracer: Tracer,
+    stage: Stage,
+    emitters: Emitters,
+    optics: Optics,
+    gather_tree: GatherTree,
+    cancelled: Callable[[], bool],
+) -> Emitters:
+    """The emitters with a guide towards what the image gathers, if photons of a few trial passes say that it helps."""
+    for trial, count in enumerate(_TRIAL_PHOTONS):
+        batch = Batch(pass_key(0, trial, TRIAL), 0, count, count)
+        score = np.zeros(count)
+
+        def add(hits, wave, score=score):
+            add_scores(gather_tree, stage, hits, wave, score)
+
+        for _ in trace_photons(tracer, stage, emitters, optics, batch, cancelled, add):
+            pass  # what they store is of no use
+        numbers, density = chosen_numbers(emitters.guide, batch.key, count)
+        guide, gain = build_guide(numbers, score * density * count, density)
+        mattered = np.count_nonzero(score)
+        log.info(
+            "%d of %d trial photons matter to the image; guide of %d cells, gain %.2f",
+            mattered, count, len(guide.density), gain,
+        )  # fmt: skip
+        if mattered > _ENOUGH * count:
+            break
+        if gain >= _WORTHWHILE:
+            emitters = emitters._replace(guide=guide)
+        if mattered > _KNOWN:
+            break
+    return emitters
