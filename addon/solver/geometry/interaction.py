@@ -55,11 +55,12 @@ def interact_at(surfaces, triangle, u, v, direction, length):
 
 
 @njit(**INLINED)
-def emit_at(surfaces, side_id, u, v):
-    """The Interaction of what a side emits at (u, v): as if a ray from right above met it there."""
+def emit_at(surfaces, side_id, u, v, cosine):
+    """The Interaction at (u, v) of a side that emits in a direction of this cosine. Nothing has come there, so the
+    incoming direction is that of the normal backwards and the distance 0."""
     n, triangle = unit_normal(surfaces, side_id), side_id >> 1
     at, material = point(surfaces.corners, triangle, u, v), surfaces.material[triangle]
-    return Interaction(triangle, side_id, at, n, n, material, u, v, scaled(n, -1.0), 1.0, 0.0)
+    return Interaction(triangle, side_id, at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
 
 
 @njit(**INLINED)
