@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random numbers as a function of (seed, pass, path, dimension): no state, so threads and order do not matter."""
 
-from enum import IntEnum
-
 import numpy as np
 
 from ..system.kernels import KERNEL, njit
@@ -13,20 +11,16 @@ _TO_UNIT = 2.0**-53
 # Streams of one pass: photons and camera paths never share a number.
 PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE = range(6)
 
-
-class Planning(IntEnum):
-    """Streams of what is planned before the first pass, each with its number in the place of a pass (see
-    planning_key)."""
-
-    PATHS = 0  # the pilot's camera paths
-    PROBES = 1  # rays from sides that no camera path met; two more rounds of them follow
-    PRICED_PIXELS = 7  # pixels whose camera rays are counted to find the best price
-    PIXELS = 8  # where the pilot's camera paths start
-    OPENNESS = 9  # rays that tell how much of the scene is open to the surroundings
-    SURVEY = 10  # rays that survey every pixel, and those of the final gathers that they try
-    LATTICES = 11  # rays that tell how even lattices of them are
-    LAMPS = 12  # shadow rays that tell which surfaces are lamps
-    PRICED_CELLS = 13  # cells whose gathers are counted to find the best price
+# Streams of what is planned before the first pass, the same for every seed: pass_key(0, one of these, PILOT).
+PATHS = 0  # the pilot's camera paths
+PROBES = 1, 2, 3  # rounds of rays from sides that no camera path met
+PRICED_PIXELS = 7  # pixels whose camera rays are counted to find the best price
+PATH_PIXELS = 8  # where the pilot's camera paths start
+OPENNESS = 9  # rays that tell how much of the scene is open to the surroundings
+SURVEY = 10  # rays that survey every pixel, and the rays of final gathers that are tried there
+SHEETS = 11  # lattices of rays that tell how even they are
+LAMP_CHOICE = 12  # shadow rays that tell which surfaces are lamps
+PRICED_CELLS = 13  # cells whose gathers are counted to find the best price
 
 
 @njit(**KERNEL)
@@ -47,11 +41,6 @@ def _pass_key(seed, index, stream):
 def pass_key(seed: int, index: int, stream: int) -> np.uint64:
     """Key of one stream of one pass. A numpy integer, so that kernels are compiled for one type of key."""
     return np.uint64(_pass_key(np.uint64(seed), np.uint64(index), np.uint64(stream)))
-
-
-def planning_key(stream: int) -> np.uint64:
-    """Key of one of the streams of Planning: the same for every seed, so that all runs of a scene plan alike."""
-    return pass_key(0, stream, PILOT)
 
 
 @njit(**KERNEL)
