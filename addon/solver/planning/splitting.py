@@ -31,7 +31,7 @@ NEAR = 0.05  # radius of that disk, over the harmonic mean distance of what the 
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
 _UNKNOWN = 64.0  # rays of a final gather that are foreseen where the survey tells of none
-_LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
+_LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light at each point
 _PIXELS, _CELLS = 4096, 1 << 16  # whose rays are counted to find the best price, at most
 _USUAL = 0.95  # share of the gathers by which is told what photons leave in the end
 _PRICES = np.geomspace(1e-4, 1e1, 31)  # tried, over that of photons alone
@@ -52,7 +52,7 @@ class Splitting(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """What rays from one place would meet, and how many gathers there are to share them: see Cells."""
+    """What rays from one point would meet, and how many gathers there are to share them: see Cells."""
 
     brightness: float
     ray_noise: float

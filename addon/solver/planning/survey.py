@@ -35,7 +35,7 @@ _FAINTEST = 0.05  # of the image's mean radiance: fainter pixels are taken to ha
 _AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
 _PRIOR = 32.0  # rays that the spread over a whole sheet is worth in a block: fewer, and what they missed would rule
 _DIMENSION = 1 << 16  # of the random numbers of a sample after its start, four for each surface
-_STEEP = 1.0  # cosine towards which surfaces' emission is asked for: what lobes emit at grazing angles is left out
+_HEAD_ON = 1.0  # cosine towards which surfaces' emission is asked for: what lobes emit at grazing angles is left out
 
 
 class Cells(NamedTuple):
@@ -180,10 +180,8 @@ def survey_pixels(
             unknown[chunk.pixels] = chunk.unknown
             gathers += chunk.gathers
             tried += chunk.tried
-    gathers, tried = (
-        _Gathers(*map(np.concatenate, zip(*gathers, strict=True))),
-        _Tried(*map(np.concatenate, zip(*tried, strict=True))),
-    )
+    gathers = _Gathers(*map(np.concatenate, zip(*gathers, strict=True)))
+    tried = _Tried(*map(np.concatenate, zip(*tried, strict=True)))
     sensitivity = _sensitivity(stage.radiometry.reference.sum() + mean, edges)
     cells = _cells(sheets, block, sensitivity, gathers, tried)
     variance *= sensitivity**2
@@ -407,7 +405,7 @@ def _see(stage, hits, rays, reflected, surroundings, hidden, seen, emitted):
         at = interact(stage.surfaces, hits, i, rays)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
         if not hidden[at.triangle, at.side_id & 1]:
-            seen[i] += emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _STEEP), emitted).sum()
+            seen[i] += emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _HEAD_ON), emitted).sum()
 
 
 @njit(**KERNEL)
