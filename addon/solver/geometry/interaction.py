@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
 from .surfaces import clear_of, facing_side, unit_normal
@@ -50,16 +52,17 @@ def interact_at(surfaces, triangle, u, v, direction, length):
     side_id = facing_side(surfaces, triangle, direction)
     n = unit_normal(surfaces, side_id)
     cosine = max(LEAST_COSINE, -dot(incoming, n))
-    at, material = point(surfaces.corners, triangle, u, v), surfaces.material[triangle]
-    return Interaction(triangle, side_id, at, n, n, material, u, v, incoming, cosine, length * norm)
+    at, material = point(surfaces.corners, triangle, u, v), np.int64(surfaces.material[triangle])
+    return Interaction(np.int64(triangle), side_id, at, n, n, material, u, v, incoming, cosine, length * norm)
 
 
 @njit(**INLINED)
-def emit_at(surfaces, side_id, u, v):
-    """The Interaction of what a side emits at (u, v): as if a ray from right above met it there."""
-    n, triangle = unit_normal(surfaces, side_id), side_id >> 1
-    at, material = point(surfaces.corners, triangle, u, v), surfaces.material[triangle]
-    return Interaction(triangle, side_id, at, n, n, material, u, v, scaled(n, -1.0), 1.0, 0.0)
+def emit_at(surfaces, side_id, u, v, cosine):
+    """The Interaction at (u, v) of a side that emits in a direction of this cosine. Nothing has come there, so the
+    incoming direction is that of the normal backwards and the distance 0."""
+    n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
+    at, material = point(surfaces.corners, triangle, u, v), np.int64(surfaces.material[triangle])
+    return Interaction(triangle, np.int64(side_id), at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
 
 
 @njit(**INLINED)

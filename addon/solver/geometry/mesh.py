@@ -63,7 +63,7 @@ def find_neighbours(triangles, first):
 
 @njit(cache=True, nogil=True)
 def _edge_keys(triangles, first):
-    """(3 m,) uint64 keys of the edges from corner i to i + 1, 3 t + i: the first vertices at their ends, in few bits."""
+    """(3 m,) uint64 keys of the edges from corner i to i + 1, 3 t + i: the vertices at their ends, in few bits."""
     bits = 1
     while first.size >> bits > 0:
         bits += 1

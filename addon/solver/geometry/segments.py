@@ -16,6 +16,18 @@ from embreex.rtcore_scene import EmbreeScene
 from ..system.kernels import INLINED, njit
 
 
+class RayBatch(NamedTuple):
+    """Rays, n of them: origin, direction (n, 3) float32."""
+
+    origin: np.ndarray
+    direction: np.ndarray
+
+
+def empty_ray_batch(count: int) -> RayBatch:
+    """Room for count rays."""
+    return RayBatch(*np.empty((2, count, 3), np.float32))
+
+
 class Hits(NamedTuple):
     """Where n rays meet triangles first.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..physics.lobes import lobes_of
+from ..physics.lobes import is_glossy, lobes_of
 from ..physics.radiometry import Radiometry, excess
 from ..system.kernels import FAST_INLINED, INLINED, njit
 from .surfaces import Surfaces, layer_of
@@ -24,7 +24,7 @@ class Stage(NamedTuple):
     radiometry: Radiometry
 
 
-@njit(**INLINED)
+@njit(inline="always")  # as it returns a row, see kernels
 def reflectance_at(stage, at):
     """(b,) float32 reflectance in each band."""
     return stage.radiometry.reflectance[at.material]
@@ -86,11 +86,17 @@ def nothing_emitted(bands: int, dtype: type = np.float32) -> Emitted:
     return Emitted(np.full(_SLOTS, -1, np.int32), np.empty(_SLOTS), np.empty((_SLOTS, bands), dtype), np.empty(bands))
 
 
-@njit(**FAST_INLINED)
+@njit(inline="always")
 def emission_at(stage, at, emitted):
     """(b,) radiance emitted towards where the ray came from, in excess of that at T0, W m-2 sr-1: a row of emitted,
     which stays as it is until the next question."""
-    kelvin, glossy = temperature_at(stage, at), stage.radiometry.lobes.alpha[at.material] > 0.0
+    return emitted.radiance[_emit_into_slot(stage, at, emitted)]
+
+
+@njit(**FAST_INLINED)
+def _emit_into_slot(stage, at, emitted):
+    """The slot of emitted that holds the emission at an Interaction now."""
+    kelvin, glossy = temperature_at(stage, at), is_glossy(lobes_at(stage, at))
     slot = (at.material + int(_PER_KELVIN * kelvin)) % _SLOTS
     if glossy or at.material != emitted.material[slot] or kelvin != emitted.kelvin[slot]:
         excess(stage.radiometry, at.material, kelvin, at.cosine, emitted.room)
@@ -98,4 +104,4 @@ def emission_at(stage, at, emitted):
         emitted.material[slot], emitted.kelvin[slot] = -1 if glossy else at.material, kelvin
         for b in range(emitted.room.size):
             emitted.radiance[slot, b] = emitted.room[b]
-    return emitted.radiance[slot]
+    return slot

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..sampling.vectors import dot
 from ..sampling.warps import cosine_direction, to_local, to_world, turn
 from ..scene import Material
 from ..system.kernels import INLINED, njit

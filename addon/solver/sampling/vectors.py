@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Vectors of three floats, as tuples that live in registers."""
 
+import numpy as np
+
 from ..system.kernels import INLINED, njit
 
 
 @njit(**INLINED)
 def vector(rows, i):
-    """Row i of (n, 3), float64."""
-    return float(rows[i, 0]), float(rows[i, 1]), float(rows[i, 2])
+    """Row i of (n, 3), float64 (numba's float() would keep float32)."""
+    return np.float64(rows[i, 0]), np.float64(rows[i, 1]), np.float64(rows[i, 2])
 
 
 @njit(**INLINED)

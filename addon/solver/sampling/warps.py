@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Warps: directions and points with a given density, made of numbers in [0, 1). Directions and normals have unit length."""
+"""Warps: directions and points with a given density, made of numbers in [0, 1). Directions have unit length."""
 
 import math
 
