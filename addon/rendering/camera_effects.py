@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..reading.scene_reader import as_shown, as_typed, read_band_edges, read_response
+from ..reading.bands import read_band_edges
+from ..reading.sensor import read_response
+from ..reading.settings import as_shown, as_typed
 from ..solver.image.detector import Detector, check_range, expose
 from ..solver.physics.sensors import band_weights
 from ..solver.scene import Camera, SceneError
@@ -70,7 +72,7 @@ class CameraEffects:
         return {"Camera Signal": signal, "Camera Temperature": temperature}
 
     def warning(self) -> str:
-        """What is to be said of the last images, or an empty text."""
+        """How many pixels of the last images were clipped, in words; an empty text if none were."""
         if not self.clipped:
             return ""
         x0, y0, x1, y1 = self.camera.pixels

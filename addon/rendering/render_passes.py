@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import bpy
 
 from ..output.description import BAND_UNIT
-from ..reading.scene_reader import SceneError, read_band_edges
+from ..reading.bands import read_band_edges
 from ..solver.physics.spectrum import band_names
+from ..solver.scene import SceneError
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def render_passes(scene, view_layer) -> list[RenderPass]:
 
 
 def register_passes(engine, scene, view_layer) -> None:
-    """Register the passes of the scene's bands; none if the bands are wrong, which panel and render report."""
+    """Register the passes of the scene's bands; none if the bands are wrong: the panel and the render report that."""
     try:
         passes = render_passes(scene, view_layer)
     except SceneError:
@@ -72,7 +73,7 @@ def register_passes(engine, scene, view_layer) -> None:
 def further_passes(scene, view_layer) -> list[RenderPass]:
     """The passes that a view layer has because its user asks for them.
 
-    What fills them is given to `final_render.RenderJob`; files take them as `description.FurtherImage`.
+    What fills them is given to `final_render.RenderJob`; files take them as `frame.FurtherImage`.
     """
     return [*data_passes(scene, view_layer).values(), *camera_passes(scene)]
 
@@ -88,7 +89,7 @@ def camera_passes(scene) -> list[RenderPass]:
 def data_passes(scene, view_layer) -> dict[str, RenderPass]:
     """The passes that show what the middle of each pixel sees first, by quantity, as far as they are asked for.
 
-    A quantity is one of `solver.first_hits.QUANTITIES`, or an index that `scene_reader.SurfaceReader` tells.
+    A quantity is one of `solver.camera.first_hits.QUANTITIES`, or an index that `surfaces.SurfaceReader` knows.
     """
     switches = ((view_layer, LAYER_SWITCHES), (scene.infrared, SCENE_SWITCHES))
     return {

@@ -22,12 +22,16 @@ from gpu_extras.presets import draw_texture_2d
 
 from ..heat_settings import read_scale
 from ..output.temperature_scale import TemperatureScale
-from ..reading.camera_reader import read_view
-from ..reading.scene_reader import SceneError, SurfaceReader, Warnings, read_contents, read_settings
-from ..solver import Camera, Film, Scene, Settings, render
+from ..reading.camera import read_view
+from ..reading.scene_reader import read_contents
+from ..reading.settings import read_settings
+from ..reading.surfaces import SurfaceReader
+from ..reading.warnings import Warnings
+from ..solver import Camera, Film, Scene, SceneError, Settings, render
 from ..solver.geometry.surfaces import Geometry, build_geometry
 from .coarse import coarser, hasty, steps
-from .final_render import thermal_picture, working_primaries
+from .live_pictures import Picture, viewports
+from .painting import thermal_picture, working_primaries
 
 log = logging.getLogger(__name__)
 
@@ -45,27 +49,6 @@ class Request:
     scale: TemperatureScale
     primaries: np.ndarray
     camera: Camera
-
-
-@dataclasses.dataclass(frozen=True)
-class Picture:
-    """pixels: (h, w, 4) float32, linear colours, row 0 at the bottom. step: screen pixels on each side of one of them.
-    origin: x and y of the lower left corner in the region, screen pixels.
-    temperature, noise: (h, w) float32 K, what was painted and its standard error. scale: that of the colours, fitted.
-    """
-
-    pixels: np.ndarray
-    step: int
-    origin: tuple[int, int]
-    temperature: np.ndarray
-    noise: np.ndarray
-    scale: TemperatureScale
-
-    def pixel_at(self, x: int, y: int) -> tuple[int, int] | None:
-        """(row, column) at a pixel of the region, or None outside."""
-        row, column = (y - self.origin[1]) // self.step, (x - self.origin[0]) // self.step
-        height, width = self.temperature.shape
-        return (row, column) if 0 <= row < height and 0 <= column < width else None
 
 
 def same(a, b) -> bool:
@@ -225,7 +208,7 @@ class Viewport:
         self._ask(context, depsgraph)
         engine.update_stats("", self._problem or self._render.status)
         picture = self.shown = self._render.picture if self._request is not None else None
-        _viewports[context.region.as_pointer()] = self
+        viewports[context.region.as_pointer()] = self
         if picture is None:
             return
         if picture is not self._drawn:
@@ -251,15 +234,6 @@ class Viewport:
         if not same(request, self._request):
             self._request = request
             self._render.submit(request)
-
-
-_viewports = weakref.WeakValueDictionary()  # a region as a pointer -> the Viewport that draws in it
-
-
-def picture_in(region) -> Picture | None:
-    """What a 3D viewport's region shows of this engine, if it does."""
-    viewport = _viewports.get(region.as_pointer())
-    return viewport and viewport.shown
 
 
 def _redraw_of(engine) -> Callable[[], None]:

@@ -11,24 +11,13 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy.types import Menu, Operator
 from bpy_extras.io_utils import ImportHelper
 
+from ...heat_settings import in_scene_unit
 from ...interface import temperature_property
 from ...output.temperature_scale import UNITS
 from ...properties import ROOM_TEMPERATURE, add_custom_property, initial_value
-from ...reading.surface_temperature import (
-    DOMAINS,
-    NAME,
-    SURFACE_TYPES,
-    check_writable,
-    image_channel,
-    in_scene_unit,
-    interpolate,
-    own_temperature,
-    read_values,
-    same_elements,
-    selected_meshes,
-    vertex_weights,
-    write_temperature,
-)
+from ...reading.arrays import read_values, same_elements
+from ...reading.objects import SURFACE_TYPES
+from ...reading.surface_temperature import DOMAINS, NAME, own_temperature
 from ...reading.temperature_fields import (
     TemperatureError,
     check_kelvin,
@@ -36,6 +25,14 @@ from ...reading.temperature_fields import (
     read_points,
     sample_image,
     spread,
+)
+from .temperature_sources import (
+    check_writable,
+    image_channel,
+    interpolate,
+    selected_meshes,
+    vertex_weights,
+    write_temperature,
 )
 
 UNIT_ITEMS = (
