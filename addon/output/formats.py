@@ -93,6 +93,8 @@ def write_file(file_format: str, path: Path, images: Mapping) -> None:
     """Write a frame. file_format: a key of FORMATS; images: the fields of FrameImages by name.
 
     Only OpenEXR has a place for `further` images; the other formats leave them out.
-    Raises OSError naming the path if it cannot be written, KeyError if there is no such format.
+    Raises OSError naming the path if it cannot be written, ValueError naming the format if there is none of this key.
     """
+    if file_format not in FORMATS:
+        raise ValueError(f"There is no file format '{file_format}', only {', '.join(FORMATS)}")
     FORMATS[file_format].write(path, FrameImages(**images))
