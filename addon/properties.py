@@ -87,8 +87,8 @@ def initial_value(id_block, key: str, scene) -> float | str:
 def set_custom_property(id_block, key: str, value: float | str | list[float]) -> None:
     """Set the custom property `key`, whatever it was before.
 
-    Blender refuses another type, and another number of points, where library overrides may change a property. In an
-    override it forgets those that are not told to be such when the file is opened again.
+    Where library overrides may change a property, Blender refuses values of another type or length, so the property is
+    removed first. In a library override Blender only keeps, in the file, properties that are marked as overridable.
     """
     try:
         id_block[key] = value
@@ -102,8 +102,8 @@ def set_custom_property(id_block, key: str, value: float | str | list[float]) ->
 def add_custom_property(id_block, key: str, value: float | str) -> None:
     """Set the custom property `key` to a number or a text, with its unit and tooltip.
 
-    Library overrides may change it. Of the emissivity they say so themselves: here it would fix the type to a number,
-    and scripts set a curve or a library material's name as well.
+    It is marked as one that library overrides may change. Not so the emissivity: the mark would fix its type to a
+    number, and it may also become a curve or the name of a library material.
     """
     set_custom_property(id_block, key, value if isinstance(value, str) else float(value))
     shown = dict(CUSTOM_PROPERTIES[key])

@@ -34,7 +34,7 @@ class RenderPass:
 _OBJECT_INDEX, _MATERIAL_INDEX = (
     ("Object Index", "Material Index") if bpy.app.version >= (5, 0, 0) else ("IndexOB", "IndexMA")
 )
-# What is seen first: the quantity, its switch in a view layer or in scene.infrared, and its pass.
+# Passes of what the middle of each pixel sees first: quantity -> (its switch in a view layer, its pass)
 LAYER_SWITCHES = {
     "depth": ("use_pass_z", RenderPass("Depth", "Z", "m")),
     "position": ("use_pass_position", RenderPass("Position", "XYZ", "m")),
@@ -42,6 +42,7 @@ LAYER_SWITCHES = {
     "object_index": ("use_pass_object_index", RenderPass(_OBJECT_INDEX, "X")),
     "material_index": ("use_pass_material_index", RenderPass(_MATERIAL_INDEX, "X")),
 }
+# Others: quantity -> (its switch in scene.infrared, its pass)
 SCENE_SWITCHES = {
     "surface_temperature": ("use_surface_temperature", RenderPass("Surface Temperature", unit="K")),
     "emissivity": ("use_emissivity", RenderPass("Emissivity")),
@@ -87,7 +88,7 @@ def camera_passes(scene) -> list[RenderPass]:
 
 
 def data_passes(scene, view_layer) -> dict[str, RenderPass]:
-    """The passes that show what the middle of each pixel sees first, by quantity, as far as they are asked for.
+    """The passes of what the middle of each pixel sees first, by quantity; those that the user asks for.
 
     A quantity is one of `solver.camera.first_hits.QUANTITIES`, or an index that `surfaces.SurfaceReader` knows.
     """

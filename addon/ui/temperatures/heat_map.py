@@ -63,7 +63,7 @@ def viewports(screen):
 
 
 def area_types(screen) -> str:
-    """What the keys of its viewports depend on: after areas are split or joined, a key may mean another one."""
+    """The types of a screen's areas. If they change, areas were split or joined, and the keys of viewports are void."""
     return " ".join(area.type for area in screen.areas)
 
 
@@ -96,7 +96,7 @@ def show_in(screen, low: float, high: float) -> None:
 
 
 def hide_in(screen) -> bool:
-    """Shade the viewports of a screen as before; plainly, and return False, if its areas are others than before."""
+    """Shade the viewports of a screen as before the map; if its areas have changed, plainly, and return False."""
     kept = screen[KEPT].to_dict()
     same_areas = kept.get("areas", area_types(screen)) == area_types(screen)
     for key, shading in viewports(screen):

@@ -287,7 +287,7 @@ class INFRARED_OT_temperature_from_points(SurfaceOperator, ImportHelper, Operato
 
 
 def _refuse_shared_meshes(context) -> None:
-    """Raise TemperatureError if selected objects share a mesh: they have places and temperatures of their own."""
+    """Raise TemperatureError if selected objects share a mesh: each has positions and temperatures of its own."""
     owners = {}
     for obj in context.selected_objects:
         if obj.type == "MESH" and owners.setdefault(obj.data, obj) != obj:
