@@ -9,7 +9,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
-from addon.ui.checks import scene_checks  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from run import ROOT  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
 

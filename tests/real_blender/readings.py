@@ -92,7 +92,7 @@ def in_viewport():
     overlay.show_axis_y = False
     space.region_3d.view_perspective = "CAMERA"
     space.shading.type = "RENDERED"
-    while (picture := spot_meter.live_picture(region)) is None or picture.noise is picture.temperature:
+    while (picture := heat_display.picture_in(region)) is None or picture.noise is picture.temperature:
         yield 0.1  # the noise is known after the second pass
     with bpy.context.temp_override(area=area, region=region):
         bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")
@@ -101,7 +101,7 @@ def in_viewport():
     yield 0.5
     screen, cursor = shown(region, "viewport"), spot_meter.Cursor
     place = region_2d_to_location_3d(region, space.region_3d, (cursor.x + 0.5, cursor.y + 0.5), (0, 0, 0))
-    picture = spot_meter.live_picture(region)
+    picture = heat_display.picture_in(region)
     fact("cursor", [cursor.x + region.x, cursor.y + region.y] == list(middle))
     fact("reading", spot_meter.live_reading(picture, cursor.x, cursor.y, heat_display.scene_unit(bpy.context.scene)))
     fact("truth", kelvin[int(place.y), int(place.x)])
@@ -124,8 +124,8 @@ def in_image_editor():
     space, region = area.spaces.active, hands.region_of(area)
     space.image, space.show_region_ui, space.show_gizmo = bpy.data.images["Render Result"], False, False
     bpy.context.scene.infrared.show_colour_bar = False
-    frame = spot_meter.finished()[1]["ViewLayer"]
-    colours = palette.display(frame.scale.colours(spot_meter.finished()[0]["ViewLayer"]["temperature"])).astype(int)
+    frame = spot_meter.finished_frames["ViewLayer"]
+    colours = palette.display(frame.scale.colours(spot_meter.finished_layers["ViewLayer"]["temperature"])).astype(int)
 
     def pixel_at(x, y):
         return spot_meter.pixel_at(*region.view2d.region_to_view(x, y), frame.size, frame.origin, colours.shape[:2])

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..solver.scene import Camera, SceneError
 
-WHOLE = np.array([[0.0, 0.0], [1.0, 1.0]])  # a border that is all of its frame
+WHOLE = np.array([[0.0, 0.0], [1.0, 1.0]])  # the border that encloses its whole frame
 
 
 def read_camera(depsgraph, obj, warnings) -> Camera:
@@ -51,11 +51,11 @@ def read_camera(depsgraph, obj, warnings) -> Camera:
 
 
 def read_view(depsgraph, space, region, view) -> Camera:
-    """The solver's camera for what a 3D viewport shows, one pixel for each of its own, with its render region.
+    """The solver's camera for what a 3D viewport shows: as many pixels as the viewport has, and its render region.
 
-    space, region, view: SpaceView3D, Region and RegionView3D. A camera's zoom, offset and shift in camera view are in
-    the view's matrices already. A panorama fills the camera's frame, as in Cycles, and nothing is around it; Blender's
-    own overlays lie as in a perspective.
+    space, region, view: SpaceView3D, Region and RegionView3D. The matrices of a view through a camera already contain
+    the camera's shift and the view's zoom and offset. A panorama fills the camera's frame, as in Cycles, and nothing is
+    shown around it; Blender draws its own overlays as in a perspective.
     """
     projection = np.array(view.window_matrix, dtype=np.float64)
     matrix = _rigid(np.linalg.inv(np.array(view.view_matrix, dtype=np.float64)))
@@ -64,9 +64,9 @@ def read_view(depsgraph, space, region, view) -> Camera:
     camera = through.evaluated_get(depsgraph).data if through is not None and through.type == "CAMERA" else None
     lens = _lens(depsgraph, camera, matrix, kind) if camera else {}
     frame, border = _projection_frame(projection, kind), _view_border(depsgraph.scene_eval, space, view, camera)
-    place = _frame_in_view(depsgraph.scene_eval, camera, projection) if camera else WHOLE
+    within = _frame_in_view(depsgraph.scene_eval, camera, projection) if camera else WHOLE
     if camera and camera.type == "PANO":
-        kind, frame = "PANORAMA", _frame_around(_panorama_frame(camera), place)
+        kind, frame = "PANORAMA", _extended_frame(_panorama_frame(camera), within)
         border = WHOLE if border is None else border
     start, end = (camera or space).clip_start, (camera or space).clip_end
     if kind == "ORTHOGRAPHIC" and not camera:  # as Blender, which also shows what is behind the view's centre
@@ -79,15 +79,16 @@ def read_view(depsgraph, space, region, view) -> Camera:
         matrix=matrix,
         kind=kind,
         frame=frame,
-        window=None if border is None else _whole_pixels(place[0] + border * (place[1] - place[0]), region),
+        window=None if border is None else _whole_pixels(within[0] + border * (within[1] - within[0]), region),
         clip=(start, end),
         **lens,
     )
 
 
 def _view_border(scene, space, view, camera) -> np.ndarray | None:
-    """The render region (2, 2) as `_border` has it: through a camera the render's border in its frame, else the
-    viewport's own; None renders all.
+    """The render region (2, 2) in shares of its frame, as `_border` returns it; None renders everything.
+
+    A view through a camera has the border of the render, other views have one of their own.
     """
     if view.view_perspective == "CAMERA":
         return _border(scene.render, "border") if camera and scene.render.use_border else None
@@ -101,11 +102,14 @@ def _frame_in_view(scene, camera, projection: np.ndarray) -> np.ndarray:
     return np.stack((corners.min(axis=0), corners.max(axis=0)))
 
 
-def _frame_around(frame: tuple[float, float, float, float], place: np.ndarray) -> tuple[float, float, float, float]:
-    """The frame (left, right, bottom, top) of a viewport in which a given one has a place as `_frame_in_view` says."""
+def _extended_frame(frame: tuple[float, float, float, float], within: np.ndarray) -> tuple[float, float, float, float]:
+    """The frame (left, right, bottom, top) of a whole viewport, from that of the camera in it.
+
+    within: (2, 2) corners of the camera's frame in the viewport, see `_frame_in_view`.
+    """
     low, high = np.reshape(frame, (2, 2)).T
-    size = (high - low) / (place[1] - place[0])
-    start = low - place[0] * size
+    size = (high - low) / (within[1] - within[0])
+    start = low - within[0] * size
     left, right, bottom, top = np.column_stack((start, start + size)).ravel().tolist()
     return left, right, bottom, top
 
@@ -118,7 +122,10 @@ def _whole_pixels(corners: np.ndarray, region) -> tuple[int, int, int, int]:
 
 
 def _border(owner, prefix: str) -> np.ndarray:
-    """(2, 2) lower left and upper right corner of a border, as shares of its frame."""
+    """(2, 2) lower left and upper right corner of a border, as shares of its frame.
+
+    owner, prefix: the data block with the border, and what the names of its four numbers begin with.
+    """
     return np.array([[getattr(owner, f"{prefix}_{end}_{axis}") for axis in "xy"] for end in ("min", "max")])
 
 
@@ -140,7 +147,7 @@ def render_window(render) -> tuple[int, int, int, int] | None:
 
 
 def _rigid(matrix: np.ndarray) -> np.ndarray:
-    """The matrix without its scale: as Blender, a camera does not zoom with its object."""
+    """The matrix without its scale: as in Blender, the scale of a camera object does not zoom."""
     result = matrix.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         result[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
@@ -148,7 +155,7 @@ def _rigid(matrix: np.ndarray) -> np.ndarray:
 
 
 def _projection_frame(projection: np.ndarray, kind: str) -> tuple[float, float, float, float]:
-    """(left, right, bottom, top) of the frame, from where the projection matrix maps to -1 and 1."""
+    """(left, right, bottom, top) of the frame: what the projection matrix maps to -1 and 1."""
     column, sign = (2, 1.0) if kind == "PERSPECTIVE" else (3, -1.0)
     left, right = (np.array([-1.0, 1.0]) + sign * projection[0, column]) / projection[0, 0]
     bottom, top = (np.array([-1.0, 1.0]) + sign * projection[1, column]) / projection[1, 1]
@@ -187,7 +194,7 @@ def _focus_distance(depsgraph, dof, matrix: np.ndarray) -> float:
     if dof.focus_object is None:
         return dof.focus_distance
     target = dof.focus_object.evaluated_get(depsgraph)
-    place = target.matrix_world
+    to_world = target.matrix_world
     if target.pose is not None and dof.focus_subtarget in target.pose.bones:
-        place = place @ target.pose.bones[dof.focus_subtarget].matrix
-    return float(abs((matrix[:3, 3] - np.array(place.translation)) @ matrix[:3, 2]))
+        to_world = to_world @ target.pose.bones[dof.focus_subtarget].matrix
+    return float(abs((matrix[:3, 3] - np.array(to_world.translation)) @ matrix[:3, 2]))

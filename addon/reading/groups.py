@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temperature groups of objects and the world, from their custom property `temperature_group`, a name."""
+"""Temperature groups: objects and worlds whose custom property `temperature_group` has the same name."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..solver.scene import SceneError
+from .objects import SURFACE_TYPES, layers_objects
+from .surface_temperature import object_temperatures
+from .world import layer_world, world_temperature
 
 KEY = "temperature_group"
 
@@ -19,25 +22,25 @@ def read_group(id_block, owner: str) -> str:
 
 
 class GroupReader:
-    """Gives groups their numbers, in the order in which they are met, and sees to it that each has one temperature."""
+    """Numbers groups in the order in which they are met, and makes sure that each has one temperature."""
 
     def __init__(self):
         self._members: dict[str, tuple[int, str, float]] = {}  # group -> number, its first member, K
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the groups, by number."""
+        """Names of the groups, by number."""
         return tuple(self._members)
 
     @property
     def temperatures(self) -> dict[str, float]:
-        """K, by group."""
+        """Temperature of each group, K, by its name."""
         return {name: kelvin for name, (_, _, kelvin) in self._members.items()}
 
     def number(self, id_block, owner: str, temperature: np.ndarray) -> int:
         """The number of the group that an object or the world is in, -1 for none.
 
-        owner: how messages name it. temperature: all that it has, K.
+        owner: how messages name it. temperature: its temperatures, K, of any shape.
         Raises SceneError if the temperature varies, or differs from that of others in the group.
         """
         name = read_group(id_block, owner)
@@ -56,3 +59,22 @@ class GroupReader:
                 "has one temperature"
             )
         return number
+
+
+def read_group_temperatures(scene, layer=None) -> dict[str, float]:
+    """The temperature (K) of each group that a scene's objects and worlds are in now, as the interface shows them.
+
+    layer: the view layer whose objects and world count; None is all that some view layer renders.
+    Raises SceneError if a temperature makes no sense, or differs within a group.
+    """
+    groups = GroupReader()
+    layers = [layer] if layer else list(scene.view_layers)
+    for obj in sorted(layers_objects(layers), key=lambda obj: obj.name_full):
+        if obj.type in SURFACE_TYPES and read_group(obj, f"Object '{obj.name}'"):
+            kelvin = object_temperatures(obj, scene.infrared.ambient_temperature)
+            groups.number(obj, f"Object '{obj.name}'", np.float32(kelvin))
+    worlds = dict.fromkeys(layer_world(scene, each) for each in layers)
+    worlds.pop(None, None)
+    for world in worlds:
+        groups.number(world, f"World '{world.name}'", np.float32([world_temperature(world)]))
+    return groups.temperatures
