@@ -27,9 +27,7 @@ from addon.solver import (
     Settings,
     SpotLight,
     SunLight,
-)
-from addon.solver import (
-    passes as render,
+    render,
 )
 from addon.solver.geometry.surfaces import CLEAR, areas
 from addon.solver.photons.emission import light_spectrum
