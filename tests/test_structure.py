@@ -2,6 +2,7 @@
 """Rules about the source that no other test would notice to be broken."""
 
 import ast
+import re
 import string
 import subprocess
 import sys
@@ -68,8 +69,8 @@ def test_kernels_are_made_where_they_are_kept(path):
 
 
 def test_kernels_are_kept_whoever_loads_them_first():
-    code = "from addon.solver import sorting, kernel_cache; print(sorting.radix_sort._cache.cache_path); "
-    code += "print(kernel_cache.kernel_folder()); import numba; print(numba.config.CACHE_DIR)"
+    code = "from addon.solver.geometry import sorting; print(sorting.radix_sort._cache.cache_path); "
+    code += "from addon.solver.system import kernel_cache; print(kernel_cache.kernel_folder()); import numba; print(numba.config.CACHE_DIR)"
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     place, folder, numbas_own = run.stdout.splitlines()
     assert Path(folder) in Path(place).parents and numbas_own != folder
@@ -133,3 +134,20 @@ def test_manifest_has_the_fixed_names():
 
 def test_manifest_leaves_wheels_to_the_build():
     assert not {"wheels", "platforms"} & set(MANIFEST)
+
+
+# How modules find each other
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_only_blenders_launcher_changes_where_python_looks_for_modules(path):
+    """Scripts run as modules, in the project's folder. Code in texts, for other processes, counts as well."""
+    changed = re.search(r"\bsys\.path\b|syspath[_]|addsite[d]ir", path.read_text(encoding="utf-8"))
+    assert bool(changed) == (name(path) == "tests/real_blender/launch.py")
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_no_source_imports_a_test_module(path):
+    """What tests share is in tests/helpers; here, too, code in texts counts."""
+    imported = r"^\s*(from|import)\s+(tests\.)?test_|^\s*from\s+tests\s+import\b.*\btest_"
+    assert not re.search(imported, path.read_text(encoding="utf-8"), re.MULTILINE)

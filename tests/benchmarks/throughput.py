@@ -19,9 +19,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from addon.solver import Material, Settings
+from addon.solver.camera import eye_paths
 from addon.solver.camera.eye_paths import Estimate, render_pixels
 from addon.solver.camera.lamps import lamp_points
-from addon.solver.geometry.eye import eye_paths
 from addon.solver.image.tiles import tiles
 from addon.solver.passes import PHOTON_CHUNK, cache_irradiance, prepare
 from addon.solver.photons.photon_map import PhotonStore, build_photon_map
