@@ -70,7 +70,8 @@ def test_kernels_are_made_where_they_are_kept(path):
 
 def test_kernels_are_kept_whoever_loads_them_first():
     code = "from addon.solver.geometry import sorting; print(sorting.radix_sort._cache.cache_path); "
-    code += "from addon.solver.system import kernel_cache; print(kernel_cache.kernel_folder()); import numba; print(numba.config.CACHE_DIR)"
+    code += "from addon.solver.system import kernel_cache; print(kernel_cache.kernel_folder()); "
+    code += "import numba; print(numba.config.CACHE_DIR)"
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     place, folder, numbas_own = run.stdout.splitlines()
     assert Path(folder) in Path(place).parents and numbas_own != folder
