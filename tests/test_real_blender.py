@@ -21,9 +21,9 @@ from addon.output.group_exr import write_group_exr
 from addon.solver.image.recombine import LayeredImage
 from addon.solver.physics import library
 from addon.solver.physics.layers import Layer
-from tests.helpers.real_blender import LAUNCHER, ROOT, WORK, blender, facts, module, needs_real_blender
+from docs.tools.paths import DEMO, ROOT
+from tests.helpers.real_blender import LAUNCHER, WORK, blender, facts, module, needs_real_blender
 
-DEMO = ROOT / "docs" / "demo" / "demo.blend"
 SMALL_WINDOW = "--window-geometry", 0, 100, 900, 800  # in the upper left corner of a screen of 1600 x 900
 
 pytestmark = needs_real_blender
