@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from numba import njit
-from test_photon_map import photon_map, square, triangle_under
 
 from addon.solver import Material
 from addon.solver.camera.eye_paths import Estimate
@@ -17,6 +16,7 @@ from addon.solver.photons.irradiance_cache import Places, build_irradiance_cache
 from addon.solver.planning.sheets import dark_sheets
 from addon.solver.planning.splitting import Splitting
 from addon.solver.planning.survey import Cells
+from tests.helpers.photon_maps import photon_map, square, triangle_under
 from tests.helpers.scenes import box, join, look, make_scene
 
 EDGES = np.array([8.0, 12.0])

@@ -18,9 +18,7 @@ from addon.solver import (
     Settings,
     SpotLight,
     SunLight,
-)
-from addon.solver import (
-    passes as render,
+    render,
 )
 from addon.solver.passes import prepare
 from addon.solver.photons.emission import light_spectrum

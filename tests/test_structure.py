@@ -3,6 +3,7 @@
 
 import ast
 import graphlib
+import re
 import string
 import subprocess
 import sys
@@ -433,3 +434,20 @@ def test_manifest_has_the_fixed_names():
 
 def test_manifest_leaves_wheels_to_the_build():
     assert not {"wheels", "platforms"} & set(MANIFEST)
+
+
+# How modules find each other
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_only_blenders_launcher_changes_where_python_looks_for_modules(path):
+    """Scripts run as modules, in the project's folder. Code in texts, for other processes, counts as well."""
+    changed = re.search(r"\bsys\.path\b|syspath[_]|addsite[d]ir", path.read_text(encoding="utf-8"))
+    assert bool(changed) == (name(path) == "tests/real_blender/launch.py")
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_no_source_imports_a_test_module(path):
+    """What tests share is in tests/helpers; here, too, code in texts counts."""
+    imported = r"^\s*(from|import)\s+(tests\.)?test_|^\s*from\s+tests\s+import\b.*\btest_"
+    assert not re.search(imported, path.read_text(encoding="utf-8"), re.MULTILINE)

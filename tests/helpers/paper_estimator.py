@@ -60,29 +60,29 @@ def any_reach(area, pilot, photons, neighbours):
     return 100.0 * neighbours * float(area.sum()) / (math.pi * photons)
 
 
-# What changes: "module.name" in addon.solver
+# What changes: "room.module.name" in addon.solver
 PHOTONS_ALONE = {
-    "eye_paths.choose_splits": no_final_gathers,
-    "render.cache_points": lambda *_: 1,  # nobody asks the irradiance cache then
-    "render.build_lamps": no_lamps,
-    "transport.emit": emit_all,
-    "pilot._OPEN": 1.0,  # no rays to the surroundings
+    "camera.eye_paths.choose_splits": no_final_gathers,
+    "passes.cache_points": lambda *_: 1,  # nobody asks the irradiance cache then
+    "passes.build_lamps": no_lamps,
+    "photons.transport.emit": emit_all,
+    "planning.pilot._OPEN": 1.0,  # no rays to the surroundings
 }
 PAPERS_ESTIMATOR = PHOTONS_ALONE | {
-    "render.learn_guide": lambda tracer, surfaces, radiometry, emitters, *_: emitters,
-    "pilot._density": by_power_alone,
-    "render.gather_reach": any_reach,
-    "eye_paths.free_space": no_walls,
+    "passes.learn_guide": lambda tracer, surfaces, radiometry, emitters, *_: emitters,
+    "planning.pilot._density": by_power_alone,
+    "passes.gather_reach": any_reach,
+    "camera.eye_paths.free_space": no_walls,
 }
 
 
 @contextmanager
 def changed(changes: dict[str, object]) -> Iterator[None]:
-    """Change the solver's constants and functions, each a "module.name", for a while."""
+    """Change the solver's constants and functions, each a "room.module.name", for a while."""
     with ExitStack() as stack:
         for target, value in changes.items():
-            module, name = target.split(".")
-            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.passes is the function
+            module, _, name = target.rpartition(".")
+            module = importlib.import_module(f"addon.solver.{module}")
             stack.enter_context(mock.patch.object(module, name, value))
         yield
 

@@ -1,24 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run inside Blender with a window and `--enable-event-simulate`: do spot meter and bar tell what the screen shows?
 
-A wall of black tiles, one for each pixel of a render, whose temperatures are known. Prints facts. After `--` may come a
-folder for screenshots.
+A wall of black tiles, one for each pixel of a render, whose temperatures are known. Prints facts. A folder for
+screenshots may be given.
 """
 
-import subprocess
 import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_location_3d
 
-sys.path.insert(0, str(Path(__file__).parent))
-import hands  # noqa: E402
-from facts import fact  # noqa: E402
-from story import tell  # noqa: E402
+from tests.real_blender import hands
+from tests.real_blender.facts import fact
+from tests.real_blender.screen import capture
+from tests.real_blender.story import tell
 
-SCREENSHOTS = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else ""
+SCREENSHOTS = sys.argv[1:]
 COLUMNS, ROWS = 59, 45
 LOW, HIGH = 280.0, 340.0  # K
 PATIENCE = 300.0  # s: kernels may have to be compiled
@@ -30,8 +28,8 @@ kelvin = np.random.default_rng(7).uniform(LOW, HIGH, (ROWS, COLUMNS))  # of the 
 
 
 def modules():
-    from bl_ext.user_default.infrared_photons import heat_display, spot_meter
     from bl_ext.user_default.infrared_photons.output import palette
+    from bl_ext.user_default.infrared_photons.ui.temperatures import heat_display, spot_meter
 
     return heat_display, spot_meter, palette
 
@@ -70,10 +68,10 @@ def make_scene():
 def shown(region, name):
     """(h, w, 3) int of a region of the window, which is in the screen's upper left corner; row 0 at the bottom."""
     window = bpy.context.window
-    command = ["import", "-window", "root", "-crop", f"{window.width}x{window.height}+0+0", "-depth", "8"]
+    options = "-crop", f"{window.width}x{window.height}+0+0", "-depth", "8"
     if SCREENSHOTS:
-        subprocess.run([*command, f"{SCREENSHOTS}/{name}.png"], check=True)
-    raw = subprocess.run([*command, "rgb:-"], check=True, capture_output=True).stdout
+        capture(f"{SCREENSHOTS[0]}/{name}.png", *options)
+    raw = capture("rgb:-", *options)
     pixels = np.frombuffer(raw, np.uint8).reshape(window.height, window.width, 3)[::-1].astype(int)
     return pixels[region.y : region.y + region.height, region.x : region.x + region.width]
 

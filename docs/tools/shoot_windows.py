@@ -2,25 +2,20 @@
 """Make the pictures of Blender's window in README, docs/tutorial.md, docs/viewport.md and docs/materials.md. Needs what
 shoot_panels.py needs, and xdotool:
 
-    blender --python docs/shoot_windows.py -- NAME ...
+    blender --python tests/real_blender/launch.py -- docs.tools.shoot_windows NAME ...
 
 NAME: first, checks, tutorial, viewport; without one, all of them. Begin with Blender's own start-up file.
 """
 
-import subprocess
 import sys
-from pathlib import Path
 
 import bpy
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests" / "real_blender")]
-from hands import area_of, region_of  # noqa: E402
-from shoot_panels import cropping, keep, screenshot  # noqa: E402
-from story import tell  # noqa: E402
+from docs.tools.paths import DEMO, TEMPLATE
+from docs.tools.screenshots import cropping, keep, screenshot
+from tests.real_blender.hands import area_of, press_real_esc, region_of
+from tests.real_blender.story import tell
 
-TEMPLATE = ROOT / "docs" / "template" / "Infrared_Photons" / "startup.blend"
-DEMO = ROOT / "docs" / "demo" / "demo.blend"
 WHOLE = ("-resize", "75%", "+dither", "-colors", "128")
 PART = ("+dither", "-colors", "64")
 WIDTH = 340  # pixels of the Properties editor: enough for the longest name
@@ -81,7 +76,7 @@ def first():
         bpy.ops.image.view_all(fit_view=True)
     yield DRAWN
     keep(screenshot(), "first", *WHOLE)
-    subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)
+    press_real_esc()
     while bpy.app.is_job_running("RENDER"):
         yield 0.5
 
@@ -133,7 +128,7 @@ STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport
 
 def work():
     """A generator that yields how many seconds to wait."""
-    for name in sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else STORIES:
+    for name in sys.argv[1:] or STORIES:
         yield from STORIES[name]()
 
 

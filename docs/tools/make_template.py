@@ -1,24 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make the application template: what *File > New > Infrared Photons* opens.
 
-    python docs/template/make_template.py
+    python -m docs.tools.make_template
 
 Blender's own start-up window, with a floor, a warm cube and a mirror ball under a clear sky, ready to render.
 """
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import bpy
 import numpy as np
 
-FOLDER = Path(__file__).resolve().parent
-BLEND = FOLDER / "Infrared_Photons" / "startup.blend"  # the folder's name is the template's in Blender's menus
-sys.path.insert(0, str(FOLDER.parent / "examples"))
-
-import modelling  # noqa: E402
+from docs.examples import modelling
+from docs.tools.paths import TEMPLATE
 
 
 def build() -> None:
@@ -42,5 +36,5 @@ def build() -> None:
 
 
 if __name__ == "__main__":
-    BLEND.parent.mkdir(exist_ok=True)
-    modelling.save(build, BLEND, empty=False)
+    TEMPLATE.parent.mkdir(exist_ok=True)
+    modelling.save(build, TEMPLATE, empty=False)

@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Seconds per frame of an animation whose geometry stays the same, without and with Blender's Persistent Data.
 
-python docs/measure_persistent_data.py
+python -m docs.tools.measure_persistent_data
 """
 
-import sys
 import tempfile
 import time
-from pathlib import Path
 
 import bpy
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import addon  # noqa: E402
+from docs.tools.blender import registered
 
 FRAMES = 8
 
@@ -46,10 +43,16 @@ def seconds_per_frame(persistent: bool, folder: str) -> float:
     return (time.perf_counter() - begin) / FRAMES
 
 
-bpy.ops.wm.read_factory_settings(use_empty=True)
-addon.register()
-triangles = build()
-bpy.ops.render.render()  # compiles the kernels
-with tempfile.TemporaryDirectory() as folder:
-    without, kept = (seconds_per_frame(persistent, folder) for persistent in (False, True))
-print(f"{triangles} triangles: {without:.2f} s a frame, with Persistent Data {kept:.2f} s, {without / kept:.2f} times")
+def main() -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with registered(), tempfile.TemporaryDirectory() as folder:
+        triangles = build()
+        bpy.ops.render.render()  # compiles the kernels
+        without, kept = (seconds_per_frame(persistent, folder) for persistent in (False, True))
+    print(
+        f"{triangles} triangles: {without:.2f} s a frame, with Persistent Data {kept:.2f} s, {without / kept:.2f} times"
+    )
+
+
+if __name__ == "__main__":
+    main()

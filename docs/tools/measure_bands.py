@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Print the tables of docs/bands.md: what bands lose between parallel plates, and what other edges and weights spare.
 
-python docs/measure_bands.py
+python -m docs.tools.measure_bands
 """
-
-import sys
-from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-from addon.solver.physics.band_partition import choose_bands  # noqa: E402
-from addon.solver.physics.radiometry import band_emissivity, excess_emissivity  # noqa: E402
-from addon.solver.physics.spectrum import apparent_temperature, band_radiance, uniform_edges  # noqa: E402
-from tests.helpers.band_cases import (  # noqa: E402
+from addon.solver.physics.band_partition import choose_bands
+from addon.solver.physics.radiometry import band_emissivity, excess_emissivity
+from addon.solver.physics.spectrum import apparent_temperature, band_radiance, uniform_edges
+from docs.tools.pages import table
+from tests.helpers.band_cases import (
     COLD,
     HOT,
     SETS,
@@ -49,19 +45,18 @@ def plates_in_colour(hot, cold, edges):
 def edges_table():
     """Adaptive beside uniform bands: ratio of the mean spectral errors, and of those of the worst pair."""
     for low, high in RANGES:
-        print(f"\n| {low:g} to {high:g} um | " + " | ".join(f"{count} bands" for count in COUNTS) + " |")
-        print("|---" * (len(COUNTS) + 1) + "|")
+        rows = []
         for label, names in SETS.items():
             pairs = [compared(names, low, high, count) for count in COUNTS]
-            cells = [f"{a.mean() / u.mean():.2f}, {a.max() / u.max():.2f}" for u, a in pairs]
-            print(f"| {label} | " + " | ".join(cells) + " |")
+            rows.append((label, *(f"{a.mean() / u.mean():.2f}, {a.max() / u.max():.2f}" for u, a in pairs)))
+        print()
+        print(table((f"{low:g} to {high:g} um", *(f"{count} bands" for count in COUNTS)), *rows))
 
 
 def size_table(low=7.5, high=14.0):
     """How large these errors are, in kelvin of the radiance of all bands, and what is foreseen."""
-    print(f"\n| {low:g} to {high:g} um | bands | uniform, mean and worst | adaptive, mean and worst | foreseen |")
-    print("|---|---|---|---|---|")
     one = np.array([low, high])
+    rows = []
     slope = band_radiance(one, COLD)[0] / (apparent_temperature(1.01 * band_radiance(one, COLD), one)[0] - COLD) * 0.01
     for label, names in SETS.items():
         for count in (4, 8, 16):
@@ -70,23 +65,27 @@ def size_table(low=7.5, high=14.0):
             )
             foreseen = choose_bands(low, high, [curve(name) for name in names], (COLD, HOT), count=count).error
             cells = [f"{errors.mean():.2g} K, {errors.max():.2g} K" for errors in (uniform, adaptive)]
-            print(f"| {label} | {count} | {cells[0]} | {cells[1]} | {foreseen:.2g} K |")
+            rows.append((label, count, *cells, f"{foreseen:.2g} K"))
+    head = ("bands", "uniform, mean and worst", "adaptive, mean and worst", "foreseen")
+    print()
+    print(table((f"{low:g} to {high:g} um", *head), *rows))
 
 
 def weights_table(low=7.5, high=14.0):
     """Mean spectral error in uniform bands by the weight of the reflectance."""
-    print(f"\n| {low:g} to {high:g} um, uniform bands | " + " | ".join(map(str, COUNTS)) + " |")
-    print("|---" * (len(COUNTS) + 1) + "|")
+    rows = []
     for label, weight in (("blackbody at T0", reference_alone), ("excess over T0", excess_emissivity)):
         errors = [plate_errors(SETS["all"], uniform_edges(low, high, count), weight).mean() for count in COUNTS]
-        print(f"| {label} | " + " | ".join(f"{error:.1e}" for error in errors) + " |")
+        rows.append((label, *(f"{error:.1e}" for error in errors)))
     errors = []
     for count in COUNTS:
         edges = uniform_edges(low, high, count)
         pairs = [(hot, cold) for hot in SETS["all"] for cold in SETS["all"]]
         found = [spectral_error(plates_in_colour(*pair, edges), plates(*pair, finer(edges)), edges) for pair in pairs]
         errors.append(np.mean(found))
-    print("| excess times what emits | " + " | ".join(f"{error:.1e}" for error in errors) + " |")
+    rows.append(("excess times what emits", *(f"{error:.1e}" for error in errors)))
+    print()
+    print(table((f"{low:g} to {high:g} um, uniform bands", *COUNTS), *rows))
 
 
 if __name__ == "__main__":

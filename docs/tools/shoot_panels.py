@@ -2,25 +2,22 @@
 """Make the pictures of docs/panels.md, and README's of some of them. Needs Linux, ImageMagick and a Blender with a
 window and the extension:
 
-    blender docs/demo/demo.blend --python docs/shoot_panels.py
+    blender docs/demo/demo.blend --python tests/real_blender/launch.py -- docs.tools.shoot_panels
 
 Of the Properties editor only this engine's panels stay, in their order and all open but those that have a picture of
 their own, for as long as this Blender runs.
 """
 
 import subprocess
-import sys
-from pathlib import Path
 
 import addon_utils
 import bpy
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "real_blender"))
-from hands import area_of  # noqa: E402
-from story import tell  # noqa: E402
+from docs.tools.paths import IMAGES
+from docs.tools.screenshots import cropping, keep, screenshot
+from tests.real_blender.hands import area_of, region_of
+from tests.real_blender.story import tell
 
-IMAGES = ROOT / "docs" / "images"
 OURS = "INFRARED_PT_"
 KEPT = {"DATA_PT_lens"}  # one of ours is inside
 # Too long for one picture with the others, where they are closed: in pictures of their own, with what holds them.
@@ -29,7 +26,7 @@ APART = {
     "detector": ("INFRARED_PT_sensor", "INFRARED_PT_detector"),
 }
 TOGETHER = (("render",), ("object", "world", "light"), ("material", "output"))  # columns of README's picture
-MARGIN, EDGE = 6, 4  # pixels: around the panels in a picture; of an editor's own frame
+MARGIN = 6  # pixels around the panels in a picture
 WIDTH = 380  # pixels of the editors that are shot: enough for the longest name
 
 
@@ -62,28 +59,11 @@ def leave_only_our_panels():
     return ours, apart
 
 
-def screenshot():
-    """The whole screen, as PNG."""
-    return subprocess.run(["import", "-window", "root", "png:-"], check=True, capture_output=True).stdout
-
-
-def cropping(region, edge=EDGE):
-    """ImageMagick's options that keep a region, or an area, of a screenshot."""
-    top = bpy.context.window.height - region.y - region.height
-    part = f"{region.width - 2 * edge}x{region.height - 2 * edge}+{region.x + edge}+{top + edge}"
-    return ["-crop", part, "+repage"]
-
-
-def keep(picture, name, *steps):
-    """Write a screenshot, changed by ImageMagick's options."""
-    subprocess.run(["convert", "png:-", *steps, IMAGES / f"{name}.png"], check=True, input=picture)
-
-
 def shoot(name, area, kind="WINDOW"):
     """Yield until Blender has drawn a region, and keep the part of it that is not empty."""
     area.tag_redraw()
     yield 1.0
-    region = next(region for region in area.regions if region.type == kind)
+    region = region_of(area, kind)
     frame = ("-bordercolor", "#303030", "-border", str(MARGIN))
     few = ("+dither", "-colors", "64")
     keep(screenshot(), f"panel-{name}", *cropping(region), "-fuzz", "2%", "-trim", "+repage", *frame, *few)

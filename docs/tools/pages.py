@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What scripts write into these pages, and the line that says which code it was measured on."""
+"""What scripts write into the pages, and the line that says which code it was measured on."""
 
 import subprocess
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from docs.tools.paths import ROOT
+
 START, END = "<!-- {name}: written by {script} -->", "<!-- end of {name} -->"
 
 
@@ -24,12 +26,23 @@ def made_at(root: Path = ROOT) -> str:
 MADE_AT = made_at()  # now, as the code that runs is that of the start
 
 
-def write_blocks(page: Path, script: str, blocks: dict[str, str]) -> None:
-    """Replace what stands between the marks of each block in the page, which carry its name and the script's."""
+def table(head: Iterable, *rows: Iterable) -> str:
+    """A Markdown table of cells that are anything with a text."""
+    head = list(head)
+    lines = [f"| {' | '.join(map(str, line))} |" for line in (head, *rows)]
+    return "\n".join([lines[0], "|---" * len(head) + "|", *lines[1:]])
+
+
+def write_blocks(page: Path, script: str, blocks: dict[str, str], last: str = MADE_AT) -> None:
+    """Replace what stands between the marks of each block in the page, which carry its name and the script's.
+
+    script: its path in the project's folder. last: the line below each block; empty for none.
+    """
     text = page.read_text(encoding="utf-8")
     for name, block in blocks.items():
         start, end = START.format(name=name, script=script), END.format(name=name)
         before, rest = text.split(start)
         _, after = rest.split(end)
-        text = f"{before}{start}\n\n{block}\n\n{MADE_AT}\n\n{end}{after}"
+        content = "\n\n".join(part for part in (start, block, last, end) if part)
+        text = f"{before}{content}{after}"
     page.write_text(text, encoding="utf-8")

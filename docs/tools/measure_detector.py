@@ -2,7 +2,7 @@
 """What camera effects do, for docs/detector.md: tables of kinds of cameras, and images/detector.png of the demo:
 
     python run.py demo --resolution 320x240 --passes 60
-    python docs/measure_detector.py [render/demo-bands.exr]
+    python -m docs.tools.measure_detector [render/demo-bands.exr]
 
 Needs the environment of run.py.
 """
@@ -15,17 +15,17 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
-FOLDER = Path(__file__).resolve().parent
-sys.path.insert(0, str(FOLDER.parent))
-
-from addon.output.exr import channel_name  # noqa: E402
-from addon.output.palette import display, thermal  # noqa: E402
-from addon.solver import Camera  # noqa: E402
-from addon.solver.image.detector import STATED, Detector, diffraction_mtf, expose  # noqa: E402
-from addon.solver.physics import sensors  # noqa: E402
-from addon.solver.physics.spectrum import band_names, band_radiance, sensor_radiance, uniform_edges  # noqa: E402
+from addon.output.exr import channel_name
+from addon.output.palette import display, thermal
+from addon.solver import Camera
+from addon.solver.image.detector import STATED, Detector, diffraction_mtf, expose
+from addon.solver.physics import sensors
+from addon.solver.physics.spectrum import band_names, band_radiance, sensor_radiance, uniform_edges
+from docs.tools.pages import table
+from docs.tools.paths import DEMO_BANDS, IMAGES
+from docs.tools.pictures import tiled, titled
 
 CAMERAS = (  # sensor, um, f-number, pitch in um
     ("MICROBOLOMETER", (7.5, 14.0), 1.0, 12.0),
@@ -45,14 +45,12 @@ SHOWN = (  # of the picture: title and camera
 )
 CROP = np.s_[70:190, 70:230]  # rows and columns of 320 x 240 pixels
 COLDEST, HOTTEST = 285.0, 330.0  # K, of the palette
-ZOOM, TITLE, GAP = 3, 26, 8  # pixels
-BACKGROUND, INK = (24, 24, 28), (225, 225, 225)
+ZOOM, TITLE, FONT = 3, 26, 15  # pixels
 
 
 def table_of_cameras() -> None:
     """Contrast that diffraction leaves at the finest wave that pixels show, and steps of digital numbers."""
-    print("| camera | band | contrast left by diffraction |", " | ".join(f"step of {bits} bits" for bits in BITS), "|")
-    print("|---" * (3 + len(BITS)) + "|")
+    rows = []
     low, high = Detector().range
     for name, (first, last), f_number, pitch in CAMERAS:
         response, edges = sensors.BUILT_IN[name](), uniform_edges(first, last, 16)
@@ -63,11 +61,9 @@ def table_of_cameras() -> None:
         per_kelvin = sensor_radiance(edges, weights, STATED, derivative=True) / STATED
         steps = (np.diff(ends).item() / (2**bits - 1) / per_kelvin for bits in BITS)
         kind = f"{response.name}, f/{f_number:g}, {pitch:g} µm"
-        print(
-            f"| {kind} | {first:g} to {last:g} µm | {contrast:.0%} |",
-            " | ".join(f"{step:.2g} K" for step in steps),
-            "|",
-        )
+        rows.append((kind, f"{first:g} to {last:g} µm", f"{contrast:.0%}", *(f"{step:.2g} K" for step in steps)))
+    steps = (f"step of {bits} bits" for bits in BITS)
+    print(table(("camera", "band", "contrast left by diffraction", *steps), *rows))
 
 
 def table_of_times() -> None:
@@ -97,22 +93,15 @@ def picture(path: Path) -> Image.Image:
             print(f"{title}: {shown.clipped} pixels clipped")
         colours = Image.fromarray(display(thermal(shown.temperature[::-1][CROP], COLDEST, HOTTEST)))
         colours = colours.resize((ZOOM * colours.width, ZOOM * colours.height), Image.Resampling.NEAREST)
-        part = Image.new("RGB", (colours.width, TITLE + colours.height), BACKGROUND)
-        part.paste(colours, (0, TITLE))
-        ImageDraw.Draw(part).text((GAP, TITLE / 2), title, INK, ImageFont.load_default(15), "lm")
-        parts.append(part)
-    across, down = parts[0].width + GAP, parts[0].height + GAP
-    result = Image.new("RGB", (2 * across - GAP, 2 * down - GAP), "white")
-    for i, part in enumerate(parts):
-        result.paste(part, (i % 2 * across, i // 2 * down))
-    return result
+        parts.append(titled(colours, title, TITLE, FONT))
+    return tiled(parts, columns=2)
 
 
 def main() -> None:
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER.parent / "render" / "demo-bands.exr"
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else DEMO_BANDS
     table_of_cameras()
     table_of_times()
-    picture(path).save(FOLDER / "images" / "detector.png", optimize=True)
+    picture(path).save(IMAGES / "detector.png", optimize=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make addon/solver/library.csv and library_sources.csv from published optical constants and spectra.
+"""Make library.csv and library_sources.csv in addon/solver/physics from published optical constants and spectra.
 
-    python docs/make_library.py <refractiveindex.info database> <LUMA_SLUM_IR.csv>
+    python -m docs.tools.make_library <refractiveindex.info database> <LUMA_SLUM_IR.csv>
 
 The first argument is the folder `database/data` of a clone of github.com/polyanskiy/refractiveindex.info-database
 (CC0), the second the long-wave table of SLUM (doi.org/10.5281/zenodo.4263842). Neither is part of this project; what
@@ -18,7 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-SOLVER = Path(__file__).resolve().parents[1] / "addon" / "solver" / "physics"
+from docs.tools.paths import ROOT
+
+PHYSICS = ROOT / "addon" / "solver" / "physics"
 
 SHORTEST, LONGEST = 1.0, 25.0  # um, kept part of the spectrum
 ABSOLUTE_ERROR = 0.0015  # of linear interpolation between the kept points
@@ -389,8 +391,8 @@ RECIPES = [
 
 def main(database: Path, slum_file: Path) -> None:
     with (
-        (SOLVER / "library.csv").open("w", newline="", encoding="utf-8") as points_file,
-        (SOLVER / "library_sources.csv").open("w", newline="", encoding="utf-8") as sources_file,
+        (PHYSICS / "library.csv").open("w", newline="", encoding="utf-8") as points_file,
+        (PHYSICS / "library_sources.csv").open("w", newline="", encoding="utf-8") as sources_file,
     ):
         points_table, sources_table = csv.writer(points_file), csv.writer(sources_file)
         points_table.writerow(["material", "wavelength_um", "emissivity"])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Repeat the results of the paper (docs/method.md names it): write the tables of docs/paper.md and draw its pictures.
 
-python docs/measure_paper.py [PART ...]
-python docs/measure_paper.py thousand-million [--folder FOLDER] [--passes N]
+python -m docs.tools.measure_paper [PART ...]
+python -m docs.tools.measure_paper thousand-million [--folder FOLDER] [--passes N]
 
 Parts are tube, times, passes, noise, estimators and blur; without any, all of these.
 
@@ -13,7 +13,6 @@ at any time and goes on where it was. Needs the environment of run.py.
 from __future__ import annotations
 
 import argparse
-import importlib
 import math
 import subprocess
 import sys
@@ -25,20 +24,20 @@ from pathlib import Path
 
 import numpy as np
 
-DOCS = Path(__file__).resolve().parent
-sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests"), str(DOCS)]
+from addon.output.exr import channel_name
+from addon.output.palette import display, robust_range, thermal
+from addon.solver import Film, Material, PointLight, Scene, Settings, render
+from addon.solver import passes as pass_loop
+from addon.solver.camera import eye_paths
+from addon.solver.physics.spectrum import apparent_temperature
+from docs.tools.pages import table, write_blocks
+from docs.tools.paths import DEMO, DOCS, IMAGES, ROOT
+from docs.tools.plots import pyplot
+from tests.helpers.paper_estimator import PAPER, changed, papers_estimator
+from tests.helpers.process import resident
+from tests.helpers.scenes import join, look, make_scene, quad
 
-from pages import write_blocks  # noqa: E402
-
-from addon.output.exr import channel_name  # noqa: E402
-from addon.output.palette import display, robust_range, thermal  # noqa: E402
-from addon.solver import Film, Material, PointLight, Scene, Settings, render  # noqa: E402
-from addon.solver.physics.spectrum import apparent_temperature  # noqa: E402
-from tests.helpers.paper_estimator import PAPER, changed, papers_estimator  # noqa: E402
-from tests.helpers.scenes import join, look, make_scene, quad  # noqa: E402
-
-PAGE, IMAGES = DOCS / "paper.md", DOCS / "images"
-SCRIPT = "docs/measure_paper.py"
+PAGE, SCRIPT = DOCS / "paper.md", "docs/tools/measure_paper.py"
 
 SIZE = 256  # pixels on each side of a picture, as in the paper
 PHOTONS = 30_000_000  # thrown in all, of which about a tenth is stored: the paper's 3,000,000
@@ -145,9 +144,7 @@ class Phases:
     @contextmanager
     def watch(self) -> Iterator[Callable[[Film], None]]:
         """Add up what is rendered meanwhile; gives the on_pass of that render."""
-        module = importlib.import_module("addon.solver.passes")  # addon.solver.passes is the function
-        eye_paths = importlib.import_module("addon.solver.camera.eye_paths")
-        prepare, build, reflect = module.prepare, module.build_photon_map, eye_paths.reflect
+        prepare, build, reflect = pass_loop.prepare, pass_loop.build_photon_map, eye_paths.reflect
 
         def after_prepare(*arguments):
             model = prepare(*arguments)
@@ -174,9 +171,9 @@ class Phases:
             self._end = now
 
         changes = {
-            "render.prepare": after_prepare,
-            "render.build_photon_map": timed_build,
-            "eye_paths.reflect": timed_reflect,
+            "passes.prepare": after_prepare,
+            "passes.build_photon_map": timed_build,
+            "camera.eye_paths.reflect": timed_reflect,
         }
         with changed(changes):
             yield on_pass
@@ -185,23 +182,14 @@ class Phases:
 # Figures --------------------------------------------------------------------------------------------------------------
 
 
-def table(head: tuple, *rows: tuple) -> str:
-    """A Markdown table."""
-    lines = [head, ("---",) * len(head), *rows]
-    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
-
-
 Panels = list[tuple[str, np.ndarray]]  # a row of images (h, w), row 0 at the bottom, and their titles
 
 
 def draw(name: str, rows: list[Panels], unit: str) -> None:
     """Rows of images in images/, with the colours of the very last one's range."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
     from matplotlib.colors import ListedColormap
 
+    plt = pyplot()
     low, high = robust_range(rows[-1][-1][1])
     colours = ListedColormap(display(thermal(np.linspace(0, 1, 256), 0, 1)) / 255)
     columns = max(map(len, rows))
@@ -321,11 +309,7 @@ def times() -> str:
 
 def draw_times(theirs: dict[int, Phases], here: dict[int, Phases]) -> None:
     """Times of the paper's estimator and of ours against passes in images/."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axis = plt.subplots(figsize=(7, 4), layout="constrained")
     for name in ("tracing", "sorting", "rendering", "gathering", "total"):
         axis.plot(list(theirs), [getattr(phases, name) for phases in theirs.values()], "o-", label=name)
@@ -466,8 +450,7 @@ def blur() -> str:
 
 BLENDER_ALONE = """
 import bpy
-def peak():
-    return next(int(line.split()[1]) / 1024 for line in open("/proc/self/status") if line.startswith("VmHWM"))
+from tests.helpers.process import resident
 bpy.ops.wm.open_mainfile(filepath={blend!r}, load_ui=False)
 class Blank(bpy.types.RenderEngine):
     bl_idname, bl_label = "BLANK", "A render result of the same passes, without a solver"
@@ -483,22 +466,20 @@ scene = bpy.context.scene
 scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "BLANK", {size}, {size}
 bpy.ops.render.render()
 bpy.utils.unregister_class(Blank)
-print("peak", peak())
+print("peak", resident("VmHWM"))
 """
-DEMO = DOCS / "demo" / "demo.blend"
 
 
-def peak_memory() -> float:
-    """The most that this process has held, MiB (Linux)."""
-    status = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmHWM"))
+def run_python(script: str) -> str:
+    """What a script prints in a process of its own, whose memory is not ours."""
+    command = [sys.executable, "-c", script]
+    return subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True, timeout=600).stdout
 
 
 def memory_of_blender(names: list[str]) -> float:
     """Peak memory of Blender that opens the demo and makes a render result of these passes, MiB."""
     script = BLENDER_ALONE.format(blend=str(DEMO), names=names, size=SIZE)
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=300)
-    return float(done.stdout.split("peak")[-1])
+    return float(run_python(script).split("peak")[-1]) / 2**20
 
 
 def render_photons(folder: Path, passes: int) -> dict[str, float]:
@@ -508,12 +489,10 @@ def render_photons(folder: Path, passes: int) -> dict[str, float]:
     """
     import bpy
 
-    import addon
+    from docs.tools.blender import open_demo, registered
 
-    addon.register()
-    try:
-        bpy.ops.wm.open_mainfile(filepath=str(DEMO), load_ui=False)
-        scene = bpy.context.scene
+    with registered():
+        scene = open_demo()
         scene.render.resolution_x = scene.render.resolution_y = SIZE
         infrared = scene.infrared
         infrared.passes, infrared.photons_per_pass, infrared.threads = passes, MANY_PHOTONS, 1
@@ -522,20 +501,15 @@ def render_photons(folder: Path, passes: int) -> dict[str, float]:
         begin = time.monotonic(), time.process_time()
         bpy.ops.render.render()
         spent = time.monotonic() - begin[0], time.process_time() - begin[1]
-        return {"seconds": spent[0], "processor": spent[1], "peak": peak_memory()}
-    finally:
-        addon.unregister()
+        return {"seconds": spent[0], "processor": spent[1], "peak": resident("VmHWM") / 2**20}
 
 
 def compile_kernels() -> None:
-    """Render a little in a process of its own: the compiler's memory is not the renderer's."""
-    script = f"""
-import sys
-sys.path.insert(0, {str(DOCS)!r})
-import measure_paper as paper
+    """Render a little elsewhere: the compiler's memory is not the renderer's."""
+    run_python("""
+from docs.tools import measure_paper as paper
 paper.render(paper.ring_scene(), paper.Settings(passes=1, photons_per_pass=1000))
-"""
-    subprocess.run([sys.executable, "-c", script], check=True, timeout=600)
+""")
 
 
 def thousand_million(folder: Path, passes: int) -> str:
@@ -574,7 +548,7 @@ PARTS = {"tube": tube, "times": times, "passes": passes, "noise": noise, "estima
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)} or thousand-million")
-    parser.add_argument("--folder", type=Path, default=DOCS.parent / "render" / "thousand-million")
+    parser.add_argument("--folder", type=Path, default=ROOT / "render" / "thousand-million")
     parser.add_argument("--passes", type=int, default=MANY_PASSES, help="of thousand-million, if not %(default)s")
     options = parser.parse_args(arguments)
     parts = PARTS | {"thousand-million": lambda: thousand_million(options.folder, options.passes)}

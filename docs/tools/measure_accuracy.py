@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compare renders with exact solutions (tests/exact_cases.py); write the tables of docs/accuracy.md and its plots.
+"""Compare renders with exact solutions (tests/helpers/exact_cases.py): the tables of docs/accuracy.md and its plots.
 
-python docs/measure_accuracy.py [--threads N] [--only WORD]
+python -m docs.tools.measure_accuracy [--threads N] [--only WORD]
 
 Takes about half an hour on two idle cores. --only prints the cases whose title or name holds the word, and writes
 nothing. Exit code 1 says that an image is wrong (see `wrong`). Needs the environment of run.py.
@@ -10,6 +10,7 @@ nothing. Exit code 1 says that an image is wrong (see `wrong`). Needs the enviro
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import sys
 from dataclasses import dataclass, replace
@@ -17,13 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-DOCS = Path(__file__).resolve().parent
-sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests"), str(DOCS)]
-
-from pages import write_blocks  # noqa: E402
-
-from addon.solver import Material, Settings, render  # noqa: E402
-from tests.helpers.exact_cases import (  # noqa: E402
+from addon.solver import Material, Settings, render
+from docs.tools.pages import table, write_blocks
+from docs.tools.paths import DOCS, IMAGES
+from docs.tools.plots import pyplot
+from tests.helpers.exact_cases import (
     CASES,
     PHOTONS,
     Case,
@@ -33,9 +32,9 @@ from tests.helpers.exact_cases import (  # noqa: E402
     parallel_image,
     plates,
 )
-from tests.helpers.scenes import mean_and_error, pass_means  # noqa: E402
+from tests.helpers.scenes import mean_and_error, pass_means
 
-PAGE, PLOT, SCRIPT = DOCS / "accuracy.md", DOCS / "images" / "accuracy.png", "docs/measure_accuracy.py"
+PAGE, PLOT, SCRIPT = DOCS / "accuracy.md", IMAGES / "accuracy.png", "docs/tools/measure_accuracy.py"
 PILOT, PILOT_SEED = 24, 1000  # passes that say how noisy a case is; not part of the result
 SEEDS, AGAIN = (1, 2), (5, 6)  # of a row, and of the second, longer run of a row that missed
 CURVE_SEEDS, CURVE_PASSES = (1, 2, 3, 4), 512  # of the plotted cases
@@ -43,6 +42,7 @@ MODEL_PASSES = 128  # of the tables of what the model costs
 FEWEST, MOST = 64, 4096  # passes of each seed
 WANTED = 2.8e-4  # relative standard error that the passes are chosen for
 NOISE, DEVIATION = 3.0, 1e-3  # the verdict: standard errors, and relative
+HEAD = ("case", "band, um", "passes", "truth", "image", "deviation", "standard error", "ratio", "verdict")
 PLOTTED = {  # group: case
     "Enclosures at one temperature": "spectral walls, subtraction off",
     "A closed diffuse sphere": "cap, e = 0.3 / 0.9, subtraction off",
@@ -138,16 +138,16 @@ def measure(case: Case, threads: int) -> tuple[list[Row], np.ndarray]:
         longer = rows_of(case, passes_of(case, AGAIN, 4 * passes, threads), again=True)
         rows = [row for pair in zip(rows, longer, strict=True) for row in pair[: 1 if pair[0].right else 2]]
     for row in rows:
-        print(f"{case.title}: {line(row)}", flush=True)
+        print(f"{case.title}: {' | '.join(cells(row))}", flush=True)
     return rows, means
 
 
-def line(row: Row) -> str:
-    """A row of a table."""
+def cells(row: Row) -> tuple[str, ...]:
+    """A row of a table, as in HEAD."""
     name = row.case.name + (", again" if row.again else "")
     noise = "none" if row.exact else f"{row.error / row.truth:.4%}"
     ratio = "" if row.exact else f"{row.deviation * row.truth / row.error:+.1f}"
-    cells = (
+    return (
         name,
         row.band,
         str(row.passes),
@@ -158,21 +158,15 @@ def line(row: Row) -> str:
         ratio,
         row.verdict,
     )
-    return f"| {' | '.join(cells)} |"
 
 
 def tables(rows: list[Row]) -> str:
     """A section for each builder of cases."""
-    lines = []
-    previous = None
-    for row in rows:
-        if row.case.title != previous:
-            previous = row.case.title
-            lines += ["", f"### {previous}", "", row.case.explanation, ""]
-            lines += ["| case | band, um | passes | truth | image | deviation | standard error | ratio | verdict |"]
-            lines += ["|---|---|---|---|---|---|---|---|---|"]
-        lines.append(line(row))
-    return "\n".join(lines[1:])
+    sections = []
+    for title, group in itertools.groupby(rows, lambda row: row.case.title):
+        of_title = list(group)
+        sections += [f"### {title}", of_title[0].case.explanation, table(HEAD, *map(cells, of_title))]
+    return "\n\n".join(sections)
 
 
 def wrong(rows: list[Row]) -> list[Row]:
@@ -197,19 +191,15 @@ def summary(rows: list[Row]) -> str:
             f"Verdict *NO*: {len(again)}, of which {len(again) - len(wrong(rows))} are *yes* with new seeds and four "
             "times the passes (rows marked *again*)."
         )
+    shares = []
+    for most in (1, 2, 3):
+        expected, found = math.erf(most / math.sqrt(2)), np.mean(np.abs(noisy) <= most)
+        shares.append((f"{most} standard error{'s' * (most > 1)}", f"{expected:.1%}", f"{found:.1%}"))
     lines = [
         f"{len({id(row.case) for row in first})} cases, {len(first)} bands in all. {len(noisy)} are noisy; of their "
         "deviations chance alone should bring",
         "",
-        "| within | expected | found |",
-        "|---|---|---|",
-    ]
-    for most in (1, 2, 3):
-        share = math.erf(most / math.sqrt(2))
-        lines.append(
-            f"| {most} standard error{'s' * (most > 1)} | {share:.1%} | {np.mean(np.abs(noisy) <= most):.1%} |"
-        )
-    lines += [
+        table(("within", "expected", "found"), *shares),
         "",
         f"Mean of (deviation / standard error): {noisy.mean():+.2f} +- {1 / math.sqrt(len(noisy)):.2f}; mean square: "
         f"{np.mean(noisy**2):.2f} +- {math.sqrt(2 / len(noisy)):.2f} (expected 0 and 1). Largest deviation of a noisy "
@@ -264,12 +254,7 @@ def slopes(counts: np.ndarray, errors: np.ndarray, first: int = 8) -> str:
 
 def draw(curves: dict[str, tuple], image: tuple[np.ndarray, np.ndarray], path: Path) -> None:
     """A panel for each of the curves, and a last one for the image."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(2, 4, figsize=(15, 7), sharex=True, layout="constrained")
+    figure, axes = pyplot().subplots(2, 4, figsize=(15, 7), sharex=True, layout="constrained")
     for axis, (name, (counts, errors, standard)) in zip(axes.flat, curves.items(), strict=False):
         for error in errors:
             axis.loglog(counts, np.abs(error), ".", color="0.6", markersize=5)
@@ -308,24 +293,24 @@ def band_averages(threads: int) -> str:
     curve = np.array([[8.0, 0.9], [10.0, 0.2], [12.0, 0.7], [14.0, 0.3]])
     fine = np.linspace(8.0, 14.0, 1501)
     _, truth = plates("hot", 0.5, np.interp((fine[1:] + fine[:-1]) / 2, *curve.T), edges=fine)
-    lines = ["| bands in 8-14 um | deviation | standard error |", "|---|---|---|"]
+    rows = []
     for count in (1, 2, 4, 8, 16, 32):
         scene, _ = plates("hot", 0.5, 0.5, edges=np.linspace(8.0, 14.0, count + 1))
         scene = replace(scene, materials=(*scene.materials[:2], Material("cold", curve)))
         settings = Settings(passes=MODEL_PASSES, photons_per_pass=PHOTONS, threads=threads)
         mean, error = mean_and_error(scene, settings)
-        lines.append(f"| {count} | {mean / truth.sum() - 1:+.3%} | {error / truth.sum():.3%} |")
-    return "\n".join(lines)
+        rows.append((count, f"{mean / truth.sum() - 1:+.3%}", f"{error / truth.sum():.3%}"))
+    return table(("bands in 8-14 um", "deviation", "standard error"), *rows)
 
 
 def tessellation(threads: int) -> str:
     """Coarser and finer spheres against the closed form of the sphere: a table."""
     settings = Settings(passes=MODEL_PASSES, photons_per_pass=PHOTONS, threads=threads)
-    lines = ["| triangles of a sphere | case | deviation | standard error |", "|---|---|---|---|"]
+    rows = []
 
     def add(triangles: int, name: str, scene, truth) -> None:
         mean, error = mean_and_error(scene, settings)
-        lines.append(f"| {triangles} | {name} | {mean / truth.sum() - 1:+.3%} | {error / truth.sum():.3%} |")
+        rows.append((triangles, name, f"{mean / truth.sum() - 1:+.3%}", f"{error / truth.sum():.3%}"))
 
     for rings, segments in ((6, 16), (12, 32), (24, 64), (96, 256)):
         count = 2 * segments * (rings - 1)
@@ -333,7 +318,7 @@ def tessellation(threads: int) -> str:
         add(count, "cavity, f = 0.1", *cavity(0.8, rings=rings, segments=segments))
     for subdivisions in (1, 2, 3, 4):
         add(20 * 4**subdivisions, "concentric spheres", *concentric("inner", subdivisions=subdivisions))
-    return "\n".join(lines)
+    return table(("triangles of a sphere", "case", "deviation", "standard error"), *rows)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -353,7 +338,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not options.only:
         write_page(rows, curves, options.threads)
     for row in wrong(rows):
-        print(f"Wrong: {row.case.title}: {line(row)}", file=sys.stderr)
+        print(f"Wrong: {row.case.title}: {' | '.join(cells(row))}", file=sys.stderr)
     return 1 if wrong(rows) else 0
 
 

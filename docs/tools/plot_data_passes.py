@@ -1,25 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw images/data-passes.png: what the middle of each pixel of the demo sees. Needs Blender as a Python module.
 
-python docs/plot_data_passes.py
+python -m docs.tools.plot_data_passes
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 
-FOLDER = Path(__file__).resolve().parent
-sys.path.insert(0, str(FOLDER.parent))
+import bpy
+import numpy as np
+import OpenEXR
+from PIL import Image
 
-import bpy  # noqa: E402
-import numpy as np  # noqa: E402
-import OpenEXR  # noqa: E402
-from PIL import Image  # noqa: E402
-from plot_passes import GAP, TITLE, WIDTH, labelled  # noqa: E402
-
-import addon  # noqa: E402
+from docs.tools.blender import open_demo, registered
+from docs.tools.paths import IMAGES
+from docs.tools.pictures import MARGIN, WIDTH, labelled, resized, tiled, titled
 
 COLUMNS = 3
 
@@ -28,8 +25,8 @@ def render(path: Path) -> dict[str, np.ndarray]:
     """The channels of a quick render of the demo with all data passes, top row first."""
     from addon.rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
 
-    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "demo" / "demo.blend"), load_ui=False)
-    scene, layer = bpy.context.scene, bpy.context.scene.view_layers[0]
+    scene = open_demo()
+    layer = scene.view_layers[0]
     for owner, switches in ((layer, LAYER_SWITCHES), (scene.infrared, SCENE_SWITCHES)):
         for switch, _ in switches.values():
             setattr(owner, switch, True)
@@ -52,19 +49,12 @@ def render(path: Path) -> dict[str, np.ndarray]:
 def coloured(vector: np.ndarray, title: str) -> Image.Image:
     """A picture of (height, width, 3) values from -1 to 1 as red, green and blue, with a title."""
     shades = Image.fromarray(np.uint8(np.clip(127.5 * (vector + 1.0), 0.0, 255.0)))
-    result = labelled(np.zeros(vector.shape[:2]), title)
-    result.paste((24, 24, 28), (0, TITLE, result.width, result.height))
-    result.paste(shades.resize((WIDTH, result.height - TITLE), Image.Resampling.LANCZOS), (0, TITLE))
-    return result
+    return titled(resized(shades), title, margin=MARGIN)
 
 
 def main() -> None:
-    addon.register()
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            channels = render(Path(folder) / "demo.exr")
-    finally:
-        addon.unregister()
+    with registered(), tempfile.TemporaryDirectory() as folder:
+        channels = render(Path(folder) / "demo.exr")
     seen = channels["Depth.Z"] < 1e9
     index = next(name for name in channels if name in ("Object Index.X", "IndexOB.X"))
     normal, position = (np.stack([channels[f"{name}.{axis}"] for axis in "XYZ"], -1) for name in ("Normal", "Position"))
@@ -76,11 +66,7 @@ def main() -> None:
         coloured(position / np.abs(position).max(), "Position as RGB"),
         labelled(channels[index], "Object Index"),
     ]
-    width, height = pictures[0].width + GAP, pictures[0].height + GAP
-    whole = Image.new("RGB", (COLUMNS * width - GAP, -(-len(pictures) // COLUMNS) * height - GAP), "white")
-    for i, picture in enumerate(pictures):
-        whole.paste(picture, (i % COLUMNS * width, i // COLUMNS * height))
-    whole.save(FOLDER / "images" / "data-passes.png", optimize=True)
+    tiled(pictures, COLUMNS).save(IMAGES / "data-passes.png", optimize=True)
 
 
 if __name__ == "__main__":

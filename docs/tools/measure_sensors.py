@@ -1,23 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a sensor's response loses in wide bands, for docs/sensors.md:
 
-    python docs/measure_sensors.py
+    python -m docs.tools.measure_sensors
 
 Surfaces of library materials in black surroundings, whose spectral radiance is known. The apparent temperature from the
 bands, each with one weight, against that from 512 bands.
 """
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from addon.solver.physics import library, sensors  # noqa: E402
-from addon.solver.physics.spectrum import (  # noqa: E402
+from addon.solver.physics import library, sensors
+from addon.solver.physics.spectrum import (
     apparent_temperature,
     band_radiance,
     sensor_radiance,
     uniform_edges,
 )
+from docs.tools.pages import table
 
 MATERIALS = ("Fused silica", "Glass, window", "Paint, dark green on metal")
 RANGES = {"INSB": (1.5, 5.6), "HGCDTE": (7.5, 12.0), "MICROBOLOMETER": (7.5, 14.0)}
@@ -48,14 +45,14 @@ def worst_error(response, low, high, count, kelvin, reflected):
 
 
 def main():
-    print("| sensor, bands | surface, surroundings |", " | ".join(f"{count} bands" for count in COUNTS), "|")
-    print("|---" * (2 + len(COUNTS)) + "|")
+    rows = []
     for name, (low, high) in RANGES.items():
         response = sensors.BUILT_IN[name]()
         for kelvin, reflected in KELVIN:
             errors = (worst_error(response, low, high, count, kelvin, reflected) for count in COUNTS)
-            row = " | ".join(f"{error:.2g} K" for error in errors)
-            print(f"| {response.name}, {low:g} to {high:g} um | {kelvin:g} K, {reflected:g} K | {row} |")
+            cells = (f"{response.name}, {low:g} to {high:g} um", f"{kelvin:g} K, {reflected:g} K")
+            rows.append((*cells, *(f"{error:.2g} K" for error in errors)))
+    print(table(("sensor, bands", "surface, surroundings", *(f"{count} bands" for count in COUNTS)), *rows))
 
 
 if __name__ == "__main__":

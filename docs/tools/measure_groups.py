@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What recombining a render for other temperatures takes, and images/groups.png, for docs/groups.md.
 
-    python docs/measure_groups.py
+    python -m docs.tools.measure_groups
 
 The demo with its ring, its table and the sky as temperature groups, rendered once, recombined while the ring heats up;
 and seconds for an image of 640 x 480 pixels, 15 bands and 6 layers.
@@ -9,25 +9,23 @@ and seconds for an image of 640 x 480 pixels, 15 bands and 6 layers.
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import bpy
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
-FOLDER = Path(__file__).resolve().parent
-sys.path.insert(0, str(FOLDER.parent))
-
-import addon  # noqa: E402
-from addon.output.group_exr import read_group_exr, write_group_exr, write_recombined  # noqa: E402
-from addon.output.palette import display  # noqa: E402
-from addon.output.temperature_scale import TemperatureScale  # noqa: E402
-from addon.solver.image.recombine import LayeredImage  # noqa: E402
-from addon.solver.physics.layers import Layer  # noqa: E402
-from addon.ui.temperatures import temperature_groups  # noqa: E402
+from addon.output.group_exr import read_group_exr, write_group_exr, write_recombined
+from addon.output.palette import display
+from addon.output.temperature_scale import TemperatureScale
+from addon.solver.image.recombine import LayeredImage
+from addon.solver.physics.layers import Layer
+from addon.ui.temperatures import temperature_groups
+from docs.tools.blender import open_demo, registered
+from docs.tools.paths import IMAGES
+from docs.tools.pictures import BACKGROUND, resized, tiled, titled
 
 KELVIN = (300, 340, 400, 480)  # of the ring; 340 is what the demo has
 PASSES, FRESH = 8, 480  # FRESH: K, the last of them, rendered anew for comparison
@@ -36,8 +34,7 @@ REPEATS = 5
 
 def demo(folder: Path) -> None:
     """Open the demo, with three groups and a file for them."""
-    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "demo" / "demo.blend"), load_ui=False)
-    scene = bpy.context.scene
+    scene = open_demo()
     scene.world["temperature_group"] = "sky"
     for name in ("Ring", "Plane"):
         bpy.data.objects[name]["temperature_group"] = name
@@ -109,20 +106,13 @@ def measure(folder: Path) -> None:
 def draw(series: list[np.ndarray]) -> None:
     """The series side by side, in one scale."""
     scale = TemperatureScale("IRON", 255.0, 330.0)
-    height, width = series[0].shape
-    size = (320, 320 * height // width)
-    picture = Image.new("RGB", (len(series) * (size[0] + 6) - 6, size[1] + 24), (24, 24, 28))
-    drawing, font = ImageDraw.Draw(picture), ImageFont.load_default(13)
-    for number, (kelvin, image) in enumerate(zip(KELVIN, series, strict=True)):
-        colours = Image.fromarray(display(scale.colours(image[::-1])))
-        picture.paste(colours.resize(size, Image.Resampling.LANCZOS), (number * (size[0] + 6), 24))
-        drawing.text((number * (size[0] + 6) + 8, 12), f"ring at {kelvin} K", (225, 225, 225), font, "lm")
-    picture.save(FOLDER / "images" / "groups.png", optimize=True)
+    colours = [Image.fromarray(display(scale.colours(image[::-1]))) for image in series]
+    pictures = [titled(resized(shown), f"ring at {kelvin} K") for kelvin, shown in zip(KELVIN, colours, strict=True)]
+    tiled(pictures, len(pictures), gap=6, background=BACKGROUND).save(IMAGES / "groups.png", optimize=True)
 
 
 def main() -> None:
-    addon.register()
-    with tempfile.TemporaryDirectory() as folder:
+    with registered(), tempfile.TemporaryDirectory() as folder:
         series = compare(Path(folder))
         measure(Path(folder))
     draw(series)

@@ -1,24 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Print the figures that docs/method.md quotes, each from a small experiment of its own. Takes about a minute.
 
-python docs/measure.py
+python -m docs.tools.measure
 """
 
 from __future__ import annotations
 
 import dataclasses
-import sys
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-
-from addon.solver import Material, Settings, render  # noqa: E402
-from tests.helpers.scenes import box, look, make_scene, mean_and_error  # noqa: E402
+from addon.solver import Material, Settings, render
+from tests.helpers.scenes import box, look, make_scene, mean_and_error
 
 BANDS = np.linspace(7.5, 13.5, 17)  # um
 PHOTONS = 20_000

@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw docs/images/materials.png and write the table of docs/materials.md from the material library.
 
-python docs/plot_materials.py        (needs matplotlib)
+python -m docs.tools.plot_materials        (needs matplotlib)
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 
-DOCS = Path(__file__).resolve().parent
-sys.path.insert(0, str(DOCS.parent))
+from addon.solver.physics import library
+from docs.tools.pages import table, write_blocks
+from docs.tools.paths import DOCS, IMAGES
+from docs.tools.plots import pyplot
 
-from addon.solver.physics import library  # noqa: E402
-
-START, END = "<!-- table: written by docs/plot_materials.py -->", "<!-- end of table -->"
+SCRIPT = "docs/tools/plot_materials.py"
 PANELS = {
     "Metals": [
         "Gold, polished", "Copper, polished", "Aluminium, polished", "Iron, polished", "Titanium, polished",
@@ -54,15 +53,12 @@ def band_mean(points: np.ndarray, low: float, high: float) -> str:
     return f"{area / (high - low):.3f}"
 
 
-def table() -> str:
+def table_of_materials() -> str:
     """One Markdown row for each material."""
-    rows = [
-        "| material | category | kind | range, um | 3-5 um | 8-14 um | note | source |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    head, rows = ("material", "category", "kind", "range, um", "3-5 um", "8-14 um", "note", "source"), []
     for material in library.load().values():
         points = material.points
-        cells = (
+        row = (
             material.name,
             material.category,
             material.kind,
@@ -72,25 +68,13 @@ def table() -> str:
             material.note,
             material.source,
         )
-        rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows)
-
-
-def write_table(page: Path) -> None:
-    """Replace what stands between the marks in the page."""
-    text = page.read_text(encoding="utf-8")
-    before, after = text.split(START)[0], text.split(END)[1]
-    page.write_text(f"{before}{START}\n{table()}\n{END}{after}", encoding="utf-8")
+        rows.append(row)
+    return table(head, *rows)
 
 
 def draw(image: Path) -> None:
     """A panel for each group of PANELS."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(3, 2, figsize=(13, 13), sharex=True, layout="constrained")
+    figure, axes = pyplot().subplots(3, 2, figsize=(13, 13), sharex=True, layout="constrained")
     for axis, (title, names) in zip(axes.flat, PANELS.items(), strict=True):
         for low, high in ((3, 5), (8, 14)):
             axis.axvspan(low, high, color="0.93", zorder=0)
@@ -104,5 +88,6 @@ def draw(image: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_table(DOCS / "materials.md")
-    draw(DOCS / "images" / "materials.png")
+    # no line about the code: a test holds that the table is that of the library as it is
+    write_blocks(DOCS / "materials.md", SCRIPT, {"table": table_of_materials()}, last="")
+    draw(IMAGES / "materials.png")

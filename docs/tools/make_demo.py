@@ -1,26 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make demo.blend: the scene of Boudet et al. 2004, section 5.2, at the size of a table top.
+"""Make docs/demo/demo.blend: the scene of Boudet et al. 2004, section 5.2, at the size of a table top.
 
 An emissive specular ring stands on a totally diffuse plane; a point light above its rim throws a caustic into it.
 
-    python docs/demo/make_demo.py
+    python -m docs.tools.make_demo
 
 Use bpy 4.5, so that every supported Blender can open the file.
 """
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import bpy
 import numpy as np
 
-FOLDER = Path(__file__).resolve().parent
-BLEND = FOLDER / "demo.blend"
-sys.path.insert(0, str(FOLDER.parent / "examples"))
-
-from modelling import add_camera, add_custom_property, add_sky, link, save, surface  # noqa: E402
+from docs.examples.modelling import add_camera, add_custom_property, add_sky, link, save, surface
+from docs.tools.paths import DEMO
 
 RADIUS, THICKNESS, HEIGHT = 0.1, 0.006, 0.05  # m, of the ring: inner radius, wall, height above the plane
 SUNK = 0.001  # m of the ring below the plane, so that no faces coincide
@@ -102,4 +96,4 @@ def choose_settings(scene) -> None:
 
 
 if __name__ == "__main__":
-    save(build, BLEND)
+    save(build, DEMO)
