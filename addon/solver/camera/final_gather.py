@@ -44,7 +44,7 @@ def _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, patc
     splitting, k, shrink2, rays = estimate.splitting, estimate.neighbours, estimate.shrink2, bounce.rays
     for g in chosen:
         i = gathers.ray[g]
-        at = interact(stage.surfaces, bounce.hits, i, rays)
+        at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         if rays.final[i] or lobes_at(stage, at).flags & DIFFUSE == 0:
             continue
         sheet, pixel, around2 = sheet_of(stage.surfaces, at.side_id), pixels[rays.pixel[i]], float(free2[g])
@@ -107,7 +107,7 @@ def open_finals(stage, estimate, bounce, gathers, row):
         g = chosen[n]
         gathers.row[g] = row + n
         i = gathers.ray[g]
-        at = interact(stage.surfaces, bounce.hits, i, bounce.rays)
+        at = interact(stage.surfaces, bounce.hits, i, bounce.rays.direction)
         put_vector(at.point, finals.point, n)
         finals.pixel[n], finals.side_id[n] = bounce.rays.pixel[i], at.side_id
         rho, diffuse = reflectance_at(stage, at), gathers.weight[g] * diffuse_share(lobes_at(stage, at))

@@ -92,7 +92,7 @@ def _meet(surfaces, hits, rays, normal, cosine):
     """Fill in, for n rays that meet triangles, the normal (n, 3) there that faces the ray, and the cosine (n,) between
     both."""
     for i in range(cosine.size):
-        at = interact(surfaces, hits, i, rays)
+        at = interact(surfaces, hits, i, rays.direction)
         put_vector(at.normal, normal, i)
         cosine[i] = at.cosine
 

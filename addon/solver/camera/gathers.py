@@ -99,7 +99,7 @@ def meet(stage, lighting, disks, bounce, rows) -> Gathers:
 def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
-    found = newest = 0
+    found = newest = np.int64(0)  # a literal would be a type of its own
     pixel = -1
     for i in range(hits.triangle.size):
         if rays.pixel[i] != pixel:
@@ -111,7 +111,7 @@ def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
             for b in range(bands):
                 rows.image[pixel, sky + b] += throughput[b] * surroundings.radiance[b]
             continue
-        at = interact(stage.surfaces, hits, i, rays)
+        at = interact(stage.surfaces, hits, i, rays.direction)
         side = at.side_id & 1
         if rays.final[i] and not rays.continued[i]:
             inverse = 1.0 / max(at.distance, 1e-15)
@@ -151,7 +151,7 @@ def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
 @njit(inline="always")
 def _is_alike(stage, bounce, at, i, other):
     """Whether ray i, which met `at`, can share the gather of another ray: of one sheet, material, kind and colour."""
-    rays, there = bounce.rays, interact(stage.surfaces, bounce.hits, other, bounce.rays)
+    rays, there = bounce.rays, interact(stage.surfaces, bounce.hits, other, bounce.rays.direction)
     return (
         sheet_of(stage.surfaces, there.side_id) == sheet_of(stage.surfaces, at.side_id)
         and there.material == at.material
@@ -169,7 +169,7 @@ def _roulette(stage, bounce, gathers, found, kept_as):
         i, kept_as[g] = gathers.ray[g], -1
         chance = min(1.0, gathers.carried[g] / _LITTLE)
         if uniform(rays.path[i], GATHERING + bounce.number) < chance:
-            rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays))
+            rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays.direction))
             carried = largest_throughput(rays.throughput[i], rho)
             gathers.ray[kept], gathers.weight[kept] = i, gathers.carried[g] / (carried * chance)
             gathers.carried[kept], kept_as[g] = gathers.carried[g], kept
@@ -212,7 +212,7 @@ def locate_gathers(stage, bounce, gathers) -> GatherPoints:
 @njit(**KERNEL)
 def _locate_gathers(surfaces, bounce, gathers, points):
     for g in range(gathers.ray.size):
-        at = interact(surfaces, bounce.hits, gathers.ray[g], bounce.rays)
+        at = interact(surfaces, bounce.hits, gathers.ray[g], bounce.rays.direction)
         put_vector(at.point, points.point, g)
         points.side_id[g] = at.side_id
         points.turns[g] = uniform(bounce.rays.path[gathers.ray[g]], FEELING + bounce.number)

@@ -27,10 +27,10 @@ def follow(stage, bounce, samples, gathers, onward) -> int:
 
 @njit(**FAST_KERNEL)
 def _follow(stage, bounce, samples, gathers, onward, shares, first):
-    rays, hits, sent = bounce.rays, bounce.hits, 0
+    rays, hits, sent = bounce.rays, bounce.hits, np.int64(0)
     for i in range(hits.triangle.size):
         if hits.triangle[i] >= 0:
-            at = interact(stage.surfaces, hits, i, rays)
+            at = interact(stage.surfaces, hits, i, rays.direction)
             if is_specular(lobes_at(stage, at)):
                 # of a final gather each ray carries little, so what counts is what the mirror leaves of that
                 full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
@@ -44,7 +44,7 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
     for i in range(hits.triangle.size):
         g = gathers.of[i]
         if g >= 0 and gathers.rays[g] > 0:
-            at = interact(stage.surfaces, hits, i, rays)
+            at = interact(stage.surfaces, hits, i, rays.direction)
             before = shares[g]
             shares[g] += largest_throughput(rays.throughput[i], reflectance_at(stage, at))
             part = before / gathers.carried[g], shares[g] / gathers.carried[g]

@@ -52,7 +52,7 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
         only_caustic = gathers.rays[g] > 0  # of those that send rays, which find all else
         if only_caustic and photons.caustic.size == 0:
             continue
-        at = interact(stage.surfaces, bounce.hits, i, rays)
+        at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, rho, out = lobes_at(stage, at), reflectance_at(stage, at), image[rays.pixel[i]]
         by_lobe = is_glossy(lobes) and estimate.straight and not are_ends
         is_diffuse = lobes.flags & DIFFUSE != 0 and rays.final[i] == are_ends
@@ -101,11 +101,11 @@ def recall(stage, cache, estimate, bounce, image) -> Gathers:
 
 @njit(**FAST_KERNEL)
 def _recall(stage, cache, estimate, bounce, image, lost, walk):
-    rays, splitting, found = bounce.rays, estimate.splitting, 0
+    rays, splitting, found = bounce.rays, estimate.splitting, np.int64(0)
     for i in range(bounce.hits.triangle.size):
         if bounce.hits.triangle[i] < 0 or not rays.final[i]:
             continue
-        at = interact(stage.surfaces, bounce.hits, i, rays)
+        at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         rho, diffuse = reflectance_at(stage, at), diffuse_share(lobes_at(stage, at))
         carried = diffuse * largest_throughput(rays.throughput[i], rho)
         if carried == 0.0:
@@ -150,10 +150,10 @@ def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
     surroundings, rays, sky = lighting.surroundings, bounce.rays, False
     for b in range(surroundings.radiance.size):
         sky |= surroundings.radiance[b] != 0.0
-    sent = 0
+    sent = np.int64(0)
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
-        at = interact(stage.surfaces, bounce.hits, i, rays)
+        at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         receiver = Receiver(
             at, rays.throughput[i], gathers.weight[g], rays.path[i], LAMPS + LAMP_NUMBERS * bounce.number, rays.pixel[i]
         )

@@ -112,7 +112,7 @@ def _narrow(surfaces, side_id, hits, rays, space, ways):
         for row in range(_FEELERS * i, _FEELERS * (i + 1)):
             if hits.triangle[row] < 0:
                 continue
-            at = interact(surfaces, hits, row, rays)
+            at = interact(surfaces, hits, row, rays.direction)
             if sheet_of(surfaces, at.side_id) == own:
                 continue
             feeler = difference(at.point, vector(rays.origin, row))

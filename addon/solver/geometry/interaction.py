@@ -39,9 +39,9 @@ class Interaction(NamedTuple):
 
 
 @njit(**INLINED)
-def interact(surfaces, hits, i, rays):
-    """The Interaction of ray i, which met a triangle. rays: what has the rays' direction (n, 3) float32."""
-    return interact_at(surfaces, hits.triangle[i], hits.u[i], hits.v[i], vector(rays.direction, i), hits.distance[i])
+def interact(surfaces, hits, i, direction):
+    """The Interaction of ray i, which met a triangle. direction: (n, 3) float32 of all rays."""
+    return interact_at(surfaces, hits.triangle[i], hits.u[i], hits.v[i], vector(direction, i), hits.distance[i])
 
 
 @njit(**INLINED)
@@ -52,20 +52,20 @@ def interact_at(surfaces, triangle, u, v, direction, length):
     side_id = facing_side(surfaces, triangle, direction)
     n = unit_normal(surfaces, side_id)
     cosine = max(LEAST_COSINE, -dot(incoming, n))
-    at, material = point(surfaces.corners, triangle, u, v), np.int64(surfaces.material[triangle])
-    return Interaction(np.int64(triangle), side_id, at, n, n, material, u, v, incoming, cosine, length * norm)
+    at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
+    return Interaction(np.int32(triangle), side_id, at, n, n, material, u, v, incoming, cosine, length * norm)
 
 
 @njit(**INLINED)
 def emit_at(surfaces, side_id, u, v, cosine):
     """The Interaction at (u, v) of a side that emits in a direction of this cosine. Nothing has come there, so the
     incoming direction is that of the normal backwards and the distance 0."""
-    n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
-    at, material = point(surfaces.corners, triangle, u, v), np.int64(surfaces.material[triangle])
-    return Interaction(triangle, np.int64(side_id), at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
+    n, triangle = unit_normal(surfaces, side_id), np.int32(side_id >> 1)
+    at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
+    return Interaction(triangle, np.int32(side_id), at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
 
 
-@njit(**INLINED)
+@njit(inline="always")  # as rays are tuples of many types
 def leave(surfaces, side_id, point, direction, rays, i):
     """Make ray i one that starts at a point of a side, clear of it, in a direction. rays: what has origin and direction
     (n, 3) float32."""

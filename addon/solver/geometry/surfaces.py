@@ -189,7 +189,7 @@ def facing_side(surfaces, t, direction):
     """The side (its side_id) of triangle t that a ray of this direction meets."""
     plane = surfaces.plane
     towards = direction[0] * plane[t, 0] + direction[1] * plane[t, 1] + direction[2] * plane[t, 2]
-    return np.int64(2 * t + (1 if towards > 0.0 else 0))
+    return np.int32(2 * t + (1 if towards > 0.0 else 0))
 
 
 @njit(**INLINED)

@@ -78,7 +78,7 @@ def _ends(surfaces, hits, rays):
     met = np.flatnonzero(hits.triangle >= 0)
     point, side_id = np.empty((met.size, 3), np.float32), np.empty(met.size, np.int32)
     for n in range(met.size):
-        at = interact(surfaces, hits, met[n], rays)
+        at = interact(surfaces, hits, met[n], rays.direction)
         put_vector(at.point, point, n)
         side_id[n] = at.side_id
     return point, side_id

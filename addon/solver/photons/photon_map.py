@@ -387,7 +387,7 @@ def gather(photon_map, surfaces, side_id, point, disk, guess, room):
     x, y, z = point
     wx, wy, wz = disk.wall
     return _gather(
-        photon_map, surfaces, np.int64(side_id), (np.float64(x), np.float64(y), np.float64(z)),
+        photon_map, surfaces, np.int32(side_id), (np.float64(x), np.float64(y), np.float64(z)),
         Disk(disk.neighbours, np.float64(disk.reach2), np.float64(disk.shrink2), (wx, wy, wz), bool(disk.only_caustic)),
         np.float64(guess), room,
     )  # fmt: skip
@@ -415,7 +415,7 @@ def _gather(photon_map, surfaces, side_id, point, disk, guess, room):
     if area <= 0.0:  # at a wall's foot float32 puts points beyond the rim, where nothing lies before the wall
         return 0, math.pi * disk2, next_guess
     index = room.index
-    near = 0
+    near = np.int64(0)
     for i in range(count):  # no branch here and below: the order is as good as random
         index[near] = index[i]
         near += 1 if room.distance2[i] < disk2 else 0

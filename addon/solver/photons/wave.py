@@ -61,6 +61,6 @@ def has_arrived(wave, i, triangle):
 def arrive(surfaces, hits, i, wave):
     """The Interaction of photon i, which has arrived."""
     if wave.arrival[i] < 0:
-        return interact(surfaces, hits, i, wave)
+        return interact(surfaces, hits, i, wave.direction)
     u, v, back = wave.u[i], wave.v[i], scaled(vector(wave.direction, i), -1.0)
     return interact_at(surfaces, wave.arrival[i] >> 1, u, v, back, hits.distance[i])

@@ -114,13 +114,13 @@ def grey_radiometry(materials: tuple[Material, ...], emissivity: np.ndarray) -> 
     """
     nothing = np.zeros((len(materials) + 1, 2, 1))
     return Radiometry(
-        reflectance=(1.0 - emissivity)[:, None],
+        reflectance=(1.0 - emissivity)[:, None].astype(np.float32),
         stores=np.full(len(materials), ALL, np.uint8),
         lobes=build_lobe_table(materials),
         emission=nothing,
         slope=nothing,
         log_start=0.0,
-        base=nothing[:, 0],
+        base=np.zeros((len(materials) + 1, 1)),
         reference=nothing[-1, 0],
         quiet=0.0,
     )

@@ -274,7 +274,7 @@ def _bounce(stage, key, bounce, hits, paths, gathers, tally):
                 tally.escaped[paths.label[i]] += 1.0
             paths.throughput[i], paths.label[i] = 0.0, -1
             continue
-        at = interact(surfaces, hits, i, paths)
+        at = interact(surfaces, hits, i, paths.direction)
         label = sheet_of(surfaces, at.side_id)
         tally.reached[label] = True
         if bounce > 0:

@@ -402,7 +402,7 @@ def _see(stage, hits, rays, reflected, surroundings, hidden, seen, emitted):
         if hits.triangle[i] < 0:
             seen[i] = surroundings
             continue
-        at = interact(stage.surfaces, hits, i, rays)
+        at = interact(stage.surfaces, hits, i, rays.direction)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
         if not hidden[at.triangle, at.side_id & 1]:
             seen[i] += emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _HEAD_ON), emitted).sum()
@@ -415,7 +415,7 @@ def _locate(stage, hits, samples, is_parallel, shown):
         shown.sheet[i], shown.throughput[i], shown.footprint[i] = -1, 0.0, 0.0
         if hits.triangle[i] < 0:
             continue
-        at = interact(stage.surfaces, hits, i, samples)
+        at = interact(stage.surfaces, hits, i, samples.direction)
         reflectance = _diffuse_reflectance(stage, at)
         if reflectance == 0.0:
             continue
@@ -432,11 +432,11 @@ def _follow(stage, bounce, hits, samples, unclear, onward):
     unclear: (samples,) bool, set for those that end there and for those that met a rough lobe, which differs from ray
     to ray.
     """
-    sent = 0
+    sent = np.int64(0)
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
             continue
-        at = interact(stage.surfaces, hits, i, samples)
+        at = interact(stage.surfaces, hits, i, samples.direction)
         lobes, path = lobes_at(stage, at), samples.path[i]
         if not is_specular(lobes):
             continue
@@ -460,7 +460,7 @@ def _start_gathers(surfaces, bounce, hits, samples, chosen, rays):
     """Start a ray of a final gather from each of the chosen samples (n,)."""
     for row in range(chosen.size):
         i, dimension = chosen[row], _DIMENSION + 4 * bounce
-        at, path = interact(surfaces, hits, i, samples), samples.path[i]
+        at, path = interact(surfaces, hits, i, samples.direction), samples.path[i]
         direction = sample_diffuse(at.normal, uniform(path, dimension), uniform(path, dimension + 1))
         leave(surfaces, at.side_id, at.point, direction, rays, row)
 
@@ -476,7 +476,7 @@ def _measure(stage, sheets, hits, rays, closeness, noise, rest):
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
             continue
-        at = interact(stage.surfaces, hits, i, rays)
+        at = interact(stage.surfaces, hits, i, rays.direction)
         closeness[i] = 1.0 / max(at.distance, 1e-15)
         sheet, diffuse = sheet_of(stage.surfaces, at.side_id), _diffuse_reflectance(stage, at)
         disk = sheets.disk[sheet]

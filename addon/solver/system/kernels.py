@@ -4,8 +4,8 @@
 Kernels and what is inlined into them allocate nothing: who calls them brings the room. So they need not count
 references to arrays, which Numba would do with locked instructions at every use of an array out of a tuple and at every
 row of one: without, opening a node of a tree takes a third of the time. `_nrt` stands for Numba's runtime, which counts
-them; it refuses to compile what allocates after all, and what returns a row of an array: where a small function has to, it is
-inlined by Numba itself, `inline="always"`. Functions that make arrays, in which little time is spent, are
+them; it refuses to compile what allocates after all, and what returns a row of an array: the few small functions that
+do are inlined by Numba itself, `inline="always"`. Functions that make arrays, in which little time is spent, are
 compiled with Numba's own settings.
 """
 
