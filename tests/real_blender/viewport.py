@@ -205,12 +205,12 @@ def final_images():
 
 def last_picture():
     """Yield until the viewport has its last picture; returns the temperatures in it, and what is said of it."""
-    from bl_ext.user_default.infrared_photons.rendering.viewport import _viewports
+    from bl_ext.user_default.infrared_photons.rendering.live_pictures import viewports as viewports_of_regions
 
     yield from wait_for_end()
     yield 0.2  # it is drawn
     region = next(region for region in viewports()[0].regions if region.type == "WINDOW")
-    viewport = _viewports[region.as_pointer()]
+    viewport = viewports_of_regions[region.as_pointer()]
     return viewport.shown.temperature, viewport._render.status
 
 

@@ -22,7 +22,7 @@ _LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
 
 
 class Gathers(NamedTuple):
-    """Gathers, each for a group of rays: the index of the ray that stands for all where photons are asked (n,) int32,
+    """Gathers, each for a group of rays: the index of the ray that stands for all where photons are asked (n,) int64,
     and a factor on its throughput, (n,) float32.
 
     carried: (n,) float64, throughput of all rays of the group together. contribution: (n,) float64, share of the pixel
@@ -46,7 +46,7 @@ class Gathers(NamedTuple):
 def empty_gathers(count: int) -> Gathers:
     """Room for the gathers of count rays."""
     return Gathers(
-        np.empty(count, np.int32),
+        np.empty(count, np.int64),
         np.empty(count, np.float32),
         np.empty(count),
         np.zeros(count),
@@ -99,7 +99,7 @@ def meet(stage, lighting, disks, bounce, rows) -> Gathers:
 def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
-    found = newest = np.int64(0)  # a literal would be a type of its own
+    found = newest = np.int64(0)  # no literal, see kernels
     pixel = -1
     for i in range(hits.triangle.size):
         if rays.pixel[i] != pixel:

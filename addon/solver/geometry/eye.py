@@ -13,6 +13,7 @@ from ..scene import Camera, SceneError
 from ..system.kernels import KERNEL, njit
 
 _CLEAR_OF_SCENE = 1.01  # of the sphere around the scene, over its radius, so that rays start in front of all surfaces
+_PIXEL_X, _PIXEL_Y, _LENS_U, _LENS_V = np.arange(4)  # dimensions of the sequence; no literals, see kernels
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
 
@@ -137,10 +138,10 @@ def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
         path = path_key(key, y * eye.width + x)
         for sample in range(samples[i]):
             n = (np.int64(index) * samples[i] + sample) & 0xFFFFFFFF
-            s, t = scrambled(n, path, 0), scrambled(n, path, 1)
+            s, t = scrambled(n, path, _PIXEL_X), scrambled(n, path, _PIXEL_Y)
             u = v = 0.0
             if eye.lens_radius > 0.0:
-                u, v = scrambled(n, path, 2), scrambled(n, path, 3)
+                u, v = scrambled(n, path, _LENS_U), scrambled(n, path, _LENS_V)
             _put_eye_ray(eye, x + s, y + t, (u, v), origin, direction, reach, row)
             row += 1
 

@@ -41,7 +41,9 @@ class Interaction(NamedTuple):
 @njit(**INLINED)
 def interact(surfaces, hits, i, direction):
     """The Interaction of ray i, which met a triangle. direction: (n, 3) float32 of all rays."""
-    return interact_at(surfaces, hits.triangle[i], hits.u[i], hits.v[i], vector(direction, i), hits.distance[i])
+    return interact_at(
+        surfaces, np.int64(hits.triangle[i]), hits.u[i], hits.v[i], vector(direction, i), hits.distance[i]
+    )
 
 
 @njit(**INLINED)
@@ -53,14 +55,14 @@ def interact_at(surfaces, triangle, u, v, direction, length):
     n = unit_normal(surfaces, side_id)
     cosine = max(LEAST_COSINE, -dot(incoming, n))
     at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
-    return Interaction(np.int32(triangle), side_id, at, n, n, material, u, v, incoming, cosine, length * norm)
+    return Interaction(triangle, side_id, at, n, n, material, u, v, incoming, cosine, length * norm)
 
 
 @njit(**INLINED)
 def emit_at(surfaces, side_id, u, v, cosine):
     """The Interaction at (u, v) of a side that emits in a direction of this cosine. Nothing has come there, so the
     incoming direction is that of the normal backwards and the distance 0."""
-    n, triangle = unit_normal(surfaces, side_id), np.int32(side_id >> 1)
+    n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
     at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
     return Interaction(triangle, np.int32(side_id), at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
 

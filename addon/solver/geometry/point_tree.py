@@ -197,7 +197,7 @@ def _build_nodes(leaves, nodes, starts, extent):
 def start_walk(tree, walk):
     """Put the root on the stack; returns its depth."""
     walk.stack[0], walk.apart[0] = tree.starts[tree.starts.size - 2], np.float32(0.0)
-    return np.int64(1)  # a literal would be a type of its own
+    return np.int64(1)  # no literal, see kernels
 
 
 @njit(**FAST_INLINED)

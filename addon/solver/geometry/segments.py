@@ -13,7 +13,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from ..system.kernels import INLINED, njit
+from ..system.kernels import njit
 
 
 class RayBatch(NamedTuple):
@@ -65,7 +65,7 @@ class Tracer:
         return self.trace(origin, direction, reach).triangle < 0
 
 
-@njit(**INLINED)
+@njit(inline="always")
 def transmit(stage, origin, direction, distance, power):
     """Lower power (b,), or radiance, or a throughput, by what a segment absorbs; it is the same backwards.
 
@@ -74,7 +74,7 @@ def transmit(stage, origin, direction, distance, power):
     """
 
 
-@njit(**INLINED)
+@njit(inline="always")
 def glow(stage, origin, direction, distance, throughput, radiance):
     """Add to radiance (b,) what a segment emits towards its origin, times the throughput (b,) there: nothing in a
     vacuum. Arguments as of `transmit`, which is asked afterwards."""

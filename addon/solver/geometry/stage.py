@@ -30,13 +30,13 @@ def reflectance_at(stage, at):
     return stage.radiometry.reflectance[at.material]
 
 
-@njit(**INLINED)
+@njit(inline="always")
 def lobes_at(stage, at):
     """The Lobes, see physics.lobes."""
     return lobes_of(stage.radiometry.lobes, at.material)
 
 
-@njit(**INLINED)
+@njit(inline="always")
 def stored_at(stage, at):
     """Which photons are stored: NONE, ALL or STRAIGHT, see radiometry.stored_photons."""
     return stage.radiometry.stores[at.material]
@@ -51,7 +51,7 @@ def temperature_at(stage, at):
     return (1.0 - at.u - at.v) * temperature[t, 0] + at.u * temperature[t, 1] + at.v * temperature[t, 2]
 
 
-@njit(**INLINED)
+@njit(inline="always")
 def layer_at(stage, at):
     """The layer of the image that the emission belongs to."""
     return layer_of(stage.surfaces.layer, at.triangle)

@@ -178,7 +178,7 @@ def unit_normal(surfaces, side_id):
     return sign * plane[t, 0], sign * plane[t, 1], sign * plane[t, 2]
 
 
-@njit(**INLINED)
+@njit(inline="always")
 def sheet_of(surfaces, side_id):
     """Label of the sheet that a side belongs to."""
     return surfaces.sheet[side_id >> 1, side_id & 1]

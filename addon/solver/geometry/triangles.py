@@ -80,7 +80,10 @@ def _edge(corners, t, i):
 @njit(**INLINED)
 def longest_edge(corners, t):
     """Length of the longest edge of triangle t, m, float64."""
-    return max(_edge(corners, t, 0), _edge(corners, t, 1), _edge(corners, t, 2))
+    longest = 0.0
+    for i in range(3):
+        longest = max(longest, _edge(corners, t, i))
+    return longest
 
 
 @njit(inline="always")
@@ -93,13 +96,14 @@ def offset(corners, t):
     plane by a c^2 / (2 A) at the far end: with a + b >= c, at most 4 times the circumradius a b c / (4 A). So right
     needles, such as the sides of a pipe, are as exact as other triangles, obtuse ones are not (tests/test_surfaces.py).
     """
-    reach = 0.0
+    reach, edges = 0.0, 1.0
     for i in range(3):
+        edges *= _edge(corners, t, i)
         for axis in range(3):
             reach = max(reach, abs(corners[t, i, axis]))
     double_area = normal(corners, t)[1]
     if double_area > 0.0:
-        reach = max(reach, _edge(corners, t, 0) * _edge(corners, t, 1) * _edge(corners, t, 2) / (2.0 * double_area))
+        reach = max(reach, edges / (2.0 * double_area))
     return reach * CLEAR
 
 

@@ -344,7 +344,7 @@ def _search(photon_map, query, k, bound, room):
     tree = photon_map.tree
     index, distance2, walk, near = room.index, room.distance2, room.walk, room.walk.near
     limit = 4 * k + 64
-    count = np.int64(0)  # a literal would be a type of its own
+    count = np.int64(0)  # no literal, see kernels
     depth = start_walk(tree, walk)
     while depth > 0:
         depth, children = open_node(tree, walk, depth, query.point, bound)

@@ -72,7 +72,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
 
     Returns the number stored and the number that survived.
     """
-    kept = alive = np.int64(0)  # literals would be types of their own
+    kept = alive = np.int64(0)  # no literal, see kernels
     for i in range(hits.triangle.size):
         if not has_arrived(wave, i, hits.triangle[i]):
             continue

@@ -63,4 +63,4 @@ def arrive(surfaces, hits, i, wave):
     if wave.arrival[i] < 0:
         return interact(surfaces, hits, i, wave.direction)
     u, v, back = wave.u[i], wave.v[i], scaled(vector(wave.direction, i), -1.0)
-    return interact_at(surfaces, wave.arrival[i] >> 1, u, v, back, hits.distance[i])
+    return interact_at(surfaces, np.int64(wave.arrival[i] >> 1), u, v, back, hits.distance[i])

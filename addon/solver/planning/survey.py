@@ -239,7 +239,7 @@ class _Surveyor:
         not count."""
         radiance = self.excess.surroundings.radiance
         seen, emitted = np.empty(len(rays.origin)), nothing_emitted(len(radiance), np.float64)
-        _see(self.stage, hits, rays, self.sheets.reflected, float(radiance.sum()), hidden, seen, emitted)
+        _see(self.stage, hits, rays.direction, self.sheets.reflected, float(radiance.sum()), hidden, seen, emitted)
         return seen
 
     def _shown(self, hits, samples) -> _Shown:
@@ -392,7 +392,7 @@ def _diffuse_reflectance(stage, at):
 
 
 @njit(**KERNEL)
-def _see(stage, hits, rays, reflected, surroundings, hidden, seen, emitted):
+def _see(stage, hits, direction, reflected, surroundings, hidden, seen, emitted):
     """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see: the emission, the diffusely reflected
     part as the sheet's mean, and nothing of what specular lobes show.
 
@@ -402,7 +402,7 @@ def _see(stage, hits, rays, reflected, surroundings, hidden, seen, emitted):
         if hits.triangle[i] < 0:
             seen[i] = surroundings
             continue
-        at = interact(stage.surfaces, hits, i, rays.direction)
+        at = interact(stage.surfaces, hits, i, direction)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
         if not hidden[at.triangle, at.side_id & 1]:
             seen[i] += emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _HEAD_ON), emitted).sum()

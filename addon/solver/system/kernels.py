@@ -7,6 +7,9 @@ row of one: without, opening a node of a tree takes a third of the time. `_nrt` 
 them; it refuses to compile what allocates after all, and what returns a row of an array: the few small functions that
 do are inlined by Numba itself, `inline="always"`. Functions that make arrays, in which little time is spent, are
 compiled with Numba's own settings.
+
+A kernel is compiled for each set of types that it is called with, and to Numba a number written in the code is a type
+of its own: where a kernel is called with a count that starts at 0, that is np.int64(0).
 """
 
 from collections.abc import Callable
