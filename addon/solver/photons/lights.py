@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.triangles import CLEAR
+from ..physics.constants import SIGMA
 from ..physics.spectrum import band_radiance
 from ..sampling.vectors import cross, dot, moved, scaled, vector
 from ..sampling.warps import basis, cone_direction, cosine_direction, to_world, turn
 from ..scene import AreaLight, Light, PointLight, SpotLight, SunLight
 from ..system.kernels import INLINED, njit
 
-_SIGMA = 5.670374419e-8  # Stefan-Boltzmann constant, W m-2 K-4 (CODATA 2018)
 POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
 
 
@@ -56,7 +56,7 @@ def build_light_table(lights: tuple[Light, ...], edges: np.ndarray, centre: np.n
 
 def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
     """(b,) share of a light's total flux in each band: that of a blackbody at its temperature."""
-    total = _SIGMA * light.temperature**4
+    total = SIGMA * light.temperature**4
     if total == 0.0:  # at 0 K, and where float64 cannot tell it from that
         return np.zeros(len(edges) - 1)
     return math.pi * band_radiance(edges, light.temperature) / total

@@ -18,11 +18,7 @@ from types import ModuleType
 import numpy as np
 
 from ..scene import SceneError, check_band_edges
-
-# CODATA 2018: h and c and k are exact, so these are rounded only by float64.
-_H, _C, _K = 6.62607015e-34, 299792458.0, 1.380649e-23
-C1 = 2.0 * _H * _C**2 * 1e24  # 2 h c^2 in W um^4 m^-2 sr^-1
-C2 = _H * _C / _K * 1e6  # h c / k in um K
+from .constants import C1, C2
 
 LIBRARY_MISSING = "A library of the solver is missing: {}. Install the extension from its zip file again"
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from ..system.kernels import KERNEL, njit
-from .spectrum import C1, C2
+from .constants import C1, C2
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on 0..1

@@ -30,7 +30,7 @@ from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trac
 from ..physics.lobes import GLOSSY, SPECULAR
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
-from ..sampling.rng import LAMP_CHOICE, PILOT, SHEETS, SURVEY, TRIAL, pass_key
+from ..sampling.rng import LAMP_CHOICE, PILOT, SHEETS, TRIAL, pass_key
 from ..scene import Scene
 from ..settings import Settings
 from .antialiasing import choose_samples, least_price
@@ -126,9 +126,7 @@ def prepare(
         trial = trial_pass(tracer, stage, emitters, optics, cancelled)
         hits = len(trial.side_id) / trial.photons
         sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
-    survey = survey_pixels(
-        stage, tracer, excess, sheets, eye, scene.band_edges, pass_key(0, SURVEY, PILOT), settings.workers, cancelled
-    )
+    survey = survey_pixels(stage, tracer, excess, sheets, eye, scene.band_edges, settings.workers, cancelled)
     if cancelled():
         return None
     splitting = plan_splitting(sheets, survey, reach2, settings.neighbours, photons) if photons else None

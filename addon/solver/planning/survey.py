@@ -20,7 +20,7 @@ from ..geometry.stage import Stage, emission_at, lobes_at, nothing_emitted, refl
 from ..geometry.surfaces import sheet_of
 from ..physics.lobes import diffuse_share, is_glossy, is_specular, sample_diffuse, sample_specular
 from ..physics.spectrum import apparent_temperature
-from ..sampling.rng import path_key, uniform
+from ..sampling.rng import PILOT, SURVEY, pass_key, path_key, uniform
 from ..system.kernels import INLINED, KERNEL, njit
 from .sheets import Excess, Sheets
 
@@ -152,13 +152,12 @@ def survey_pixels(
     sheets: Sheets,
     eye: Eye,
     edges: np.ndarray,
-    key: np.uint64,
     threads: int,
     cancelled: Callable[[], bool],
 ) -> Survey:
     """Send samples through every pixel, and try a few rays of the final gathers that it might send.
 
-    edges: (b + 1,) um, of the bands. key: of the rays. cancelled: once it is true, what is returned tells nothing.
+    edges: (b + 1,) um, of the bands. cancelled: once it is true, what is returned tells nothing.
     """
     x0, y0, x1, y1 = (int(end) for end in eye.window)
     width, height = x1 - x0, y1 - y0
@@ -167,7 +166,7 @@ def survey_pixels(
         edge += 1
     block = _blocks(width, height, edge)
     stride = max(1, round(_SAMPLES * len(block) / (_TRIED * (block[-1] + 1))))
-    surveyor = _Surveyor(_in_one_band(stage), tracer, excess, sheets, eye, key, stride)
+    surveyor = _Surveyor(_in_one_band(stage), tracer, excess, sheets, eye, pass_key(0, SURVEY, PILOT), stride)
 
     def survey(first: int) -> _Chunk:
         return surveyor.survey(np.arange(first, first if cancelled() else min(first + _CHUNK, len(block))))
