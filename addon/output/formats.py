@@ -62,26 +62,29 @@ def write_file(file_format: str, path: Path, images: Mapping) -> None:
     """Write a frame. file_format: a key of FORMATS; images: the arguments of `exr.write_band_exr`, but for its path.
 
     Only OpenEXR has a place for `further` images; the other formats leave them out.
-    Raises OSError naming the path if it cannot be written.
+    Raises OSError naming the path if it cannot be written, ValueError naming the format if there is none of this key.
     """
     described = {name: images[name] for name in ("band_edges", "metadata")}
-    if file_format == "BAND_EXR":
-        from .exr import write_band_exr
+    match file_format:
+        case "BAND_EXR":
+            from .exr import write_band_exr
 
-        write_band_exr(path, **images)
-    elif file_format == "SPECTRAL_EXR":
-        from .exr import write_spectral_exr
+            write_band_exr(path, **images)
+        case "SPECTRAL_EXR":
+            from .exr import write_spectral_exr
 
-        write_spectral_exr(path, **images)
-    elif file_format == "ENVI":
-        from .envi import write_envi
+            write_spectral_exr(path, **images)
+        case "ENVI":
+            from .envi import write_envi
 
-        write_envi(path, images["bands"], **described)
-    elif file_format == "TIFF":
-        from .tiff import write_temperature_tiff
+            write_envi(path, images["bands"], **described)
+        case "TIFF":
+            from .tiff import write_temperature_tiff
 
-        write_temperature_tiff(path, images["temperature"], **described)
-    else:
-        from .tiff import write_camera_tiff
+            write_temperature_tiff(path, images["temperature"], **described)
+        case "CAMERA_TIFF":
+            from .tiff import write_camera_tiff
 
-        write_camera_tiff(path, images["temperature"], **described)
+            write_camera_tiff(path, images["temperature"], **described)
+        case _:
+            raise ValueError(f"There is no file format '{file_format}', only {', '.join(FORMATS)}")
