@@ -228,6 +228,16 @@ def test_pillow_reads_the_tiff_files_too(tmp_path, images, file_format, shape):
         np.testing.assert_array_equal(np.asarray(picture), read_tiff(path)[0])
 
 
+# Formats --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unknown", ["PNG", "camera_tiff", ""])
+def test_an_unknown_format_is_an_error_that_names_it(tmp_path, images, unknown):
+    with pytest.raises(ValueError, match=f"no file format '{unknown}'"):
+        write_file(unknown, tmp_path / "frame", images)
+    assert not list(tmp_path.iterdir())
+
+
 # Damage ---------------------------------------------------------------------------------------------------------------
 
 

@@ -205,9 +205,13 @@ def test_a_request_does_not_wait_for_a_solver_that_does_not_listen(scene, watche
     assert watcher.render.picture is shown and [settings.seed for _, settings, _ in asked] == [1, 0]
 
 
-def test_a_viewport_that_showed_nothing_stops_too():
-    render = viewport.ViewportRender(lambda: None)
-    render.stop()
+def test_a_viewport_that_showed_nothing_stops_too(watcher, monkeypatch):
+    """Nothing is begun, told or drawn on the way."""
+    started = []
+    monkeypatch.setattr(threading.Thread, "start", lambda thread: started.append(thread))
+    watcher.render.stop()
+    assert not started and not watcher.states
+    assert watcher.render.picture is None and watcher.render.status == ""
 
 
 def test_requests_are_compared_by_value(scene):

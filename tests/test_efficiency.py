@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a picture costs: mistakes of planning bring noise or rays, never energy, so tests of means do not see them.
+
+The figure of a scene is the squared error of a pass (K2) times the rays that Embree traces in a pass: flights of
+photons, camera rays, final gathers, shadow rays, feelers. More passes or a faster machine leave it as it is; a worse
+plan raises it.
+
+The error is that of Film.noise, which is the spread between passes. Its square is averaged over all pixels but the
+worst 2 %, as in the benchmark of error against time: over all of them the few pixels at the edges of small hot things
+make most of the figure's own spread. That is, as a standard deviation over 12 seeds, 3.2 % in the cavity, where all
+pixels depend on the few photons that enter, and 0.9 to 1.5 % elsewhere. A figure fails if it is beyond TOLERANCE either
+way, six standard deviations: one that is far better should be stored.
+
+`python -m pytest -s tests/test_efficiency.py` prints the figures beside those that are stored;
+`python -m tests.test_efficiency` prints new ones to store, and their spread, which takes some minutes.
+"""
+
+import dataclasses
+import importlib
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from addon.solver import Settings, render
+from addon.solver.geometry.surfaces import Tracer
+from tests.benchmarks.speed_scenes import SCENES
+
+passes = importlib.import_module("addon.solver.passes")
+WIDTH, HEIGHT = 64, 48
+SETTINGS = Settings(passes=16, photons_per_pass=25_000)
+KEPT = 0.98  # of the pixels
+TOLERANCE = 0.2  # relative
+# K2 rays, means over 12 seeds, and the spread over them
+STORED = {
+    "room": 687.1,  # 1.2%
+    "ring": 7.442e05,  # 1.5%
+    "cavity": 1.071e05,  # 3.2%
+    "engine": 5.36e06,  # 0.9%
+    "street": 2813,  # 1.0%
+    "office": 1693,  # 1.4%
+    "bay": 9.401e06,  # 1.5%
+}
+
+
+def figure(name, seed=0):
+    """Squared error times rays of a pass of a scene, K2."""
+    scene = SCENES[name]()
+    scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, width=WIDTH, height=HEIGHT))
+    trace, rays, after = Tracer.trace, [], []
+
+    def counted(tracer, origin, *rest):
+        rays.append(len(origin))
+        return trace(tracer, origin, *rest)
+
+    with mock.patch.object(Tracer, "trace", counted):
+        film = render(scene, dataclasses.replace(SETTINGS, seed=seed), lambda _: after.append(sum(rays)))
+    rays_per_pass = (after[-1] - after[0]) / (film.passes - 1)  # those before the first pass learn about the scene
+    squares = np.sort(film.noise().astype(float).ravel() ** 2)[: int(KEPT * WIDTH * HEIGHT)]
+    return film.passes * squares.mean() * rays_per_pass
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_error_and_rays_together_are_as_small_as_they_were(name):
+    now = figure(name)
+    print(f"\n{name}: {now:.4g} K2 rays, {now / STORED[name] - 1:+.1%}")
+    assert now == pytest.approx(STORED[name], rel=TOLERANCE)
+
+
+def test_a_wrong_price_is_seen(monkeypatch):
+    """With ten times the price there are two thirds of the rays, and the figure is three quarters higher."""
+    plan = passes.plan_splitting
+
+    def dearer(*arguments):
+        splitting = plan(*arguments)
+        return splitting._replace(price=10.0 * splitting.price)
+
+    monkeypatch.setattr(passes, "plan_splitting", dearer)
+    assert figure("office") > (1.0 + TOLERANCE) * STORED["office"]
+
+
+def main():
+    """Print the table to store, and the spread."""
+    for name in SCENES:
+        figures = [figure(name, seed) for seed in range(12)]
+        print(f'    "{name}": {np.mean(figures):.4g},  # {np.std(figures, ddof=1) / np.mean(figures):.1%}', flush=True)
+
+
+if __name__ == "__main__":
+    main()
