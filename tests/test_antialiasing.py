@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from addon.solver import Camera, Material, Settings, render
-from addon.solver.passes import prepare
 from addon.solver.planning import antialiasing
 from addon.solver.planning.antialiasing import FEWEST
+from addon.solver.planning.preparation import prepare
 from tests.helpers.scenes import box, join, look, make_scene, quad
 
 EDGES = np.linspace(8.0, 12.0, 3)
@@ -58,12 +58,12 @@ def test_what_differs_in_emission_alone_is_an_edge():
 
 
 def test_a_wire_thinner_than_a_pixel_is_found():
-    """A tenth of a pixel wide: few of sixteen looks in a pixel meet it, those in the pixels around help."""
+    """A tenth of a pixel wide: few of sixteen samples in a pixel meet it, those in the pixels around help."""
     samples = samples_of(plate(angle=0.3, half=(12.0, 0.05), kelvin=900.0))
     on = np.abs(distance_to_edge(0.3, (11.0, 0.05))) < 0.2
     found = np.mean(samples[on] >= 128)
     print(f"{found:.2f} of {on.sum()} pixels")
-    # the pixel and the two next along the wire look 48 times, each meets it with a chance of a tenth
+    # the pixel and the two next along the wire have 48 samples, each meets it with a chance of a tenth
     assert found > 1 - 0.9**48 - 3 * (0.9**48 / on.sum()) ** 0.5
 
 

@@ -456,7 +456,7 @@ def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
         ]
     )
     assert ray.mean() < 0.5 * sheets.evenness * cells.ray_noise.mean()  # several gathers share
-    foreseen_by_rays = np.sum(cells.count * cells.carried2 * (ray * 32**-FALL + cells.rest)) / pixels
+    foreseen_by_rays = np.sum(cells.count * cells.contribution2 * (ray * 32**-FALL + cells.rest)) / pixels
     for name, found, foreseen in (("photons", by_photons, foreseen_by_photons), ("rays", by_rays, foreseen_by_rays)):
         print(f"{kind}, {name}: foreseen over found {math.sqrt(foreseen / found):.2f}")
         assert 1.5**-2 < foreseen / found < 1.5**2

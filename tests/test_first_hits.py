@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the middle of each pixel sees: places, temperatures and emissivities that are known exactly."""
+"""What the middle of each pixel sees: positions, temperatures and emissivities that are known exactly."""
 
 import dataclasses
 
@@ -71,7 +71,7 @@ def test_positions_are_on_the_surface_in_the_middle_of_the_pixel(kind):
     to_walls = np.abs(np.abs(position) - (1.0, 1.5, 2.0))
     np.testing.assert_allclose(to_walls.min(axis=-1), 0.0, atol=4.0 * FLOAT32)
     y, x = np.mgrid[: camera.height, : camera.width] + 0.5
-    # a place errs by some roundings, of the 4 m that are around; a pixel is at least 7 mm there
+    # a position errs by some roundings, of the 4 m that are around; a pixel is at least 7 mm there
     np.testing.assert_allclose(in_frame(camera, position), np.stack((x, y), -1), atol=4.0 * FLOAT32 / 0.007)
 
 
@@ -95,7 +95,7 @@ def test_normals_face_the_camera_whichever_side_is_seen(kind):
     np.testing.assert_allclose(images["normal"], inward, atol=FLOAT32)
 
 
-def test_a_sphere_has_each_place_on_the_triangle_that_is_named():
+def test_a_sphere_has_each_position_on_the_triangle_that_is_named():
     vertices, triangles = sphere(2, radius=1.5)
     scene = make_scene(vertices, triangles, 300.0, [GREY], look((0, -6, 1), (0, 0, 0), 48, 36), EDGES)
     numbers = np.arange(len(triangles))
@@ -105,11 +105,11 @@ def test_a_sphere_has_each_place_on_the_triangle_that_is_named():
     a, b, c = np.moveaxis(vertices[triangles[images["number"][hit].astype(int)]], 1, 0)
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    place = images["position"][hit]
-    assert np.abs(((place - a) * normal).sum(axis=1)).max() < 1.5 * FLOAT32
+    point = images["position"][hit]
+    assert np.abs(((point - a) * normal).sum(axis=1)).max() < 1.5 * FLOAT32
     np.testing.assert_allclose(images["normal"][hit], normal, atol=FLOAT32)
     inner = np.abs((vertices[triangles].mean(axis=1) * normals(vertices, triangles)).sum(axis=1)).min()
-    radius = np.linalg.norm(place, axis=1)
+    radius = np.linalg.norm(point, axis=1)
     assert inner - 1.5 * FLOAT32 < radius.min() and radius.max() < 1.5 * (1.0 + FLOAT32)
 
 
@@ -174,7 +174,7 @@ def test_temperatures_between_corners_are_linear():
     images = first_hit_images(scene, ["surface_temperature", "position"])
     hit = images["surface_temperature"] > 0.0
     expected = 300.0 + images["position"][hit].astype(float) @ (10.0, -20.0, 0.0)
-    # roundings of the temperature itself, and of the place
+    # roundings of the temperature itself, and of the position
     tolerance = 400.0 * 2.0**-24 + 20.0 * 4.0 * FLOAT32
     np.testing.assert_allclose(images["surface_temperature"][hit], expected, atol=tolerance)
 

@@ -7,22 +7,23 @@ import numpy as np
 import pytest
 
 from addon.solver import Material
+from addon.solver.geometry.area import disk_before
 from addon.solver.geometry.free_space import free_space
-from addon.solver.geometry.surfaces import build_surfaces, disk_before
+from addon.solver.geometry.surfaces import build_surfaces
 from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
 REACH2 = 0.2**2
 TURNS = np.linspace(0, 1, 40, endpoint=False)
 
 
-def space_around(place, *parts):
+def space_around(point, *parts):
     """Free space around a point (3,) of the first triangle of the first part, for feelers in 40 turns."""
     *mesh, material = join(*((*part, 300.0, 0) for part in parts))
     scene = make_scene(*mesh, [Material()], look((0, 0, 5), (0, 0, 0)), [8.0, 12.0], material)
     surfaces, tracer, centre = build_surfaces(scene)
-    places = np.tile(np.asarray(place, float) - centre, (len(TURNS), 1))
+    points = np.tile(np.asarray(point, float) - centre, (len(TURNS), 1))
     t = next(t for t in range(len(surfaces.corners)) if surfaces.sheet[t, 0] == surfaces.sheet[0, 0])
-    return free_space(tracer, surfaces, REACH2, places, np.full(len(TURNS), 2 * t, np.int32), TURNS)
+    return free_space(tracer, surfaces, REACH2, points, np.full(len(TURNS), 2 * t, np.int32), TURNS)
 
 
 def grid(corner, u, v, cells=1):
@@ -39,7 +40,7 @@ FLOOR = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
 
 @pytest.mark.parametrize("lean", [-50, 0, 50])  # degrees, over the floor and away from it
 def test_steep_walls(lean):
-    """The place of the wall's foot, along the surface, whichever feeler met it. They rise by a tenth at most: so one
+    """The position of the wall's foot, along the surface, whichever feeler met it. They rise by a tenth at most: so one
     meets a wall that leans by 50 degrees at most an eighth nearer or further away than its foot."""
     up = np.array((-math.sin(math.radians(lean)), 0.0, math.cos(math.radians(lean))))
     space = space_around((0.0, 0.0, 0.0), FLOOR, quad(np.array((0.1, 0, 0)) + 0.5 * up, 0.5 * up, (0, 1, 0)))

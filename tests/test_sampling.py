@@ -11,7 +11,7 @@ from numba import njit
 from scipy.stats import chi2, chisquare
 
 from addon.solver.sampling import rng, warps
-from addon.solver.sampling.rng import PILOT, pass_key, strata
+from addon.solver.sampling.rng import PATH_PIXELS, PILOT, pass_key, strata
 
 P_VALUE = 1e-4
 SAMPLES = 200_000
@@ -194,7 +194,7 @@ def test_pass_keys_differ():
 def test_strata_have_no_period(width, height):
     """Pixels that are looked at before the first pass lie in all columns, whatever divides the width: 4096 numbers at
     random meet all but exp(-4096 / width) of them. As many lie in each part of the picture."""
-    numbers = strata(pass_key(0, 8, PILOT), 4096, width * height)
+    numbers = strata(pass_key(0, PATH_PIXELS, PILOT), 4096, width * height)
     assert numbers[0] >= 0 and numbers[-1] < width * height and np.all(np.diff(numbers) >= 0)
     part = np.bincount(numbers * 8 // (width * height))
     assert len(part) == 8 and np.all(np.abs(part - 512) <= 1)

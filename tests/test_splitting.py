@@ -50,18 +50,20 @@ def splitting_of(price, **sheet):
     st.floats(1e-2, 1e2),
     st.floats(0.1, 10.0),
 )
-def test_the_cheapest_is_chosen(photon_noise, ray_noise, price, brought, free2, shrink2, density, closeness, bright):
+def test_the_cheapest_is_chosen(
+    photon_noise, ray_noise, price, contribution, free2, shrink2, density, closeness, bright
+):
     """Variance and its price in time together, over photons and every number of rays. The number that is best is
     rounded to a power of two: by half an octave, x = 2^(1/2) or its inverse, which costs (x^-FALL / FALL + x) / (1 /
     FALL + 1) - 1 < 7.9 %.
     """
     splitting = splitting_of(price, density=1e4, photon_noise=photon_noise, span=1e9, evenness=2.0)
     spread = Spread(bright, ray_noise, closeness, density)
-    rays, variance = rays_beside(splitting, 0, spread, brought, free2, 50, shrink2)
+    rays, variance = rays_beside(splitting, 0, spread, contribution, free2, 50, shrink2)
     area = min(math.pi * free2, 50 / (bright * 1e4)) * shrink2
-    by_photons = brought**2 * bright * photon_noise / area + price * _GATHER
+    by_photons = contribution**2 * bright * photon_noise / area + price * _GATHER
     shared = min(_SHARING * area, math.pi * (NEAR / closeness) ** 2 * shrink2)
-    ray = 2.0 * brought**2 * ray_noise / max(1.0, min(_EQUAL_MOST, _EQUAL * density * shared))
+    ray = 2.0 * contribution**2 * ray_noise / max(1.0, min(_EQUAL_MOST, _EQUAL * density * shared))
     by_rays = {n: ray * n**-FALL + price * n for n in range(_FEWEST, _MOST + 1)}
     spent = variance + price * (rays or _GATHER)
     assert spent <= 1.079 * min(by_photons, *by_rays.values())
@@ -71,10 +73,10 @@ def test_the_cheapest_is_chosen(photon_noise, ray_noise, price, brought, free2, 
 @settings(deadline=None)
 @pytest.mark.parametrize("chance, time", [(recall_chance, _RECALL), (gather_chance, _GATHER)])
 @given(st.floats(1e-6, 1e6), st.floats(1e-12, 1e12), st.floats(1e-6, 1.0))
-def test_roulette_at_the_ends_of_rays_is_as_strict_as_pays(chance, time, recalled, price, carried):
+def test_roulette_at_the_ends_of_rays_is_as_strict_as_pays(chance, time, recalled, price, throughput):
     """Variance that roulette adds and the price of what is done, together, over all chances allowed."""
     splitting = splitting_of(price, reflected=0.6 * recalled, photon_noise=(0.8 * recalled) ** 2, disk=1.0)
-    brings = carried * recalled
-    chances = np.append(np.linspace(_LEAST_CHANCE, 1.0, 100), chance(splitting, 0, carried))
+    brings = throughput * recalled
+    chances = np.append(np.linspace(_LEAST_CHANCE, 1.0, 100), chance(splitting, 0, throughput))
     spent = brings**2 * (1 / chances - 1) + price * time * chances
     assert spent[-1] <= spent.min() * (1 + 1e-9) + 1e-12 * brings**2

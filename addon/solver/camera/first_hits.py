@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the middle of each pixel sees first: temperature, emissivity and place of one surface.
+"""What the middle of each pixel sees first: temperature, emissivity and position of one surface.
 
 One ray through the middle of the pixel and of the lens, so a value is that of one surface: no mixture over an edge, no
 blur out of focus, no noise.
@@ -16,16 +16,20 @@ from functools import cached_property
 import numpy as np
 
 from ..geometry.eye import build_eye, empty_eye_rays, middle_rays
-from ..geometry.surfaces import Geometry, Surfaces, build_geometry, build_surfaces, scene_radius
+from ..geometry.interaction import interact
+from ..geometry.segments import Hits, RayBatch
+from ..geometry.surfaces import Geometry, build_geometry, build_surfaces
+from ..geometry.triangles import scene_radius
 from ..physics.radiometry import Radiometry, build_radiometry, excess
 from ..physics.sensors import band_weights
 from ..physics.spectrum import faintest
+from ..sampling.vectors import put_vector
 from ..scene import Material, Scene
-from ..system.kernels import njit
+from ..system.kernels import KERNEL, njit
 
 QUANTITIES = {"surface_temperature": 1, "emissivity": 1, "depth": 1, "normal": 3, "position": 3}  # name -> channels
 FAR = 1e10  # m, depth of the surroundings, as Cycles has it; everything else is 0 there
-_TOGETHER = 1 << 14  # pixels that are looked at together
+_CHUNK = 1 << 14  # pixels that are one piece of work
 
 
 def first_hit_images(
@@ -61,50 +65,57 @@ def first_hit_images(
     if "depth" in names:
         images["depth"][:] = FAR
 
-    def look(first: int) -> None:
+    def see(first: int) -> None:
         if cancelled():
             return
-        pixels = np.arange(first, min(first + _TOGETHER, count))
+        pixels = np.arange(first, min(first + _CHUNK, count))
         origin, direction, reach = empty_eye_rays(len(pixels))
         middle_rays(pinhole, pixels, origin, direction, reach)
-        triangle, u, v = tracer.trace(origin, direction, reach)
-        met = triangle >= 0
-        hits = _Hits(scene, surfaces, radiometry, geometry.kept, triangle[met], u[met], v[met], direction[met])
+        hits = tracer.trace(origin, direction, reach)
+        met = np.flatnonzero(hits.triangle >= 0)
+        rays, hits = RayBatch(origin[met], direction[met]), Hits(*(column[met] for column in hits))
+        normal, cosine = np.empty((len(met), 3), np.float32), np.empty(len(met))
+        _meet(surfaces, hits, rays, normal, cosine)
+        seen = _Seen(scene, radiometry, geometry.kept[hits.triangle], hits, normal, cosine)
         for name, image in images.items():
-            values = getattr(hits, name) if name in QUANTITIES else labels[name][hits.row]
+            values = getattr(seen, name) if name in QUANTITIES else labels[name][seen.row]
             image[pixels[met]] = values.reshape(len(values), image.shape[1])
 
     with ThreadPoolExecutor(threads) as pool:
-        deque(pool.map(look, range(0, count, _TOGETHER)), 0)
+        deque(pool.map(see, range(0, count, _CHUNK)), 0)
     shape = (y1 - y0, x1 - x0)
     return {name: image.reshape(shape if image.shape[1] == 1 else (*shape, 3)) for name, image in images.items()}
 
 
-@dataclass(frozen=True)
-class _Hits:
-    """Where n rays meet triangles. Its properties are those QUANTITIES, (n,) or (n, 3).
+@njit(**KERNEL)
+def _meet(surfaces, hits, rays, normal, cosine):
+    """Fill in, for n rays that meet triangles, the normal (n, 3) there that faces the ray, and the cosine (n,) between
+    both."""
+    for i in range(cosine.size):
+        at = interact(surfaces, hits, i, rays)
+        put_vector(at.normal, normal, i)
+        cosine[i] = at.cosine
 
-    radiometry: see _radiometry. kept: see Geometry. triangle: (n,) int32, of the surfaces. u, v: (n,) float32,
-    barycentric coordinates of corners 1 and 2. direction: (n, 3) float32 of the rays.
+
+@dataclass(frozen=True)
+class _Seen:
+    """What n rays see. Its properties and `normal` are those QUANTITIES, (n,) or (n, 3); positions and temperatures are
+    those of the scene itself, in float64.
+
+    radiometry: see _radiometry. row: (n,) the rows of the triangles in the scene. hits: see Hits. normal: (n, 3)
+    float32. cosine: (n,) float64, between the normal and the ray.
     """
 
     scene: Scene
-    surfaces: Surfaces
     radiometry: Radiometry | None
-    kept: np.ndarray
-    triangle: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    direction: np.ndarray
-
-    @cached_property
-    def row(self) -> np.ndarray:
-        """(n,) the triangle's row in the scene."""
-        return self.kept[self.triangle]
+    row: np.ndarray
+    hits: Hits
+    normal: np.ndarray
+    cosine: np.ndarray
 
     def _interpolate(self, corners: np.ndarray) -> np.ndarray:
         """Values (n, 3[, d]) at the corners of triangles, at the hits: (n[, d]) float64."""
-        u, v = self.u.astype(np.float64), self.v.astype(np.float64)
+        u, v = self.hits.u.astype(np.float64), self.hits.v.astype(np.float64)
         return np.einsum("nc,nc...->n...", np.column_stack((1.0 - u - v, u, v)), corners)
 
     @cached_property
@@ -125,19 +136,11 @@ class _Hits:
         return np.einsum("nd,d->n", offset, -matrix[:3, 2])
 
     @cached_property
-    def normal(self) -> np.ndarray:
-        normal = self.surfaces.plane[self.triangle, :3]
-        away = np.einsum("nd,nd->n", normal, self.direction) > 0.0
-        return np.where(away[:, None], -normal, normal)
-
-    @cached_property
     def emissivity(self) -> np.ndarray:
-        length = np.linalg.norm(self.direction, axis=1)
-        cosine = -np.einsum("nd,nd->n", self.normal, self.direction) / length
         kelvin = np.maximum(self.surface_temperature, faintest(float(self.scene.band_edges[0])))
         weights = band_weights(self.scene.response, self.scene.band_edges)
         values = np.empty(len(kelvin))
-        _emissivities(self.radiometry, weights, self.scene.material[self.row], kelvin, cosine, values)
+        _emissivities(self.radiometry, weights, self.scene.material[self.row], kelvin, self.cosine, values)
         return values
 
 
@@ -154,7 +157,7 @@ def _radiometry(scene: Scene) -> Radiometry:
 @njit(cache=True, nogil=True)
 def _emissivities(radiometry, weights, material, kelvin, cosine, values):
     """Fill values (n,) with the emissivity of materials (n,) at temperatures (n,), K, towards directions (n,)."""
-    black = radiometry.specular.size - 1
+    black = radiometry.lobes.alpha.size - 1
     emitted, most = np.empty(weights.size), np.empty(weights.size)
     for i in range(values.size):
         excess(radiometry, material[i], kelvin[i], cosine[i], emitted)

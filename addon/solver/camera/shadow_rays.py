@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geometry.interaction import Interaction, emit_at, leave
 from ..geometry.segments import transmit
-from ..geometry.stage import layer_at, lobes_at, reflectance_at, temperature_at
+from ..geometry.stage import fill_emission, layer_at, lobes_at, reflectance_at
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, normal
 from ..photons.emission import Surroundings
@@ -22,7 +22,6 @@ from ..photons.lights import (
     spot_brightness,
 )
 from ..physics.lobes import diffuse_share, evaluate_glossy, is_glossy
-from ..physics.radiometry import excess
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
 from ..sampling.rng import path_key, uniform
@@ -198,7 +197,7 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
         cosine = abs(dot(way, vector(points.normal, i))) / distance
         lamp = emit_at(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], cosine)
         layer = layer_at(stage, lamp)
-        excess(stage.radiometry, lamp.material, temperature_at(stage, lamp), cosine, value)
+        fill_emission(stage, lamp, value)
         factor *= 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] * math.pi
     else:
         for b in range(value.size):

@@ -165,7 +165,7 @@ def _put_eye_ray(eye, x, y, lens, origin, direction, reach, row):
     fy = eye.frame[2] + (eye.frame[3] - eye.frame[2]) * (y / eye.height)
     lx = ly = 0.0
     if eye.lens_radius > 0.0:
-        lx, ly = _lens_point(eye, *lens)
+        lx, ly = _lens_point(eye, lens[0], lens[1])
         lx, ly = lx * eye.lens_radius, ly * eye.lens_radius
     if eye.kind == 0:
         ox, oy = lx, ly

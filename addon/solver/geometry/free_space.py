@@ -13,9 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..sampling.vectors import cross, difference, dot, put_vector, scaled, vector
 from ..sampling.warps import to_world, turn
-from ..system.kernels import KERNEL, njit
-from .surfaces import Surfaces, Tracer, facing_side, point, put_ray, unit_normal
+from ..system.kernels import INLINED, KERNEL, njit
+from .interaction import interact, leave
+from .segments import Tracer, empty_ray_batch
+from .surfaces import Surfaces, sheet_of, unit_normal
 
 _TURNS = 8  # ways to go
 _RISES = (0.02, 0.1)  # of two feelers each way, over length: the low one feels low steps, too, and what is close above
@@ -48,165 +51,164 @@ def unlimited(count: int, reach2: float) -> FreeSpace:
     return FreeSpace(*np.full((2, count), reach2, np.float32), np.zeros((count, 3), np.float32))
 
 
+@njit(**INLINED)
+def wall_of(space, i):
+    """The nearest wall of point i: three float32, 1 / m, see area.Ball."""
+    return space.wall[i, 0], space.wall[i, 1], space.wall[i, 2]
+
+
 def free_space(
     tracer: Tracer,
     surfaces: Surfaces,
     reach2: float,
-    place: np.ndarray,
-    code: np.ndarray,
+    point: np.ndarray,
+    side_id: np.ndarray,
     turns: np.ndarray,
     felt: np.ndarray | None = None,
 ) -> FreeSpace:
     """The free space around points, of at most sqrt(reach2) m.
 
-    place: (n, 3) float64, m. code: (n,) int32, 2 triangle + side that they lie on. turns: (n,) float64 in [0, 1),
-    where the feelers start to go round. felt: indices of the points around which it is asked for, the others count as
-    free; None for all.
+    point: (n, 3) float64, m. side_id: (n,) int32 of the sides that they lie on. turns: (n,) float64 in [0, 1), where
+    the feelers start to go round. felt: indices of the points around which it is asked for, the others count as free;
+    None for all.
     """
+    space = unlimited(len(point), reach2)
     if felt is not None:
-        space = unlimited(len(place), reach2)
-        for column, known in zip(
-            space, free_space(tracer, surfaces, reach2, place[felt], code[felt], turns[felt]), strict=True
-        ):
-            column[felt] = known
+        known = free_space(tracer, surfaces, reach2, point[felt], side_id[felt], turns[felt])
+        for column, values in zip(space, known, strict=True):
+            column[felt] = values
         return space
-    origin, direction = np.empty((2, _FEELERS * len(place), 3), np.float32)
-    start_feelers(surfaces, place, code, turns, origin, direction)
-    reach = np.full(len(origin), _BEYOND * math.sqrt(reach2), np.float32)
-    space = unlimited(len(place), reach2)
-    shortest_feelers(surfaces, code, *tracer.trace(origin, direction, reach), origin, direction, space)
+    rays = empty_ray_batch(_FEELERS * len(point))
+    _start_feelers(surfaces, point, side_id, turns, rays)
+    reach = np.full(len(rays.origin), _BEYOND * math.sqrt(reach2), np.float32)
+    hits = tracer.trace(*rays, reach)
+    ways = np.empty((_FEELERS, 3))  # along the surface, to what the feelers of one point meet
+    _narrow(surfaces, side_id, hits, rays, space, ways)
     return space
 
 
 @njit(**KERNEL)
-def start_feelers(surfaces, place, code, turns, origin, direction):
+def _start_feelers(surfaces, point, side_id, turns, rays):
     """Fill _FEELERS rays for each point."""
-    for i in range(code.size):
-        t = code[i] >> 1
-        x, y, z = place[i]
-        nx, ny, nz = unit_normal(surfaces, t, code[i] & 1)
+    for i in range(side_id.size):
+        start, n = vector(point, i), unit_normal(surfaces, side_id[i])
         c, s = turn(turns[i])
         row = _FEELERS * i
         for _ in range(_TURNS):
             for rise in _RISES:
-                dx, dy, dz = to_world(c, s, rise, nx, ny, nz)
-                put_ray(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz, origin, direction, row)
+                leave(surfaces, side_id[i], start, to_world((c, s, rise), n), rays, row)
                 row += 1
             c, s = _HALF * (c - s), _HALF * (c + s)  # by 45 degrees
 
 
-def shortest_feelers(surfaces, code, blocker, u, v, origin, direction, space):
-    """Narrow the space (n points), unlimited so far, to what feelers meet. Of a hollow surface they meet itself: that
-    is no wall."""
-    ways = np.empty((_FEELERS, 3))  # along the surface, to what the feelers meet
-    _shortest_feelers(surfaces, code, blocker, u, v, origin, direction, space, ways)
-
-
 @njit(**KERNEL)
-def _shortest_feelers(surfaces, code, blocker, u, v, origin, direction, space, ways):
-    for i in range(code.size):
-        nx, ny, nz = unit_normal(surfaces, code[i] >> 1, code[i] & 1)
-        own = surfaces.sheet[code[i] >> 1, code[i] & 1]
+def _narrow(surfaces, side_id, hits, rays, space, ways):
+    """Narrow the space (n points), unlimited so far, to what feelers meet. Of a hollow surface they meet itself: that
+    is no wall. ways: (_FEELERS, 3) room."""
+    for i in range(side_id.size):
+        n, own = unit_normal(surfaces, side_id[i]), sheet_of(surfaces, side_id[i])
         nearest = math.inf  # m, to the plane of a wall
         met, reach2 = 0, float(space.radius2[i])
         for row in range(_FEELERS * i, _FEELERS * (i + 1)):
-            t = blocker[row]
-            if t < 0 or surfaces.sheet[t, facing_side(surfaces, t, direction, row)] == own:
+            if hits.triangle[row] < 0:
                 continue
-            x, y, z = point(surfaces.corners, t, u[row], v[row])
-            dx, dy, dz = x - origin[row, 0], y - origin[row, 1], z - origin[row, 2]
-            share, wx, wy, wz, away = _wall(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz)
-            height = dx * nx + dy * ny + dz * nz
-            ax, ay, az = share * (dx - height * nx), share * (dy - height * ny), share * (dz - height * nz)
-            if ax * ax + ay * ay + az * az > reach2:
+            at = interact(surfaces, hits, row, rays)
+            if sheet_of(surfaces, at.side_id) == own:
                 continue
-            ways[met, 0], ways[met, 1], ways[met, 2] = ax, ay, az
+            feeler = difference(at.point, vector(rays.origin, row))
+            share, across, distance = _wall(surfaces, at, n, feeler)
+            free = scaled(_along_surface(feeler, n), share)
+            if dot(free, free) > reach2:
+                continue
+            put_vector(free, ways, met)
             met += 1
-            if 0.0 < abs(away) < nearest:
-                nearest = abs(away)
-                space.wall[i, 0], space.wall[i, 1], space.wall[i, 2] = wx / away, wy / away, wz / away
+            if 0.0 < abs(distance) < nearest:
+                nearest = abs(distance)
+                space.wall[i, 0], space.wall[i, 1] = across[0] / distance, across[1] / distance
+                space.wall[i, 2] = across[2] / distance
         others = _OTHERS if nearest < math.inf else _NEAREST
         for each in range(met):
-            dx, dy, dz = ways[each]
-            length2 = dx * dx + dy * dy + dz * dz
+            way = vector(ways, each)
+            length2 = dot(way, way)
             space.radius2[i] = min(space.radius2[i], np.float32(_NEAREST * length2))
-            if dx * space.wall[i, 0] + dy * space.wall[i, 1] + dz * space.wall[i, 2] < _ALONG:
+            if dot(way, wall_of(space, i)) < _ALONG:
                 space.cut2[i] = min(space.cut2[i], np.float32(others * length2))
 
 
-@njit(**KERNEL)
-def _wall(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz):
-    """The wall that a feeler (dx, dy, dz), which met triangle t at (x, y, z), tells of on a surface of this normal.
+@njit(**INLINED)
+def _along_surface(way, n):
+    """The part of a way that runs along the surface with this normal."""
+    height = dot(way, n)
+    return way[0] - height * n[0], way[1] - height * n[1], way[2] - height * n[2]
 
-    Returns the share of the feeler's way that is free, the unit normal along the surface of the upright plane in which
-    it stands or hangs, and that plane's distance, m, negative where the normal points back; 0 if there is none.
+
+@njit(**KERNEL)
+def _wall(surfaces, at, n, feeler):
+    """The wall that a feeler tells of, which met an Interaction, on a surface with the normal n. feeler: its way, m.
+
+    Returns the share of that way that is free, the unit normal along the surface of the upright plane in which the wall
+    stands or hangs, and that plane's distance, m, negative where the normal points back; 0 if there is none.
     """
-    if _is_steep(surfaces, t, nx, ny, nz):
-        wx, wy, wz = unit_normal(surfaces, t)
-        upright, across = wx * nx + wy * ny + wz * nz, dx * wx + dy * wy + dz * wz
+    if _is_steep(surfaces, at.triangle, n):
+        w = unit_normal(surfaces, 2 * at.triangle)
+        upright, ahead = dot(w, n), dot(feeler, w)
         sine = math.sqrt(1.0 - upright * upright)
-        wx, wy, wz = (wx - upright * nx) / sine, (wy - upright * ny) / sine, (wz - upright * nz) / sine
-        return 1.0, wx, wy, wz, across / sine
-    share, wx, wy, wz = _rim(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz)
-    return share, wx, wy, wz, share * (dx * wx + dy * wy + dz * wz)
+        across = ((w[0] - upright * n[0]) / sine, (w[1] - upright * n[1]) / sine, (w[2] - upright * n[2]) / sine)
+        return 1.0, across, ahead / sine
+    share, across = _rim(surfaces, at, n, feeler)
+    return share, across, share * dot(feeler, across)
 
 
 @njit(**KERNEL)
-def _rim(surfaces, t, x, y, z, nx, ny, nz, dx, dy, dz):
-    """Where a feeler (dx, dy, dz) came in under the low overhang or ramp whose triangle t it met at (x, y, z).
+def _rim(surfaces, at, n, feeler):
+    """Where a feeler came in under the low overhang or ramp that it met.
 
-    Walks back over its triangles, as seen along the normal (nx, ny, nz) of the surface below, to its rim or to where it
-    stands on that surface. Returns the share of the feeler's way that leads there, and the unit normal, along the
-    surface, of the line that is crossed; 1 and zeros where it reaches back over the feeler's start.
+    Walks back over the triangles of the overhang, as seen along the normal n of the surface below, to the rim or to
+    where the overhang stands on that surface. Returns the share of the feeler's way that leads there, and the unit
+    normal, along the surface, of the line that is crossed; 1 and zeros where the overhang reaches back over the
+    feeler's start.
     """
-    height = dx * nx + dy * ny + dz * nz
-    bx, by, bz = height * nx - dx, height * ny - dy, height * nz - dz  # back along the surface, as long as the feeler
-    cx, cy, cz = ny * bz - nz * by, nz * bx - nx * bz, nx * by - ny * bx
-    length2 = max(bx * bx + by * by + bz * bz, 1e-30)
+    t, height = at.triangle, dot(feeler, n)
+    back = difference(scaled(n, height), feeler)  # along the surface, as long as the feeler
+    aside = cross(n, back)
+    length2 = max(dot(back, back), 1e-30)
     begin = 0.0  # on the way back, of the feeler's length
     for _ in range(_RIM_STEPS):
         edge, end, edge_along, edge_across = -1, begin, 0.0, 0.0
         for k in range(3):
-            px, py, pz = _corner_from(surfaces, t, k, x, y, z)
-            qx, qy, qz = _corner_from(surfaces, t, (k + 1) % 3, x, y, z)
-            across, after = px * cx + py * cy + pz * cz, qx * cx + qy * cy + qz * cz
+            p = difference(vector(surfaces.corners[t], k), at.point)
+            q = difference(vector(surfaces.corners[t], (k + 1) % 3), at.point)
+            across, after = dot(p, aside), dot(q, aside)
             if (across < 0.0) != (after < 0.0):
-                along, on = (px * bx + py * by + pz * bz) / length2, (qx * bx + qy * by + qz * bz) / length2
+                along, on = dot(p, back) / length2, dot(q, back) / length2
                 met = along + (on - along) * across / (across - after)
                 if met >= end:
                     edge, end, edge_along, edge_across = k, met, on - along, (after - across) / length2
         if edge < 0:
             break
-        ux, uy, uz = unit_normal(surfaces, t)
-        u, v = ux * bx + uy * by + uz * bz, ux * cx + uy * cy + uz * cz
-        fall = u / (ux * nx + uy * ny + uz * nz)  # of its height, over the feeler's length
+        w = unit_normal(surfaces, 2 * t)
+        u, v = dot(w, back), dot(w, aside)
+        fall = u / dot(w, n)  # of the overhang's height, over the feeler's length
         if fall > 0.0 and height < fall * (end - begin):
             end, edge = begin + height / fall, -1
         height -= fall * (end - begin)
         if end >= 1.0:
             break
         onward = surfaces.neighbours[t, edge] if edge >= 0 else -1
-        if onward < 0 or _is_steep(surfaces, onward >> 1, nx, ny, nz):
+        if onward < 0 or _is_steep(surfaces, onward >> 1, n):
             if edge >= 0:
                 u, v = edge_across, -edge_along
             scale = 1.0 / math.sqrt(max((u * u + v * v) * length2, 1e-300))
-            return 1.0 - end, (u * bx + v * cx) * scale, (u * by + v * cy) * scale, (u * bz + v * cz) * scale
+            line = (u * back[0] + v * aside[0], u * back[1] + v * aside[1], u * back[2] + v * aside[2])
+            return 1.0 - end, scaled(line, scale)
         begin, t = end, onward >> 1
-    return 1.0, 0.0, 0.0, 0.0
+    return 1.0, (0.0, 0.0, 0.0)
 
 
 @njit(inline="always")
-def _corner_from(surfaces, t, k, x, y, z):
-    """The way from a point to corner k of triangle t."""
-    corners = surfaces.corners
-    return corners[t, k, 0] - x, corners[t, k, 1] - y, corners[t, k, 2] - z
-
-
-@njit(inline="always")
-def _is_steep(surfaces, t, nx, ny, nz):
+def _is_steep(surfaces, t, n):
     """Whether triangle t stands so steep on a surface of this normal that it ends what lies beyond its line."""
-    ux, uy, uz = unit_normal(surfaces, t)
-    return 1.0 - (ux * nx + uy * ny + uz * nz) ** 2 >= _STEEP * _STEEP
+    return 1.0 - dot(unit_normal(surfaces, 2 * t), n) ** 2 >= _STEEP * _STEEP
 
 
 @njit(inline="always")

@@ -57,6 +57,13 @@ def layer_at(stage, at):
     return layer_of(stage.surfaces.layer, at.triangle)
 
 
+@njit(**FAST_INLINED)
+def fill_emission(stage, at, out):
+    """Fill out (b,) float64 with the radiance that is emitted towards where the ray came from, in excess of that at T0,
+    W m-2 sr-1."""
+    excess(stage.radiometry, at.material, temperature_at(stage, at), at.cosine, out)
+
+
 class Emitted(NamedTuple):
     """What was emitted at the points that were asked about last: scenes have few pairs of material and temperature, and
     rays meet them again and again. Each pair has one slot that it can be in.

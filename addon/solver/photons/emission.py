@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import emit_at, leave
-from ..geometry.stage import Stage, emission_at, layer_at, nothing_emitted
-from ..physics.radiometry import excess
+from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
@@ -89,18 +88,13 @@ def side_power(stage, area):
     """(t,) float64 |excess| power of a side of each triangle, over all bands, W: the mean over corners and centre."""
     power = np.empty(area.size)
     value = np.empty(stage.radiometry.reference.size)
-    temperature = stage.surfaces.temperature
-    samples = 4 if temperature.shape[1] == 3 else 1
+    samples = 4 if stage.surfaces.temperature.shape[1] == 3 else 1
     for t in range(area.size):
         total = 0.0
         for sample in range(samples):
-            kelvin = float(temperature[t, max(0, sample - 1)])
-            if samples == 4 and sample == 0:  # the centre
-                third = 1.0 / 3.0
-                kelvin = (
-                    (1.0 - third - third) * temperature[t, 0] + third * temperature[t, 1] + third * temperature[t, 2]
-                )
-            excess(stage.radiometry, stage.surfaces.material[t], kelvin, 2.0 / 3.0, value)
+            u = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 2 else 0.0)
+            v = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 3 else 0.0)
+            fill_emission(stage, emit_at(stage.surfaces, 2 * t, u, v, 2.0 / 3.0), value)
             for b in range(value.size):
                 total += abs(value[b])
         power[t] = math.pi * area[t] * total / samples

@@ -14,13 +14,13 @@ _MEAN = 32.0  # of a pixel at most, where little but edges is noisy
 
 
 def least_price(variance: np.ndarray) -> float:
-    """The price of a ray below which pixels of this variance (p,), see Looks, would send more than 32 on average."""
+    """The price of a ray below which pixels of this variance (p,), see Survey, would send more than 32 on average."""
     prices = max(variance.max(), 1e-300) * np.geomspace(1e-9, 1.0, 30)
     return float(next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1]))
 
 
 def choose_samples(variance: np.ndarray, unknown: np.ndarray, price: float) -> np.ndarray:
-    """(p,) uint16 rays of every pixel in a pass. variance, unknown: (p,), see Looks. price: variance that a ray should
+    """(p,) uint16 rays of every pixel in a pass. variance, unknown: (p,), see Survey. price: variance that a ray should
     save."""
     samples = _samples(variance, price)
     return np.where(unknown, np.maximum(samples, UNKNOWN), samples)

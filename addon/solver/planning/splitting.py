@@ -3,7 +3,7 @@
 
 Both have a noise and a time that can be told beforehand. What lowers noise times time is best, and at that optimum a
 further ray saves the same variance anywhere: the noise of the image over its time (Rath et al. 2022 split paths by this
-rule). So rays go in number as the spread of what they bring, and photons serve where they are better than those.
+rule). So rays go in number as the spread of what they contribute, and photons serve where they are better than those.
 """
 
 import math
@@ -13,11 +13,11 @@ import numpy as np
 
 from ..image.tiles import TILE
 from ..sampling.low_discrepancy import LATTICES
-from ..sampling.rng import PILOT, pass_key, strata
+from ..sampling.rng import PILOT, PRICED_CELLS, PRICED_PIXELS, pass_key, strata
 from ..system.kernels import KERNEL, njit
 from .antialiasing import FEWEST, choose_samples, edge_variance, least_price
 from .sheets import FALL, Sheets
-from .survey import Cells, Looks
+from .survey import Cells, Survey
 
 # Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
 _GATHER = 6.0  # of k photons
@@ -30,8 +30,8 @@ _SHARING = 0.25  # area of the disk in which final gathers share rays, over that
 NEAR = 0.05  # radius of that disk, over the harmonic mean distance of what the rays meet: 5 % of change, about
 _EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
 _EQUAL_MOST = 28.0  # the number of those within the window of pixels
-_UNKNOWN = 64.0  # rays of a final gather that are foreseen where looks tell of none
-_LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light of each place
+_UNKNOWN = 64.0  # rays of a final gather that are foreseen where the survey tells of none
+_LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light at each point
 _PIXELS, _CELLS = 4096, 1 << 16  # whose rays are counted to find the best price, at most
 _USUAL = 0.95  # share of the gathers by which is told what photons leave in the end
 _PRICES = np.geomspace(1e-4, 1e1, 31)  # tried, over that of photons alone
@@ -40,7 +40,7 @@ _PRICES = np.geomspace(1e-4, 1e1, 31)  # tried, over that of photons alone
 class Splitting(NamedTuple):
     """What gathers are chosen by.
 
-    sheets: see Sheets. cells: see Cells. block (p,) int32, sensitivity (p,) float64: by pixel, see Looks. price: W2
+    sheets: see Sheets. cells: see Cells. block (p,) int32, sensitivity (p,) float64: by pixel, see Survey. price: W2
     sr-2 m-4, variance, times the square of the sensitivity, that a ray should save.
     """
 
@@ -52,7 +52,7 @@ class Splitting(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """What rays from one place would meet, and how many gathers there are to share them: see Cells."""
+    """What rays from one point would meet, and how many gathers there are to share them: see Cells."""
 
     brightness: float
     ray_noise: float
@@ -62,8 +62,8 @@ class Spread(NamedTuple):
 
 @njit(inline="always")
 def spread_around(splitting, pixel, sheet):
-    """The Spread of a gather on a sheet that a pixel of the window shows. On sheets that none of the looks around met
-    (small, or seen by many mirrors) it is that of the whole sheet, and nobody shares."""
+    """The Spread of a gather on a sheet that a pixel of the window shows. On sheets that no sample of the survey around
+    met (small, or seen by many mirrors) it is that of the whole sheet, and nobody shares."""
     key = splitting.block[pixel] * np.int64(splitting.sheets.density.size) + sheet
     keys = splitting.cells.key
     low, high = 0, keys.size
@@ -85,24 +85,24 @@ def spread_in(cells, cell):
 
 
 @njit(inline="always")
-def rays_beside(splitting, sheet, spread, brought, free2, k, shrink2):
+def rays_beside(splitting, sheet, spread, contribution, free2, k, shrink2):
     """Rays that a gather should send, a power of two, or 0 if photons are better; and the variance.
 
-    spread: around it. brought: see Gathers. free2: m2, squared radius of the free space around. k, shrink2: see
+    spread: around it. contribution: see Gathers. free2: m2, squared radius of the free space around. k, shrink2: see
     Estimate.
     """
     area = disk_area(splitting.sheets, sheet, spread, free2, k, shrink2)
-    by_photons = brought * brought * spread.brightness * splitting.sheets.photon_noise[sheet] / area
-    rays, by_rays = rays_alone(splitting, sheet, spread, brought, free2, k, shrink2)
+    by_photons = contribution * contribution * spread.brightness * splitting.sheets.photon_noise[sheet] / area
+    rays, by_rays = rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2)
     if by_photons + _GATHER * splitting.price > by_rays + rays * splitting.price:
         return rays, by_rays
     return 0, by_photons
 
 
 @njit(inline="always")
-def rays_alone(splitting, sheet, spread, brought, free2, k, shrink2):
+def rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2):
     """Rays that a gather should send where photons cannot serve, a power of two, and the variance. See rays_beside."""
-    noise = brought * brought * ray_variance(splitting.sheets, sheet, spread, free2, k, shrink2)
+    noise = contribution * contribution * ray_variance(splitting.sheets, sheet, spread, free2, k, shrink2)
     best = (FALL * noise / splitting.price) ** (1.0 / (1.0 + FALL))
     rays = 1 << int(math.log2(min(max(best, float(_FEWEST)), float(_MOST))) + 0.5)
     return rays, noise * rays**-FALL
@@ -139,32 +139,32 @@ def ray_variance(sheets, sheet, spread, free2, k, shrink2):
 
 
 @njit(inline="always")
-def recall_chance(splitting, sheet, carried):
-    """Chance that the end of a ray on a sheet should recall what it reflects, a share `carried` of a pixel."""
-    return _chance(splitting, sheet, carried, _RECALL)
+def recall_chance(splitting, sheet, throughput):
+    """Chance that the end of a ray on a sheet should recall what it reflects, a share `throughput` of a pixel."""
+    return _chance(splitting, sheet, throughput, _RECALL)
 
 
 @njit(inline="always")
-def gather_chance(splitting, sheet, carried):
+def gather_chance(splitting, sheet, throughput):
     """The same where nothing is near that it could recall, so that it has to ask photons itself."""
-    return _chance(splitting, sheet, carried, _GATHER)
+    return _chance(splitting, sheet, throughput, _GATHER)
 
 
 @njit(inline="always")
-def _chance(splitting, sheet, carried, time):
+def _chance(splitting, sheet, throughput, time):
     """Roulette with chance q adds the variance y^2 (1 / q - 1) to what carries y, and saves 1 - q of its time."""
     sheets = splitting.sheets
     square = sheets.reflected[sheet] ** 2 + sheets.photon_noise[sheet] / sheets.disk[sheet]  # mean, of what photons say
-    return min(1.0, max(_LEAST_CHANCE, carried * math.sqrt(square / (time * splitting.price))))
+    return min(1.0, max(_LEAST_CHANCE, throughput * math.sqrt(square / (time * splitting.price))))
 
 
-def plan_splitting(sheets: Sheets, looks: Looks, reach2: float, neighbours: int, photons: int) -> Splitting:
+def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: int, photons: int) -> Splitting:
     """Find the price at which photons, rays and camera rays lower noise times time most. See measure_sheets."""
-    splitting = Splitting(sheets, looks.cells, looks.block, looks.sensitivity, math.inf)
-    pixels = len(looks.block)
-    some = strata(pass_key(0, 7, PILOT), min(_PIXELS, pixels), pixels)
-    variance, unknown, least = looks.variance[some], looks.unknown[some], least_price(looks.variance[some])
-    rest = _usual(looks.cells.carried2 * looks.cells.rest, looks.cells.count) / pixels
+    splitting = Splitting(sheets, survey.cells, survey.block, survey.sensitivity, math.inf)
+    pixels = len(survey.block)
+    some = strata(pass_key(0, PRICED_PIXELS, PILOT), min(_PIXELS, pixels), pixels)
+    variance, unknown, least = survey.variance[some], survey.unknown[some], least_price(survey.variance[some])
+    rest = _usual(survey.cells.contribution2 * survey.cells.rest, survey.cells.count) / pixels
     fixed = _FIXED + _PHOTON * photons / pixels
     usual, pixels = _fewer_cells(splitting, pixels)
     noise, _ = noise_and_time(usual, pixels, reach2, neighbours)
@@ -182,7 +182,7 @@ def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:
     cells = splitting.cells
     if len(cells.key) <= _CELLS:
         return splitting, pixels
-    some = strata(pass_key(0, 13, PILOT), _CELLS, len(cells.key))
+    some = strata(pass_key(0, PRICED_CELLS, PILOT), _CELLS, len(cells.key))
     return splitting._replace(cells=Cells(*(column[some] for column in cells))), pixels * _CELLS / len(cells.key)
 
 
@@ -227,5 +227,5 @@ def _in_cells(splitting, reach2, k):
 def _choose_in_cells(splitting, reach2, k, rays, variance):
     cells, labels = splitting.cells, splitting.sheets.density.size
     for cell in range(rays.size):
-        sheet, brought = cells.key[cell] % labels, math.sqrt(cells.carried2[cell])
-        rays[cell], variance[cell] = rays_beside(splitting, sheet, spread_in(cells, cell), brought, reach2, k, 1.0)
+        sheet, contribution = cells.key[cell] % labels, math.sqrt(cells.contribution2[cell])
+        rays[cell], variance[cell] = rays_beside(splitting, sheet, spread_in(cells, cell), contribution, reach2, k, 1.0)

@@ -11,6 +11,17 @@ _TO_UNIT = 2.0**-53
 # Streams of one pass: photons and camera paths never share a number.
 PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE = range(6)
 
+# Streams of what is planned before the first pass, the same for every seed: pass_key(0, one of these, PILOT).
+PATHS = 0  # the pilot's camera paths
+PROBES = 1, 2, 3  # rounds of rays from sides that no camera path met
+PRICED_PIXELS = 7  # pixels whose camera rays are counted to find the best price
+PATH_PIXELS = 8  # where the pilot's camera paths start
+OPENNESS = 9  # rays that tell how much of the scene is open to the surroundings
+SURVEY = 10  # rays that survey every pixel, and the rays of final gathers that are tried there
+SHEETS = 11  # lattices of rays that tell how even they are
+LAMP_CHOICE = 12  # shadow rays that tell which surfaces are lamps
+PRICED_CELLS = 13  # cells whose gathers are counted to find the best price
+
 
 @njit(**KERNEL)
 def _mix(z):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What looks tell before the first pass, of all that the camera sees, in mirrors too."""
+"""What the survey tells before the first pass, of all that the camera sees, in mirrors too."""
 
 import math
 
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from addon.solver import Camera, Material, Settings
-from addon.solver.passes import prepare
 from addon.solver.planning.antialiasing import FEWEST, UNKNOWN
+from addon.solver.planning.preparation import prepare
 from addon.solver.planning.survey import Cells
 from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
@@ -16,7 +16,7 @@ EDGES = np.linspace(8.0, 12.0, 3)
 SIZE = 32  # pixels on each side
 REFLECTANCE = 0.8
 GREY, MIRROR = Material("grey", 0.5), Material("mirror", 1.0 - REFLECTANCE, specular=1.0)
-DENSITY, COUNT, CARRIED2 = map(Cells._fields.index, ("density", "count", "carried2"))
+DENSITY, COUNT, CONTRIBUTION2 = map(Cells._fields.index, ("density", "count", "contribution2"))
 
 
 def floor():
@@ -30,7 +30,7 @@ def cells_of(parts, camera):
     scene = make_scene(*mesh, [GREY, MIRROR], camera, EDGES, material, world_temperature=250.0)
     model = prepare(scene, Settings(photons_per_pass=20_000))
     cells, sheets = model.splitting.cells, model.splitting.sheets.density.size
-    seen = cells.key % sheets == model.surfaces.sheet[0, 0]
+    seen = cells.key % sheets == model.stage.surfaces.sheet[0, 0]
     return [value[seen] for value in cells]
 
 
@@ -83,17 +83,17 @@ PANES = {
 @pytest.mark.parametrize("panes, position, target, way", PANES.values(), ids=PANES)
 def test_mirrors_show_what_their_images_would(panes, position, target, way):
     """A camera that sees the floor by way of mirrors counts the same gathers on as much of it as one straight above,
-    as far away as the way is long, each bringing the mirrors' share less. To float32's rounding of rays."""
+    as far away as the way is long, each contributing the mirrors' share less. To float32's rounding of rays."""
     straight = cells_of(floor(), look((0, 0, way), (0, 0, 0), SIZE, SIZE, 0.2))
     mirrors = [(*pane, 300.0, 1) for pane in panes]
     reflected = cells_of([*floor(), *mirrors], look(position, target, SIZE, SIZE, 0.2))
     assert shown_area(reflected) == pytest.approx(shown_area(straight), rel=1e-4)
     assert np.sum(reflected[COUNT]) == np.sum(straight[COUNT]) == SIZE * SIZE
-    share = np.average(reflected[CARRIED2], weights=reflected[COUNT]) ** 0.5
+    share = np.average(reflected[CONTRIBUTION2], weights=reflected[COUNT]) ** 0.5
     assert share == pytest.approx(0.5 * REFLECTANCE ** len(panes), rel=1e-4)
 
 
-def test_what_looks_do_not_follow_is_told():
+def test_what_samples_do_not_follow_is_told():
     """Pixels of a surface that hardly reflects send more rays, as nobody knows what it shows; those of a mirror that
     shows a plain floor as many as that takes."""
     panes = [(*quad((x, 0, 5), (0, 3, 0), (1, 0, 0)), 300.0, material) for x, material in ((-1.0, 1), (1.0, 2))]
@@ -106,7 +106,7 @@ def test_what_looks_do_not_follow_is_told():
 
 def test_rough_lobes_send_as_many_rays_as_what_they_show_differs():
     """A rough pane that shows a small hot plate in a cold sky needs many rays where it is near the plate's image, and
-    fewer far away. Of a lobe looks do not tell all, so those are 16."""
+    fewer far away. Of a lobe samples do not tell all, so those are 16."""
     pane, plate = (
         (*quad((0, 0, 0), (3, 0, 0), (0, 3, 0)), 300.0, 1),
         (*quad((-2, 0, 1), (0, 0.2, 0), (0.2, 0, 0)), 600.0, 0),
