@@ -16,16 +16,17 @@ from unittest import mock
 
 import numpy as np
 
-from addon.solver.camera.lamps import build_lamps
+from addon.solver.camera.gathers import NearDisks
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.photons.emission import emit
+from addon.solver.planning.lamps import build_lamps
 from addon.solver.planning.pilot import DEFENSIVE
 
 PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}  # of Settings
 
 
 def no_final_gathers(*_):
-    return 0
+    """Gathers that nobody has chosen ask photons."""
 
 
 def no_lamps(*arguments):
@@ -41,18 +42,18 @@ def emit_all(*arguments):
     wave.direct[:] = False
 
 
-def by_power_alone(count, sheet, area, matters):
-    """Every side that matters emits by its power alone."""
-    return np.where(matters, 1.0, DEFENSIVE)
+def by_power_alone(count, sheet, area, reachable):
+    """Every reachable side emits by its power alone."""
+    return np.where(reachable, 1.0, DEFENSIVE)
 
 
-def no_walls(tracer, surfaces, reach2, place, code, turns, felt=None):
-    return unlimited(len(place), reach2)
+def no_walls(tracer, surfaces, reach2, point, *_):
+    return unlimited(len(point), reach2)
 
 
 def no_near_disks(estimate):
     """All ends of rays recall, however near they are to where the ray starts."""
-    return np.empty(0), 0.0
+    return NearDisks(np.empty(0), 0.0)
 
 
 def any_reach(area, pilot, photons, neighbours):
@@ -60,30 +61,29 @@ def any_reach(area, pilot, photons, neighbours):
     return 100.0 * neighbours * float(area.sum()) / (math.pi * photons)
 
 
-# What changes: "module.name" in addon.solver
+# What changes: "room.module.name" in addon.solver
 PHOTONS_ALONE = {
-    "eye_paths.choose_splits": no_final_gathers,
-    "render.cache_points": lambda *_: 1,  # nobody asks the irradiance cache then
-    "render.build_lamps": no_lamps,
-    "transport.emit": emit_all,
-    "pilot._OPEN": 1.0,  # no rays to the surroundings
+    "camera.eye_paths.choose_splits": no_final_gathers,
+    "passes.cache_points": lambda *_: 1,  # nobody asks the irradiance cache then
+    "planning.preparation.build_lamps": no_lamps,
+    "photons.transport.emit": emit_all,
+    "planning.pilot._OPEN": 1.0,  # no rays to the surroundings
 }
 PAPERS_ESTIMATOR = PHOTONS_ALONE | {
-    "render.learn_guide": lambda tracer, surfaces, radiometry, emitters, *_: emitters,
-    "pilot._density": by_power_alone,
-    "render.gather_reach": any_reach,
-    "eye_paths.free_space": no_walls,
+    "planning.preparation.learn_guide": lambda tracer, stage, emitters, *_: emitters,
+    "planning.pilot._density": by_power_alone,
+    "planning.preparation.gather_reach": any_reach,
+    "camera.eye_paths.free_space": no_walls,
 }
 
 
 @contextmanager
 def changed(changes: dict[str, object]) -> Iterator[None]:
-    """Change the solver's constants and functions, each a "module.name", for a while."""
+    """Change the solver's constants and functions, each a "room.module.name", for a while."""
     with ExitStack() as stack:
         for target, value in changes.items():
-            module, name = target.split(".")
-            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.passes is the function
-            stack.enter_context(mock.patch.object(module, name, value))
+            module, _, name = target.rpartition(".")
+            stack.enter_context(mock.patch.object(importlib.import_module(f"addon.solver.{module}"), name, value))
         yield
 
 
