@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from addon.solver import Material, PointLight, Settings, render
-from addon.solver.photons.emission import light_spectrum
+from addon.solver.photons.lights import light_spectrum
 from tests.helpers.paper_estimator import PAPER, papers_estimator
 from tests.helpers.scenes import look, make_scene, pass_means, quad
 
