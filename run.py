@@ -56,7 +56,7 @@ def main() -> int:
 
     python = environment()
     if options.command == "demo":
-        return call(python, ROOT / "docs/demo/render.py", *rest)
+        return call(python, "-m", "docs.demo.render", *rest)
     if options.command == "test":
         # most tests render small scenes, which leave a second core idle; tests of a file share what it prepares
         return call(python, "-m", "pytest", "--numprocesses", "auto", "--dist", "loadfile", *rest)

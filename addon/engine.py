@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine as Blender knows it. The work is in final_render and viewport, which are loaded on first use: numba
-is large.
+"""The render engine as Blender knows it. The work is in final_render and viewport, which are loaded when they are first
+needed, because they bring the solver with its large libraries.
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ import logging
 
 import bpy
 
+from .interface import ENGINE
+from .rendering.render_passes import register_passes
 from .solver.physics.spectrum import LIBRARY_MISSING
 from .solver.scene import SceneError
-from .ui.panels import ENGINE
 
 log = logging.getLogger(__name__)
 
@@ -31,15 +32,14 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
         self.geometries = {}  # kept between final renders, see render_view_layer; they end with the engine
 
     def __del__(self):
-        # Blender may end what it did not begin, and after its own part has gone every ordinary look raises
+        # Blender may delete an engine whose __init__ never ran; and once Blender's own part of the object is gone, to
+        # read an attribute in the ordinary way raises
         viewport = object.__getattribute__(self, "__dict__").get("_viewport")
         if viewport is not None:
             viewport.stop()
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell Blender, and so the compositor's sockets, which passes this engine fills."""
-        from .rendering.render_passes import register_passes
-
         register_passes(self, scene, renderlayer)
 
     def render(self, depsgraph):

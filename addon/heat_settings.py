@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of scene.infrared that says how temperatures are shown, and what the rest of the add-on makes of it."""
+"""The settings in scene.infrared and in a scene that say how temperatures are shown: palette, range, unit, view."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty
 
 from .interface import redraw, temperature_property
+from .output.temperature_scale import KELVIN, UNITS, Isotherm, TemperatureScale, TemperatureUnit
 
 scale_temperature = partial(temperature_property, min=0.0, soft_max=2_000.0, step=100)
-
 
 PICTURE_EDITORS = ("IMAGE_EDITOR", "VIEW_3D")  # types of the areas that show pictures of this engine
 
 
 def redraw_pictures(_owner=None, _context=None) -> None:
-    """Draw what lies over pictures again; also the update function of settings that it depends on."""
+    """Draw the editors of pictures again, with what lies over them. Settings may name this as their update function."""
     for kind in PICTURE_EDITORS:
         redraw(kind)
 
@@ -99,10 +99,8 @@ class HeatDisplaySettings:
     )
 
 
-def read_scale(infrared):
+def read_scale(infrared) -> TemperatureScale:
     """The TemperatureScale that scene.infrared asks for; its automatic ends are None."""
-    from .output.temperature_scale import Isotherm, TemperatureScale
-
     isotherm, ends = None, (None, None)
     if infrared.use_isotherm:
         grey = infrared.isotherm_rest == "GREY"
@@ -112,14 +110,18 @@ def read_scale(infrared):
     return TemperatureScale(infrared.palette, *ends, isotherm)
 
 
-def scene_unit(scene):
+def scene_unit(scene) -> TemperatureUnit:
     """The TemperatureUnit that Blender shows this scene's temperatures in."""
-    from .output.temperature_scale import KELVIN, UNITS
-
     units = scene.unit_settings
     if units.system == "NONE":  # its temperature_unit is then no valid value
         return KELVIN
     return UNITS.get(units.temperature_unit, KELVIN)
+
+
+def in_scene_unit(kelvin: float, scene) -> str:
+    """A temperature in words, in the unit that the scene shows."""
+    unit = scene_unit(scene)
+    return f"{unit.of_kelvin(kelvin):.2f} {unit.symbol}"
 
 
 def view_problem(scene) -> str:

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What settings, panels and operators share: temperatures as Blender shows them, and drawing its editors again."""
+"""What settings, panels and operators share: the engine's identifier, properties with a unit, redrawing of editors."""
 
 from __future__ import annotations
 
 import bpy
 from bpy.props import FloatProperty
 
+ENGINE = "INFRARED_PHOTONS"  # the engine's identifier in Blender
 TEMPERATURE_DIGITS = 5  # significant ones: that is what Blender's precision means for values with a unit
 
 

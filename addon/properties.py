@@ -2,7 +2,7 @@
 """scene.infrared, and the custom properties that give objects, materials, worlds and lights their physics.
 
 Numbers have soft limits where a value outside is an error: a script's mistake is reported, not silently clamped.
-The defaults are the solver's (a test compares them); to ask it for them would load numba whenever Blender starts.
+The defaults of the solver's settings are written out here as users read them; a test compares them with the solver's.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from .heat_settings import HeatDisplaySettings, InfraredSpot
 from .interface import TEMPERATURE_DIGITS, temperature_property
 from .output.formats import ENUM_ITEMS
+from .solver.scene import LAMP_TEMPERATURE, SUN_TEMPERATURE
 
 ROOM_TEMPERATURE = 293.15  # K
 
@@ -69,7 +70,7 @@ def property_label(key: str) -> str:
 
 
 def initial_value(id_block, key: str, scene) -> float | str:
-    """What a missing custom property counts as, so that adding it changes nothing until it is edited."""
+    """The value that counts while a custom property is missing, so that adding it changes no image."""
     if key == "temperature_group":
         return ""
     if key == "emissivity":
@@ -79,8 +80,6 @@ def initial_value(id_block, key: str, scene) -> float | str:
     if isinstance(id_block, bpy.types.World):
         return 0.0
     if id_block.type == "LIGHT":
-        from .solver.scene import LAMP_TEMPERATURE, SUN_TEMPERATURE
-
         return SUN_TEMPERATURE if id_block.data.type == "SUN" else LAMP_TEMPERATURE
     return scene.infrared.ambient_temperature
 
@@ -88,8 +87,8 @@ def initial_value(id_block, key: str, scene) -> float | str:
 def set_custom_property(id_block, key: str, value: float | str | list[float]) -> None:
     """Set the custom property `key`, whatever it was before.
 
-    Blender refuses another type, and another number of points, where library overrides may change a property. In an
-    override it forgets those that are not told to be such when the file is opened again.
+    Where library overrides may change a property, Blender refuses values of another type or length, so the property is
+    removed first. In a library override Blender only keeps, in the file, properties that are marked as overridable.
     """
     try:
         id_block[key] = value
@@ -103,8 +102,8 @@ def set_custom_property(id_block, key: str, value: float | str | list[float]) ->
 def add_custom_property(id_block, key: str, value: float | str) -> None:
     """Set the custom property `key` to a number or a text, with its unit and tooltip.
 
-    Library overrides may change it. Of the emissivity they say so themselves: here it would fix the type to a number,
-    and scripts set a curve or a library material's name as well.
+    It is marked as one that library overrides may change. Not so the emissivity: the mark would fix its type to a
+    number, and it may also become a curve or the name of a library material.
     """
     set_custom_property(id_block, key, value if isinstance(value, str) else float(value))
     shown = dict(CUSTOM_PROPERTIES[key])

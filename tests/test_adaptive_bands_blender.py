@@ -9,12 +9,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.reading.scene_reader import SceneError, read_adaptive_bands, read_band_edges  # noqa: E402
+from addon.reading.bands import read_adaptive_bands, read_band_edges  # noqa: E402
+from addon.rendering.checks import band_problem  # noqa: E402
 from addon.rendering.render_passes import register_passes  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.solver.physics.band_partition import choose_bands  # noqa: E402
 from addon.solver.physics.spectrum import band_names  # noqa: E402
-from addon.ui.panels import band_problem  # noqa: E402
+from addon.solver.scene import SceneError  # noqa: E402
 from tests.helpers.blender import (  # noqa: E402
     camera,
     cube_mesh,

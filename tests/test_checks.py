@@ -9,6 +9,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.properties import add_custom_property  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.ui import checks, panels  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material  # noqa: E402
 
@@ -29,7 +30,7 @@ def infrared(reset_blender):
 def found(level):
     """Texts of a level in the panel."""
     bpy.context.view_layer.update()
-    every = checks.scene_checks(bpy.context.scene, bpy.context.view_layer)
+    every = scene_checks(bpy.context.scene, bpy.context.view_layer)
     return [check.text for check in every if check.level == level]
 
 
@@ -161,14 +162,14 @@ def without_a_value(monkeypatch, panel, **context):
     """What a panel says of a temperature that is not set."""
     shown = {}
     monkeypatch.setattr(panels, "draw_custom_property", lambda *args: shown.update({args[3]: args[4]}))
+    monkeypatch.setattr(panels, "draw_object_checks", lambda *_: None)  # which need a window
 
     class Layout:
         def __getattr__(self, _name):
             return lambda *_, **__: Layout()
 
     stand_in = SimpleNamespace(layout=Layout(), column=Layout)
-    draw = getattr(panel.draw, "_draw_funcs", [panel.draw])[0]  # without what others append to the panel
-    draw(stand_in, SimpleNamespace(scene=bpy.context.scene, **context))
+    panel.draw(stand_in, SimpleNamespace(scene=bpy.context.scene, **context))
     return shown["temperature"]
 
 

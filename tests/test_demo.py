@@ -4,7 +4,6 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,9 +18,10 @@ from addon.output.heat_picture import LEAST_HEIGHT  # noqa: E402
 from addon.output.palette import display  # noqa: E402
 from addon.output.temperature_scale import KELVIN, TemperatureScale  # noqa: E402
 from addon.solver.physics.spectrum import apparent_temperature, band_names  # noqa: E402
+from docs.tools import make_demo  # noqa: E402
+from docs.tools.paths import DEMO, ROOT  # noqa: E402
 from tests.helpers.blender import describe  # noqa: E402
 
-DEMO = Path(__file__).resolve().parents[1] / "docs" / "demo"
 WIDTH, HEIGHT, PASSES, PHOTONS = 160, 120, 12, 100_000
 EDGES = np.linspace(7.5, 13.5, 16)  # um, of the demo's bands
 
@@ -29,15 +29,8 @@ EDGES = np.linspace(7.5, 13.5, 16)  # um, of the demo's bands
 @pytest.fixture
 def demo():
     """The demo's scene, opened."""
-    bpy.ops.wm.open_mainfile(filepath=str(DEMO / "demo.blend"), load_ui=False)
+    bpy.ops.wm.open_mainfile(filepath=str(DEMO), load_ui=False)
     return bpy.context.scene
-
-
-@pytest.fixture
-def script(monkeypatch):
-    """Import a module of the demo's folder by its name."""
-    monkeypatch.syspath_prepend(str(DEMO))
-    return lambda name: __import__(name)
 
 
 # demo.blend
@@ -54,10 +47,10 @@ def test_the_file_keeps_to_the_contract(demo):
     assert heater.data.type == "POINT" and heater.data.energy > 0 and heater["temperature"] == 1000
 
 
-def test_the_file_is_what_its_script_makes(demo, script):
+def test_the_file_is_what_its_script_makes(demo):
     stored = describe(demo)
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    script("make_demo").build()
+    make_demo.build()
     bpy.context.view_layer.update()
     assert describe(bpy.context.scene) == stored
 
@@ -65,14 +58,18 @@ def test_the_file_is_what_its_script_makes(demo, script):
 # render.py
 
 
+def run_script(*options, timeout):
+    """The process of `python run.py demo` with these options, when it has ended."""
+    command = [sys.executable, "-m", "docs.demo.render", *map(str, options)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=timeout)
+
+
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory):
     """Folder with the demo rendered small by its script, and the last line the script printed."""
     folder = tmp_path_factory.mktemp("demo") / "new" / "folder"
     options = ["--passes", PASSES, "--photons", PHOTONS, "--resolution", f"{WIDTH}x{HEIGHT}", "--output", folder]
-    run = subprocess.run(
-        [sys.executable, DEMO / "render.py", *map(str, options)], capture_output=True, text=True, timeout=600
-    )
+    run = run_script(*options, timeout=600)
     assert run.returncode == 0, run.stdout + run.stderr
     return folder, run.stdout.strip().splitlines()[-1]
 
@@ -172,7 +169,5 @@ def test_bad_options_are_told_without_a_traceback(tmp_path):
         (["--resolution", "320"], "'320' is not a width and a height"),
         (["--output", str(tmp_path / "file" / "folder")], "Not a directory"),
     ):
-        run = subprocess.run(
-            [sys.executable, DEMO / "render.py", *options], capture_output=True, text=True, timeout=120
-        )
+        run = run_script(*options, timeout=120)
         assert run.returncode != 0 and message in run.stderr and "Traceback" not in run.stderr

@@ -12,9 +12,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.rendering.camera_effects import read_detector  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.solver.physics.sensors import band_weights  # noqa: E402
 from addon.solver.physics.spectrum import sensor_radiance, uniform_edges  # noqa: E402
-from addon.ui.checks import scene_checks  # noqa: E402
 from addon.ui.sensor_panel import INFRARED_PT_detector  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, read_exr, render_to_exr  # noqa: E402
 

@@ -10,7 +10,6 @@ import sys
 import threading
 import time
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import OpenEXR
@@ -20,10 +19,9 @@ bpy = pytest.importorskip("bpy")
 
 from addon.rendering import final_render  # noqa: E402
 from addon.rendering.last_render import forget_last_render  # noqa: E402
-from addon.rendering.render_paths import layer_suffixes  # noqa: E402
+from addon.rendering.render_files import layer_suffixes  # noqa: E402
 from addon.solver.physics.spectrum import band_names, band_radiance  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
-from addon.ui.temperatures import spot_meter, temperature_groups  # noqa: E402
 from tests.helpers.blender import (  # noqa: E402
     camera,
     cube_mesh,
@@ -401,7 +399,7 @@ def test_solver_failure_reaches_the_user(tmp_path, monkeypatch, caplog):
 def test_missing_library_is_explained(tmp_path, monkeypatch):
     wall(300.0)
     monkeypatch.delitem(sys.modules, "addon.rendering.final_render")
-    monkeypatch.setitem(sys.modules, "addon.reading.scene_reader", None)
+    monkeypatch.setitem(sys.modules, "addon.solver.checkpoint", None)
     assert "A library of the solver is missing" in failed_render(tmp_path)
 
 
@@ -507,11 +505,21 @@ def test_export_operator_writes_the_last_render(tmp_path):
 # Registration, panels and operators -----------------------------------------------------------------------------------
 
 
-def test_registering_is_light_and_the_interpreter_exits():
-    script = (
-        "import sys, bpy, addon; addon.register(); addon.unregister(); addon.register();"
-        "assert 'numba' not in sys.modules, 'numba slows the start of Blender'; print('registered')"
-    )
+def test_registering_and_drawing_load_no_large_library_and_the_interpreter_exits():
+    """Windows ask for the last render and for the pictures of 3D viewports before there are any."""
+    script = """
+import sys, bpy, addon
+addon.register()
+addon.unregister()
+addon.register()
+from addon.rendering import last_render, live_pictures
+area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+assert not any(live_pictures.picture_in(region) for region in area.regions) and not any(last_render.TABLES)
+assert not bpy.ops.infrared.export_bands.poll() and not bpy.ops.infrared.range_from_render.poll()
+for name in ("numba", "embreex", "OpenEXR"):
+    assert name not in sys.modules, f"{name} slows the start of Blender"
+print("registered")
+"""
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert "registered" in done.stdout and done.returncode == 0, done.stderr
 
@@ -522,14 +530,14 @@ sys.modules["numba"] = sys.modules["embreex"] = None
 import bpy, addon
 bpy.ops.wm.read_factory_settings()
 addon.register()
-from addon import checks, panels
+from addon.rendering.checks import band_problem, scene_checks
 scene = bpy.context.scene
 scene.render.engine = "INFRARED_PHOTONS"
-assert panels.band_problem(scene.infrared) == ""
-levels = {check.level for check in checks.scene_checks(scene, bpy.context.view_layer)}
+assert band_problem(scene.infrared) == ""
+levels = {check.level for check in scene_checks(scene, bpy.context.view_layer)}
 assert "ERROR" not in levels, levels
 scene.infrared.band_mode = "ADAPTIVE"
-assert "A library of the solver is missing" in panels.band_problem(scene.infrared)
+assert "A library of the solver is missing" in band_problem(scene.infrared)
 scene.infrared.band_mode = "UNIFORM"
 try:
     bpy.ops.render.render()
@@ -545,13 +553,6 @@ def test_panels_are_drawn_and_the_render_tells_it_if_a_library_is_missing():
         [sys.executable, "-c", MISSING_LIBRARIES], cwd=ROOT, capture_output=True, text=True, timeout=90
     )
     assert "told" in done.stdout and done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
-
-
-def test_windows_are_drawn_while_the_solver_is_loaded(monkeypatch):
-    """By the thread of a first render: its module is there already, and has nothing in it yet."""
-    monkeypatch.setitem(sys.modules, "addon.rendering.final_render", ModuleType("addon.rendering.final_render"))
-    assert spot_meter.finished() == ({}, {}) and temperature_groups.last_group_files() == {}
-    assert not bpy.ops.infrared.export_bands.poll()
 
 
 def test_kernels_are_kept_in_the_extensions_folder(monkeypatch, tmp_path):

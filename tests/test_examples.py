@@ -9,38 +9,31 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
-from addon.ui.checks import scene_checks  # noqa: E402
-from run import ROOT  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
+from docs.examples import engine, facade, people  # noqa: E402
+from docs.tools import make_template  # noqa: E402
+from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
 
-EXAMPLES, TEMPLATE = ROOT / "docs" / "examples", ROOT / "docs" / "template"
-SCRIPTS = {
-    "facade": EXAMPLES / "facade.blend",
-    "engine": EXAMPLES / "engine.blend",
-    "people": EXAMPLES / "people.blend",
-    "make_template": TEMPLATE / "Infrared_Photons" / "startup.blend",
+SCENES = {  # the script and its file
+    "facade": (facade, DOCS / "examples" / "facade.blend"),
+    "engine": (engine, DOCS / "examples" / "engine.blend"),
+    "people": (people, DOCS / "examples" / "people.blend"),
+    "template": (make_template, TEMPLATE),
 }
-every_scene = pytest.mark.parametrize("name", SCRIPTS)
-
-
-@pytest.fixture
-def script(monkeypatch):
-    """Import the script of a scene by its name."""
-    for folder in (EXAMPLES, TEMPLATE):
-        monkeypatch.syspath_prepend(str(folder))
-    return lambda name: __import__(name)
+every_scene = pytest.mark.parametrize("name", SCENES)
 
 
 def open_scene(name):
-    bpy.ops.wm.open_mainfile(filepath=str(SCRIPTS[name]), load_ui=False)
+    bpy.ops.wm.open_mainfile(filepath=str(SCENES[name][1]), load_ui=False)
     return bpy.context.scene
 
 
 @every_scene
-def test_file_is_what_its_script_makes(name, script):
+def test_file_is_what_its_script_makes(name):
     stored = describe(open_scene(name))
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    script(name).build()
+    SCENES[name][0].build()
     bpy.context.view_layer.update()
     assert describe(bpy.context.scene) == stored
 
@@ -55,7 +48,7 @@ def test_checks_and_reader_have_nothing_to_say(name):
     assert len(solver_scene.triangles) < 200_000
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "docs").rglob("*.blend")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(DOCS.rglob("*.blend")), ids=lambda path: path.stem)
 def test_panels_show_the_units_of_all_numbers(path):
     """Without a subtype a field shows a bare number of kelvin, also where temperatures are shown in degrees Celsius."""
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)

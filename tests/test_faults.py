@@ -18,26 +18,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.solver import Material, PointLight, SceneError, Settings, checkpoint, memory, render
+from addon.solver import SceneError, checkpoint, memory, render
 from addon.solver.checkpoint import CheckpointError, fingerprint, load, render_with_checkpoints, save, set_aside
 from addon.solver.image.film import Film
 from addon.solver.passes import prepare
-from tests.helpers.scenes import box, join, look, make_scene, sphere
+from tests.helpers.faults import QUICK, room
 
-QUICK = Settings(passes=4, photons_per_pass=20_000, threads=2)  # two pieces of photons
 ROOT = Path(__file__).resolve().parents[1]
-
-
-def room(radiator=340.0, width=24, bands=3, emissivity=0.6, subdivisions=1, **options):
-    """A box with a warm ball and a lamp in it: photons, shadow rays, caches and noise."""
-    ball, triangles = sphere(subdivisions, 0.3)
-    parts = (*box((2.0, 2.0, 1.5)), 293.0, 0), (ball + (1.0, 1.2, 0.5), triangles, radiator, 1)
-    vertices, triangles, temperature, material = join(*parts)
-    materials = [Material("Paint", emissivity), Material("Metal", 0.3, specular=0.5, roughness=0.3)]
-    camera = look((0.2, 0.3, 1.2), (1.0, 1.0, 0.5), width, width * 3 // 4, 0.8)
-    edges, lamp = np.linspace(8.0, 14.0, bands + 1), PointLight(np.array([0.5, 1.5, 1.2]), 100.0)
-    options = {"world_temperature": 293.0, "lights": (lamp,)} | options
-    return make_scene(vertices, triangles, temperature, materials, camera, edges, material, **options)
 
 
 def images(film):
@@ -125,21 +112,18 @@ def test_two_processes_at_once_give_what_this_one_gives():
 # Short of memory ------------------------------------------------------------------------------------------------------
 
 PEAK = """
-import sys
-sys.path[:0] = [{root!r}, {tests!r}]
-from test_faults import QUICK, room
 from addon.solver import Settings, memory, render
 from addon.solver.passes import prepare
-def status(name):
-    return next(int(line.split()[1]) * 1024 for line in open("/proc/self/status") if line.startswith(name))
+from tests.helpers.faults import QUICK, room
+from tests.helpers.process import resident
 def images(film):
     return film.bands(), film.noise(), film.temperature()
 scene, settings = room(**{options}), Settings(passes=2, photons_per_pass={photons}, threads=2)
 images(render(room(bands=2), QUICK))  # loads the kernels; few bands, for freed memory is kept
 open("/proc/self/clear_refs", "w").write("5")  # the peak starts anew
-before = status("VmRSS")
+before = resident("VmRSS")
 images(render(scene, settings))
-taken = status("VmHWM") - before
+taken = resident("VmHWM") - before
 model = prepare(scene, settings)
 known = model.hits_per_photon, model.rays_per_pixel
 needed = memory.memory_beforehand(scene, 1) | memory.memory_of_passes(scene, settings, 1, *known)
@@ -162,8 +146,9 @@ print(sum(needed.values()), taken)
 )
 def test_memory_that_is_foreseen_is_what_a_render_takes(options, photons):
     """Within a factor of two either way: allocators round, and stores grow in steps."""
-    script = PEAK.format(root=str(ROOT), tests=str(ROOT / "tests"), options=options, photons=photons)
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    script = PEAK.format(options=options, photons=photons)
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     estimate, measured = map(float, done.stdout.split())
     print(f"estimated {estimate / 1e6:.0f} MB, measured {measured / 1e6:.0f} MB")

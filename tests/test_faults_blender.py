@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,44 +21,21 @@ from addon import solver  # noqa: E402
 from addon.reading.scene_reader import read_scene  # noqa: E402
 from addon.rendering import final_render  # noqa: E402
 from addon.solver import SceneError, Settings, memory  # noqa: E402
-from addon.solver.photons.emission import light_spectrum  # noqa: E402
+from addon.solver.photons.lights import light_spectrum  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.solver.physics.sensors import band_weights  # noqa: E402
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance  # noqa: E402
 from addon.solver.scene import HOTTEST  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, plain, read_exr, use_multilayer_exr  # noqa: E402
+from tests.helpers.blender import plain, read_exr, use_multilayer_exr  # noqa: E402
+from tests.helpers.faults_blender import build_scene, render, save_slowly, stop_after  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 FLOAT32 = 1e-6  # relative: a few roundings of float32
 
 
-def build_scene():
-    """A grey floor under a hot plate and a lamp, under a sky: every kind of owner of a custom property."""
-    camera(width=8, height=6)
-    floor_mesh, plate_mesh = cube_mesh("Floor"), cube_mesh("Plate")
-    floor_mesh.materials.append(material("Paint", emissivity=0.5))
-    plate_mesh.materials.append(material("Metal", emissivity=0.3, specular=0.5, roughness=0.2))
-    floor = link("Floor", floor_mesh, temperature=290.0)
-    floor.scale, floor.location = (40.0, 40.0, 1.0), (0.0, 0.0, -0.5)
-    plate = link("Plate", plate_mesh, temperature=600.0)
-    plate.scale, plate.location = (1.0, 1.0, 0.1), (0.5, 0.0, 2.0)
-    lamp = link("Lamp", bpy.data.lights.new("Lamp", "POINT"))
-    lamp.location, lamp.data.energy = (0.0, 1.0, 3.0), 100.0
-    scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("Sky")
-    scene.render.engine = "INFRARED_PHOTONS"
-    infrared = scene.infrared
-    infrared.passes, infrared.photons_per_pass, infrared.band_count, infrared.threads = 2, 1000, 3, 1
-    return infrared
-
-
 @pytest.fixture
 def infrared(reset_blender):
     return build_scene()
-
-
-def render():
-    bpy.ops.render.render()
 
 
 def failed_render():
@@ -171,9 +147,8 @@ def test_running_out_of_memory_is_a_message(infrared, monkeypatch, capfd, caplog
 
 KILLED = """
 import sys
-sys.path[:0] = [{root!r}, {tests!r}]
 import bpy, addon
-from test_faults_blender import build_scene
+from tests.helpers.faults_blender import build_scene
 bpy.ops.wm.read_factory_settings(use_empty=True)
 addon.register()
 infrared = build_scene()
@@ -182,11 +157,17 @@ bpy.ops.render.render()
 """
 
 
+def started(script, *arguments):
+    """A process that runs a script; its errors can be read."""
+    command = [sys.executable, "-c", script, *arguments]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+
 def test_a_killed_render_goes_on_from_its_checkpoint(infrared, tmp_path, monkeypatch):
     """Killed without warning in the middle, in a process of its own; here it goes on, to the last bit the same."""
     path, passes = tmp_path / "check.npz", 100_000
-    script = KILLED.format(root=str(ROOT), tests=str(ROOT / "tests"), passes=passes, path=str(path))
-    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    script = KILLED.format(passes=passes, path=str(path))
+    process = started(script)
     deadline = time.monotonic() + 240
     while not path.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -220,25 +201,6 @@ def test_a_killed_render_goes_on_from_its_checkpoint(infrared, tmp_path, monkeyp
     np.testing.assert_array_equal(resumed["noise"], whole["noise"])
 
 
-def stop_after(monkeypatch, passes):
-    """Let the next render end as with Esc after so many passes."""
-    real = final_render.RenderJob._on_pass
-
-    def on_pass(job, film):
-        real(job, film)
-        if film.passes >= passes:
-            job.cancel()
-
-    def watch(_engine, job, _result):
-        while job.is_alive() and not job.cancelled:
-            job.join(0.001)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(final_render.RenderJob, "_on_pass", on_pass)
-        patch.setattr(final_render, "_watch", watch)
-        render()
-
-
 def wait_for(path):
     """The solver writes a checkpoint after Blender has the image."""
     deadline = time.monotonic() + 10
@@ -262,18 +224,6 @@ def test_a_render_ended_by_esc_goes_on(infrared, tmp_path, monkeypatch):
     assert not path.exists()
 
 
-def save_slowly(monkeypatch):
-    """As a large film to a slow disk, by a solver that still has something to do before."""
-    real = solver.checkpoint.save
-
-    def save(*args):
-        time.sleep(1.0)
-        with ThreadPoolExecutor(1) as pool:
-            pool.submit(real, *args).result()
-
-    monkeypatch.setattr(solver.checkpoint, "save", save)
-
-
 def test_a_render_started_right_after_esc_goes_on_from_what_is_being_saved(infrared, tmp_path, monkeypatch):
     path = tmp_path / "check.npz"
     infrared.passes, infrared.checkpoint_path = 5, str(path)
@@ -291,10 +241,8 @@ def test_a_render_started_right_after_esc_goes_on_from_what_is_being_saved(infra
 
 
 QUIT = """
-import sys
-sys.path[:0] = [{root!r}, {tests!r}]
 import bpy, addon, pytest
-from test_faults_blender import build_scene, save_slowly, stop_after
+from tests.helpers.faults_blender import build_scene, save_slowly, stop_after
 bpy.ops.wm.read_factory_settings(use_empty=True)
 addon.register()
 infrared = build_scene()
@@ -306,8 +254,8 @@ stop_after(pytest.MonkeyPatch(), 2)
 
 def test_a_render_ended_by_esc_is_saved_though_blender_is_quit(tmp_path):
     path = tmp_path / "check.npz"
-    script = QUIT.format(root=str(ROOT), tests=str(ROOT / "tests"), path=str(path))
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=240)
+    script = QUIT.format(path=str(path))
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0 and path.exists(), done.stderr
     with np.load(path) as saved:
         assert saved["passes"] == 2
@@ -376,12 +324,9 @@ def test_every_view_layer_and_frame_has_its_checkpoint(infrared, tmp_path):
 def test_two_processes_render_at_once(infrared, tmp_path):
     """They share the folder of kernels, and give the image of this process."""
     script = KILLED.replace("infrared.passes,", "infrared.band_exr_path = sys.argv[1]\ninfrared.passes,")
-    script = script.format(root=str(ROOT), tests=str(ROOT / "tests"), passes=2, path="")
+    script = script.format(passes=2, path="")
     files = [tmp_path / f"{name}.exr" for name in "ab"]
-    processes = [
-        subprocess.Popen([sys.executable, "-c", script, file], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        for file in files
-    ]
+    processes = [started(script, file) for file in files]
     errors = [process.communicate(timeout=240)[1].decode() for process in processes]
     assert not any("Traceback" in error for error in errors), errors
     render()

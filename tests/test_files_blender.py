@@ -13,7 +13,7 @@ from spectral.io import envi
 bpy = pytest.importorskip("bpy")
 
 from addon.output.formats import EXTENSIONS, FORMATS  # noqa: E402
-from addon.rendering.render_paths import Exporter  # noqa: E402
+from addon.ui.exporter import Exporter  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
 
 ENDINGS = [".exr", "_spectral.exr", ".hdr", ".raw", ".tif", "_16bit.tif"]

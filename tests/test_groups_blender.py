@@ -11,8 +11,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.output.group_exr import read_group_exr  # noqa: E402
-from addon.reading.scene_reader import SceneError, read_group_temperatures  # noqa: E402
-from addon.rendering import final_render  # noqa: E402
+from addon.reading.groups import read_group_temperatures  # noqa: E402
+from addon.rendering import final_render, recombine  # noqa: E402
+from addon.solver.scene import SceneError  # noqa: E402
 from addon.ui.temperatures import temperature_groups  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
 
@@ -92,7 +93,7 @@ def test_recombined_is_the_render_at_these_temperatures(scene, tmp_path):
     assert new.mean() == pytest.approx(fresh.mean(), rel=0.01)
     engine = np.s_[6, 3:5]
     np.testing.assert_allclose(new[engine], fresh[engine], rtol=0.01)
-    shown = bpy.data.images[temperature_groups.PICTURE]
+    shown = bpy.data.images[recombine.PICTURE]
     assert tuple(shown.size) == (16, 12)
     pixels = np.empty((12, 16, 4), np.float32)
     shown.pixels.foreach_get(pixels.ravel())
@@ -136,7 +137,7 @@ TABLE = b"frame,time,engine,sky\n10,0.0,300,250\n11,0.5,400,260\n"
 
 
 def read_table(path):
-    return list(temperature_groups.moments(bpy.context, "SERIES", str(path), ["engine", "sky"]))
+    return list(recombine.moments(bpy.context, "SERIES", str(path), ["engine", "sky"]))
 
 
 @pytest.mark.parametrize(
@@ -188,6 +189,7 @@ def test_a_render_without_groups_says_so(scene, tmp_path):
 
 def test_a_missing_library_is_named(scene, tmp_path, monkeypatch):
     render_to_exr(tmp_path)
+    monkeypatch.delitem(sys.modules, "addon.rendering.recombine")
     monkeypatch.setitem(sys.modules, "addon.output.group_exr", None)
     with pytest.raises(RuntimeError, match="A library of the solver is missing"):
         bpy.ops.infrared.recombine(filepath=str(tmp_path / "new.exr"))

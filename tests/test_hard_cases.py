@@ -39,6 +39,7 @@ from tests.helpers.scenes import box, cylinder, join, look, make_scene, pass_mea
 EDGES = np.array([8.0, 9.0, 12.0])
 QUICK = Settings(passes=16, photons_per_pass=5000)
 GREY = Material("grey", 0.5)
+EYE, TARGET = np.array([0.8, 0.6, 0.4]), np.array([0.1, 0.1, 0.1])  # m, of the camera in a box of 1 x 0.8 x 0.6
 SUBTRACTION = [
     pytest.param({}, id="subtraction"),
     pytest.param({"reference_subtraction": False}, id="no-subtraction"),
@@ -73,13 +74,13 @@ def check_every_render(monkeypatch):
 def room(size=1.0, shift=0.0, material=GREY, kelvin=300.0, edges=EDGES, **options):
     """The inside of a closed box of 1 x 0.8 x 0.6 times size, moved by shift."""
     vertices, triangles = box((1.0, 0.8, 0.6))
-    return closed(vertices * size + shift, triangles, (0.8, 0.6, 0.4), material, kelvin, edges, size, shift, **options)
+    camera = look(EYE * size + shift, TARGET * size + shift, 8, 6)
+    return make_scene(vertices * size + shift, triangles, kelvin, [material], camera, edges, **options)
 
 
-def closed(vertices, triangles, eye, material=GREY, kelvin=300.0, edges=EDGES, size=1.0, shift=0.0, **options):
-    """A closed surface seen from inside, a few pixels wide."""
-    camera = look(np.array(eye) * size + shift, np.array([0.1, 0.1, 0.1]) * size + shift, 8, 6)
-    return make_scene(vertices, triangles, kelvin, [material], camera, edges, **options)
+def closed(vertices, triangles, **options):
+    """A grey surface at 300 K that closes the box of `room`, seen from inside, a few pixels wide."""
+    return make_scene(vertices, triangles, 300.0, [GREY], look(EYE, TARGET, 8, 6), EDGES, **options)
 
 
 def expect(scene, truth, settings=QUICK, precision=0.005, allowance=ROUNDING, **change):
@@ -638,12 +639,12 @@ def test_long_thin_pipe():
 def test_faces_without_area():
     vertices, triangles = box((1.0, 0.8, 0.6))
     none = np.array([(0, 1, 1), (0, 0, 0), (2, 3, 2)], np.int32)
-    expect_black(closed(vertices, np.concatenate((triangles, none)), (0.8, 0.6, 0.4)))
+    expect_black(closed(vertices, np.concatenate((triangles, none))))
 
 
 def test_only_faces_without_area():
     """Nothing to see is a clear error, not an image of the surroundings."""
-    scene = closed(box()[0], np.array([(0, 1, 1), (2, 2, 2)], np.int32), (0.8, 0.6, 0.4), world_temperature=250.0)
+    scene = closed(box()[0], np.array([(0, 1, 1), (2, 2, 2)], np.int32), world_temperature=250.0)
     with pytest.raises(SceneError, match="No triangle of the scene has an area"):
         render(scene, QUICK)
 
@@ -653,14 +654,14 @@ def test_faces_that_are_there_twice(flip):
     """A surface that is doubled by mistake emits once."""
     vertices, triangles = box((1.0, 0.8, 0.6))
     again = triangles[:, ::-1] if flip else triangles[:, [1, 2, 0]]
-    expect_black(closed(vertices, np.concatenate((triangles, again)).astype(np.int32), (0.8, 0.6, 0.4)))
+    expect_black(closed(vertices, np.concatenate((triangles, again)).astype(np.int32)))
 
 
 def test_flipped_normals():
     """Both sides of a face are alike, so its winding has no meaning."""
     vertices, triangles = box((1.0, 0.8, 0.6))
     triangles[::3] = triangles[::3, ::-1]
-    expect_black(closed(vertices, triangles, (0.8, 0.6, 0.4)))
+    expect_black(closed(vertices, triangles))
 
 
 @pytest.mark.parametrize(
@@ -719,7 +720,7 @@ def test_overlapping_coplanar_faces_at_one_temperature(kind):
     at = np.array([0.5, 0.4, 0.0]), np.array([0.5, 0.0, 0.0]), np.array([0.0, 0.4, 0.0])
     floor = doubled(kind, quad(*at)[0], at[1], at[2], at[0])
     mesh = join((vertices, np.delete(triangles, [8, 9], axis=0), 300.0, 0), (*floor, 300.0, 0))
-    scene = closed(*mesh[:2], (0.8, 0.6, 0.4))
+    scene = closed(*mesh[:2])
     film = checked_render(scene, QUICK)
     np.testing.assert_allclose(film.radiance(), black(EDGES, 300.0), rtol=ROUNDING)
     for settings in ({"reference_subtraction": False}, {"reference_temperature": 333.0}):

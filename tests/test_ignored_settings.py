@@ -7,7 +7,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.ui.checks import scene_checks  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
 
 

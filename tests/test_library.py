@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The material library: every material is valid, agrees with independent literature, and damage is refused."""
 
-import importlib.util
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from addon.solver.physics import library
 from addon.solver.scene import Material, SceneError
+from docs.tools.paths import DOCS
+from docs.tools.plot_materials import table_of_materials
 
-DOCS = Path(__file__).parents[1] / "docs"
 MATERIALS = library.load()
 C2 = 14387.768775  # um K
 
@@ -199,16 +198,9 @@ def test_missing_table_is_refused(tmp_path):
         library.read(tmp_path / "nowhere.csv", tmp_path / "nowhere.csv")
 
 
-def load_docs_script(name):
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_page_shows_the_library_as_it_is():
-    """`python docs/plot_materials.py` writes the table again."""
-    assert load_docs_script("plot_materials").table() in (DOCS / "materials.md").read_text(encoding="utf-8")
+    """`python -m docs.tools.plot_materials` writes the table again."""
+    assert table_of_materials() in (DOCS / "materials.md").read_text(encoding="utf-8")
 
 
 # The artist's own materials -------------------------------------------------------------------------------------------

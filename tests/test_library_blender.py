@@ -8,6 +8,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.solver.physics.spectrum import band_radiance  # noqa: E402
 from addon.ui import band_presets, checks  # noqa: E402
@@ -274,13 +275,13 @@ def test_band_presets(name, low, high):
 
 def texts(level):
     bpy.context.view_layer.update()  # as Blender does before it draws
-    found = checks.scene_checks(bpy.context.scene, bpy.context.view_layer)
+    found = scene_checks(bpy.context.scene, bpy.context.view_layer)
     return [check.text for check in found if check.level == level]
 
 
 def test_a_sound_scene_has_nothing_to_report():
     cube_scene(emissivity=0.9)
-    assert checks.scene_checks(bpy.context.scene, bpy.context.view_layer) == []
+    assert scene_checks(bpy.context.scene, bpy.context.view_layer) == []
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from addon.output.exr import channel_name, write_band_exr
+from addon.output.frame import FrameImages
 from addon.output.palette import display, robust_range, thermal
 from addon.solver.physics.spectrum import band_names
 
@@ -90,7 +91,7 @@ def images():
 
 
 def write(path, images, metadata=METADATA):
-    write_band_exr(path, images[:-3], EDGES, images[-3], images[-2], images[-1], metadata)
+    write_band_exr(path, FrameImages(images[:-3], EDGES, *images[-3:], metadata))
 
 
 def expected_channels(images):
@@ -184,7 +185,7 @@ def test_the_header_tells_bands_units_and_how_it_was_rendered(tmp_path, images):
 
 def test_edges_closer_than_float32_can_tell_stay_apart(tmp_path, images):
     edges = 10.0 * (1 + 1e-9 * np.arange(4))
-    write_band_exr(tmp_path / "a.exr", images[:3], edges, *images[3:])
+    write_band_exr(tmp_path / "a.exr", FrameImages(images[:3], edges, *images[3:]))
     text, channels = read_zip_exr(tmp_path / "a.exr")
     assert [float(edge) for edge in text["bandEdges"].split()] == edges.tolist()
     assert len(channels) == 6
@@ -245,7 +246,7 @@ def test_a_full_disk_leaves_the_old_file_whole(tmp_path, images):
 
 def test_images_of_different_shapes_and_wrong_counts_are_refused(tmp_path, images):
     with pytest.raises(ValueError, match="shape"):
-        write_band_exr(tmp_path / "a.exr", images[:3], EDGES, images[3][:-1], images[4], images[5])
+        write_band_exr(tmp_path / "a.exr", FrameImages(images[:3], EDGES, images[3][:-1], *images[4:]))
     with pytest.raises(ValueError):
-        write_band_exr(tmp_path / "a.exr", itertools.repeat(images[0], 2), EDGES, *images[3:])
+        write_band_exr(tmp_path / "a.exr", FrameImages(itertools.repeat(images[0], 2), EDGES, *images[3:]))
     assert not list(tmp_path.iterdir())

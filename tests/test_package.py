@@ -32,11 +32,11 @@ def project(tmp_path, monkeypatch):
         shutil.copy(run.ROOT / name, tmp_path)
     for name in (
         "__init__.py",
-        "solver/render.py",
+        "solver/passes.py",
         "materials.csv",
         "__pycache__/__init__.cpython-313.pyc",
         "solver/__pycache__/render.trace-10.py313.nbi",
-        "solver/render.trace-10.py313.1.nbc",
+        "solver/passes.trace-10.py313.1.nbc",
     ):
         path = tmp_path / "addon" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -176,7 +176,7 @@ def test_staging_holds_the_code_and_no_litter(project):
     folder = stage(project)
     files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert {name for name in files if not name.startswith("wheels/")} == {
-        "__init__.py", "solver/render.py", "materials.csv", "LICENSE", "blender_manifest.toml",
+        "__init__.py", "solver/passes.py", "materials.csv", "LICENSE", "blender_manifest.toml",
     }  # fmt: skip
     manifest = run.read_toml(folder / "blender_manifest.toml")
     assert {name for name in files if name.startswith("wheels/")} == {name[2:] for name in manifest["wheels"]}
@@ -203,7 +203,7 @@ def test_blender_builds_one_valid_zip_per_platform_with_its_own_wheels(project):
         assert sorted(generated["wheels"]) == sorted(wheels)
         assert len(wheels) == 2 * len(BUNDLED)
         assert all(wheel.endswith(f"{tag}.whl") for wheel in wheels)
-        assert {"__init__.py", "LICENSE", "solver/render.py"} <= set(names)
+        assert {"__init__.py", "LICENSE", "solver/passes.py"} <= set(names)
 
 
 def test_blender_refuses_a_broken_manifest(project):

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scripts that measure for docs/accuracy.md, benchmarks.md and estimators.md run, small, and say on which code.
 
-docs/measure_paper.py: see test_paper.py.
+docs/tools/measure_paper.py: see test_paper.py.
 """
 
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,20 +16,18 @@ import pytest
 from addon.solver import Settings, render
 from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.physics.spectrum import apparent_temperature
+from docs.tools import measure_accuracy, pages
+from docs.tools.paths import DOCS
+from tests.benchmarks import (
+    disk_blur,
+    estimators,
+    guided_directions,
+    photon_index,
+    scaling,
+    speed_vs_error,
+    throughput,
+)
 from tests.helpers.paper_estimator import PAPER, PAPERS_ESTIMATOR, PHOTONS_ALONE, changed, photons_alone
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests" / "benchmarks")]
-
-import disk_blur  # noqa: E402
-import estimators  # noqa: E402
-import guided_directions  # noqa: E402
-import measure_accuracy  # noqa: E402
-import pages  # noqa: E402
-import photon_index  # noqa: E402
-import scaling  # noqa: E402
-import speed_vs_error  # noqa: E402
-import throughput  # noqa: E402
 
 on_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 
@@ -99,12 +96,12 @@ def test_without_a_repository_the_version_is_told(repository):
 
 def test_blocks_replace_what_was_there(tmp_path):
     page = tmp_path / "page.md"
-    start, end = "<!-- {}: written by docs/script.py -->", "<!-- end of {} -->"
+    start, end = "<!-- {}: written by docs/tools/script.py -->", "<!-- end of {} -->"
     page.write_text(
         "\n".join(["before", start.format("a"), "old", end.format("a"), start.format("b"), end.format("b")])
     )
-    pages.write_blocks(page, "docs/script.py", {"a": "new"})
-    pages.write_blocks(page, "docs/script.py", {"a": "newer", "b": "other"})
+    pages.write_blocks(page, "docs/tools/script.py", {"a": "new"})
+    pages.write_blocks(page, "docs/tools/script.py", {"a": "newer", "b": "other"})
     written = [line for line in page.read_text().splitlines() if line]
     stamp = pages.MADE_AT
     assert written == [
@@ -139,7 +136,7 @@ def accuracy(monkeypatch, tmp_path):
     }
     for name, value in few.items():
         monkeypatch.setattr(measure_accuracy, name, value)
-    shutil.copy(ROOT / "docs" / "accuracy.md", tmp_path)
+    shutil.copy(DOCS / "accuracy.md", tmp_path)
     return measure_accuracy
 
 
@@ -227,16 +224,15 @@ def test_scaling_prints_and_draws(monkeypatch, tmp_path, capsys):
         "BASE": tiny,
         "SMALL": tiny,
         "SERIES": series,
-        "ROOT": tmp_path,
+        "IMAGES": tmp_path,
         "in_own_process": lambda function, *arguments: function(*arguments),
     }.items():
         monkeypatch.setattr(scaling, name, value)
-    (tmp_path / "docs" / "images").mkdir(parents=True)
     run(scaling, monkeypatch, "--passes", "2")
     printed = capsys.readouterr().out
     assert all(f"### {name.capitalize()}" in printed for name in series)
     assert printed.count("| *exponent* |") == len(series) and printed.endswith(f"{pages.MADE_AT}\n")
-    assert (tmp_path / "docs" / "images" / "scaling.png").stat().st_size > 10_000
+    assert (tmp_path / "scaling.png").stat().st_size > 10_000
 
 
 @on_linux
@@ -351,7 +347,7 @@ def test_every_variant_renders(small_scenes, monkeypatch, capsys, tmp_path):
     compiled = [
         variant
         for variant, changes in estimators.VARIANTS.items()
-        if any(key.partition(".")[2] in estimators.kernel_globals() for key in changes)
+        if any(key.rpartition(".")[2] in estimators.kernel_globals() for key in changes)
     ]
     for variant in compiled:
         with changed({key: value for key, value in estimators.VARIANTS[variant].items() if "." in key}):

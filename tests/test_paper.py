@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""docs/measure_paper.py: the paper's estimator is what it says, and every part runs, small."""
+"""docs/tools/measure_paper.py: the paper's estimator is what it says, and every part runs, small."""
 
 import math
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,17 +12,15 @@ from PIL import Image
 
 from addon.solver import Material, PointLight, Settings, render
 from addon.solver.photons.lights import light_spectrum
+from docs.tools import measure_paper
+from docs.tools.paths import DOCS, ROOT
 from tests.helpers.paper_estimator import PAPER, papers_estimator
 from tests.helpers.scenes import look, make_scene, pass_means, quad
-
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 
 @pytest.fixture
 def paper(monkeypatch, tmp_path):
     """The script, with small pictures and few photons, that writes into a folder of its own."""
-    monkeypatch.syspath_prepend(str(DOCS))
-    module = __import__("measure_paper")
     (tmp_path / "paper.md").write_text((DOCS / "paper.md").read_text(encoding="utf-8"), encoding="utf-8")
     few = {
         "PAGE": tmp_path / "paper.md",
@@ -42,8 +39,8 @@ def paper(monkeypatch, tmp_path):
         "TRUTH": Settings(passes=4, photons_per_pass=3000, seed=1000),
     }
     for name, value in few.items():
-        monkeypatch.setattr(module, name, value)
-    return module
+        monkeypatch.setattr(measure_paper, name, value)
+    return measure_paper
 
 
 def lit_plane():
@@ -107,7 +104,7 @@ def test_every_part_writes_its_table_and_draws_its_picture(paper, tmp_path):
     paper.main([])
     page = (tmp_path / "paper.md").read_text(encoding="utf-8")
     for name in paper.PARTS:
-        _, marked = page.split(f"<!-- {name}: written by docs/measure_paper.py -->")
+        _, marked = page.split(f"<!-- {name}: written by docs/tools/measure_paper.py -->")
         written = marked.split(f"<!-- end of {name} -->")[0].strip()
         assert written.splitlines()[-1].startswith("Made ")
         lines = [line for line in written.splitlines() if line.startswith("|")]
@@ -133,15 +130,14 @@ def test_the_phases_of_a_render_are_its_time(paper):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="measured by Linux")
 def test_many_photons(paper, tmp_path):
     script = f"""
-import sys
 from pathlib import Path
-sys.path.insert(0, {str(DOCS)!r})
-import measure_paper as paper
+from docs.tools import measure_paper as paper
 folder = Path({str(tmp_path)!r})
 paper.PAGE, paper.IMAGES, paper.SIZE, paper.MANY_PHOTONS = folder / "paper.md", folder, 32, 1000
 paper.main(["thousand-million", "--folder", str(folder), "--passes", "2"])
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "| photons | 2,000 |" in paper.PAGE.read_text(encoding="utf-8")
     picture = np.array(Image.open(tmp_path / "paper-thousand-million.png").convert("RGB"))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The self-test of an installation: it passes here, and says what is wrong where something is."""
 
+import dataclasses
 import sys
 import threading
 from types import SimpleNamespace
@@ -10,10 +11,16 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+import addon  # noqa: E402
 from addon import preferences  # noqa: E402
 from addon.output import exr  # noqa: E402
 from addon.preferences import INFRARED_OT_self_check  # noqa: E402
 from addon.rendering import self_check  # noqa: E402
+
+
+def test_blender_finds_the_preferences_by_the_add_ons_own_name():
+    """Installed, the package has another name, under which Blender looks for them."""
+    assert preferences.InfraredPreferences.bl_idname == addon.__name__
 
 
 def test_the_check_passes():
@@ -36,8 +43,8 @@ def test_wrong_temperatures_are_told(monkeypatch, off):
 def test_wrong_files_are_told(monkeypatch):
     write = exr.write_band_exr
 
-    def one_too_hot(path, bands, edges, radiance, temperature, noise):
-        write(path, bands, edges, radiance, temperature + 1, noise)
+    def one_too_hot(path, images):
+        write(path, dataclasses.replace(images, temperature=images.temperature + 1))
 
     monkeypatch.setattr(exr, "write_band_exr", one_too_hot)
     with pytest.raises(RuntimeError, match="other values were read"):

@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An artist's way through a real Blender: install the zip, render the demo from the command line, read it back.
-
-REAL_BLENDER names a launcher that runs `blender ARGS` when called as `LAUNCHER run ARGS`.
-"""
+"""An artist's way through a real Blender: install the zip, render the demo from the command line, read it back."""
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -25,47 +21,25 @@ from addon.output.group_exr import write_group_exr
 from addon.solver.image.recombine import LayeredImage
 from addon.solver.physics import library
 from addon.solver.physics.layers import Layer
+from docs.tools.paths import DEMO, ROOT
+from tests.helpers.real_blender import LAUNCHER, WORK, blender, facts, module, needs_real_blender
 
-ROOT = run.ROOT
-LAUNCHER = Path(os.environ.get("REAL_BLENDER", ROOT.parent / "shared" / "blender" / "real-blender"))
-DEMO = ROOT / "docs" / "demo" / "demo.blend"
-SCRIPTS = Path(__file__).resolve().parent / "real_blender"
 SMALL_WINDOW = "--window-geometry", 0, 100, 900, 800  # in the upper left corner of a screen of 1600 x 900
-WORK = ROOT / "build" / "real_blender"  # inside the checkout, which the launcher shows to Blender
 
-pytestmark = [
-    pytest.mark.skipif(not LAUNCHER.exists(), reason=f"no real Blender: there is no {LAUNCHER} (set REAL_BLENDER)"),
-    pytest.mark.skipif(run.python_version() != run.supported_pythons()[-1], reason="runs once, with the newest Python"),
-]
-
-
-def blender(*arguments, check_scripts=True, window=False) -> str:
-    """Run the real Blender with its own, empty user folder; returns what it prints. window: a virtual one."""
-    environment = os.environ | {"BLENDER_USER_RESOURCES": str(WORK / "user"), "HOME": str(WORK / "home")}
-    environment.pop("INFRARED_PHOTONS_KERNELS", None)  # an artist has none
-    background = () if window else ("-b",)
-    options = (*background, "--python-exit-code", "1") if check_scripts else ()
-    done = subprocess.run(
-        [LAUNCHER, "gui" if window else "run", *options, *map(str, arguments)],
-        cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        text=True, timeout=900,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout
-    assert "Traceback" not in done.stdout, done.stdout
-    return done.stdout
+pytestmark = needs_real_blender
 
 
 def report(*arguments) -> dict:
     """What the real Blender says about itself, the extension and the scene it has open; see report.py."""
-    lines = blender(*arguments, "--python", SCRIPTS / "report.py").splitlines()
+    lines = blender(*arguments, *module("report")).splitlines()
     return json.loads(next(line for line in lines if line.startswith("REPORT "))[7:])
 
 
 def render(output: Path) -> tuple[dict[str, np.ndarray], float]:
     """Render the demo small from the command line; returns its passes and the seconds it took."""
     start = time.monotonic()
-    settings = ("--python", SCRIPTS / "small.py", "-E", "INFRARED_PHOTONS", "-F", "OPEN_EXR_MULTILAYER")
-    text = blender(DEMO, *settings, "-o", f"{output}_####", "-f", "1")
+    options = ("-E", "INFRARED_PHOTONS", "-F", "OPEN_EXR_MULTILAYER", "-o", f"{output}_####", "-f", "1")
+    text = blender(DEMO, *module("small", before=options))
     seconds = time.monotonic() - start
     assert "ERROR" not in text, text
     return read_passes(output.with_name(f"{output.name}_0001.exr")), seconds
@@ -216,8 +190,8 @@ def test_bpy_renders_the_same_image(passes):
     Photons go the same ways; the tolerance is for two versions of numpy that round differently in the last bits.
     """
     output = WORK / "bpy.exr"
-    script = SCRIPTS / "render_with_bpy.py"
-    done = subprocess.run([sys.executable, script, DEMO, output], cwd=ROOT, capture_output=True, text=True, timeout=900)
+    command = [sys.executable, "-m", "tests.real_blender.render_with_bpy", DEMO, output]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout + done.stderr
     other = read_passes(output)
     assert set(other) == set(passes)
@@ -228,7 +202,7 @@ def test_bpy_renders_the_same_image(passes):
 def test_renders_disturbed_at_any_moment_end(first):
     """Esc, undo, another file, a second F12 and a scene emptied, in a window, at random moments of a render: Blender
     neither crashes nor hangs, no traceback is printed, and the solver's thread ends."""
-    text = blender(DEMO, "--python", SCRIPTS / "interrupt.py", window=True)
+    text = blender(DEMO, *module("interrupt"), window=True)
     assert "ALL DISTURBED" in text, text
     running = [int(count) for count in re.findall(r"DISTURBED \w+ (\d+)", text)]
     assert len(running) == 12 and sum(running) > 6, text  # most were disturbed while the solver was at work
@@ -240,7 +214,7 @@ def test_viewport_follows_an_artist_at_work(first, capsys):
     Each brings a new picture, on the pixels of Blender's own overlays. Times depend on the machine: they are printed.
     An F12 while the viewport refines gives the image that it gives alone, and so does the viewport.
     """
-    text = blender(*SMALL_WINDOW, DEMO, "--python", SCRIPTS / "viewport.py", window=True)
+    text = blender(*SMALL_WINDOW, DEMO, *module("viewport"), window=True)
     steps = re.findall(r"PICTURE (\w+) ([\d.]+) ([\d.]+)", text)
     assert len(steps) == 18, text
     mismatches = [float(pixels) for pixels in re.findall(r"VIEW \w+ ([\d.]+)", text)]
@@ -263,8 +237,7 @@ def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
 
     The tiles are black, so that their pictures hold their temperatures, but for float32 and the step of a table.
     """
-    script = "--enable-event-simulate", "--python", SCRIPTS / "readings.py"
-    found = facts(blender(*SMALL_WINDOW, *script, window=True))
+    found = facts(blender(*SMALL_WINDOW, "--enable-event-simulate", *module("readings"), window=True))
     assert found.get("end")
     assert found["cursor"] and found["meter ended"]
     value, sign, error, unit = found["reading"].split()
@@ -276,11 +249,6 @@ def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
 
 
 # By mouse and keyboard ------------------------------------------------------------------------------------------------
-
-
-def facts(text: str) -> dict:
-    """What a script found out: lines of JSON."""
-    return dict(json.loads(line[5:]) for line in text.splitlines() if line.startswith("FACT "))
 
 
 @contextmanager
@@ -302,10 +270,9 @@ def hour(first, installed):
     results = WORK / "results"
     results.mkdir()
     options = "--factory-startup", "--offline-mode", "--enable-event-simulate"
-    script = "--python", SCRIPTS / "end_to_end.py", "--", installed, DEMO, results
     begin = time.monotonic()
     with empty_user_folder():
-        text = blender(*options, *script, window=True)
+        text = blender(*options, *module("end_to_end", installed, DEMO, results), window=True)
     found = facts(text)
     assert found.get("end"), text
     return found | {"seconds": time.monotonic() - begin}
@@ -380,17 +347,16 @@ def rendered_template(*arguments) -> None:
 
 
 def test_the_template_renders_from_the_menu_and_from_the_command_line(first):
-    script = "--python", SCRIPTS / "template.py", "--"
-    rendered_template(*script, WORK / "dist" / "infrared_photons_template.zip")
+    rendered_template(*module("template", WORK / "dist" / "infrared_photons_template.zip"))
     assert (WORK / "user" / "scripts" / "startup" / "bl_app_templates_user" / "Infrared_Photons").is_dir()
-    rendered_template("--app-template", "Infrared_Photons", *script)
+    rendered_template("--app-template", "Infrared_Photons", *module("template"))
 
 
 def test_the_template_says_that_the_extension_is_missing(first):
     with empty_user_folder():
         template = WORK / "user" / "scripts" / "startup" / "bl_app_templates_user" / "Infrared_Photons"
         shutil.copytree(ROOT / "docs" / "template" / "Infrared_Photons", template)
-        text = blender("--app-template", "Infrared_Photons", "--python", SCRIPTS / "template.py", "--")
+        text = blender("--app-template", "Infrared_Photons", *module("template"))
     assert "This template needs the extension Infrared Photons" in text
     assert facts(text)["engine"] == "BLENDER_EEVEE"
 
@@ -414,9 +380,8 @@ def newer(installed):
 
 def test_installing_upgrading_and_removing_leave_no_trace(first, installed, newer):
     """In one Blender, offline: another engine, disabling and an upgrade keep what the artist set and the same image."""
-    script = "--python", SCRIPTS / "life_cycle.py", "--", installed, newer
     with empty_user_folder():
-        text = blender("--factory-startup", "--offline-mode", *script)
+        text = blender("--factory-startup", "--offline-mode", *module("life_cycle", installed, newer))
     found = facts(text)
     assert found.get("end"), text
     assert not re.search("error|warning: add-on", text, re.IGNORECASE), text

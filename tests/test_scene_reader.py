@@ -8,12 +8,14 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from addon.reading import scene_reader  # noqa: E402
-from addon.reading.scene_reader import read_adaptive_bands, read_band_range, read_group_temperatures  # noqa: E402
+from addon.reading import bands, surfaces  # noqa: E402
+from addon.reading.bands import read_adaptive_bands, read_band_range  # noqa: E402
+from addon.reading.groups import read_group_temperatures  # noqa: E402
+from addon.reading.settings import read_settings  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.solver import Settings, render  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.solver.scene import AreaLight, PointLight, SceneError, SpotLight, SunLight  # noqa: E402
-from addon.ui.checks import scene_checks  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, read_as_rendered  # noqa: E402
 
 
@@ -234,11 +236,9 @@ def test_curves_texts_surfaces_and_metaballs_become_surfaces(kind):
 
 
 def test_instances_of_one_mesh_are_read_once(monkeypatch):
-    from addon.reading import scene_reader
-
     calls = []
-    real = scene_reader.read_mesh
-    monkeypatch.setattr(scene_reader, "read_mesh", lambda *args: calls.append(args) or real(*args))
+    real = surfaces.read_mesh
+    monkeypatch.setattr(surfaces, "read_mesh", lambda *args: calls.append(args) or real(*args))
     mesh = cube_mesh()
     for i in range(4):
         link(f"Cube {i}", mesh, temperature=300.0 + i)
@@ -366,7 +366,7 @@ def test_a_view_layers_own_world_counts_in_it():
     assert read_group_temperatures(scene) == {"sky": 250.0, "night": 3000.0}
     assert read_group_temperatures(scene, scene.view_layers["Other"]) == {"night": 3000.0}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scene_reader, "_choose_bands", lambda *arguments: arguments)
+        patch.setattr(bands, "_choose_bands", lambda *spectra, **_: spectra)
         assert read_adaptive_bands(scene.infrared)[3] == (250.0, 300.0, 3000.0)
     night["temperature"] = -1.0
     with pytest.raises(SceneError, match="World 'Night': temperature -1 K"):
@@ -697,9 +697,6 @@ def test_bands():
 
 
 def test_settings_defaults_are_the_solvers():
-    from addon.reading.scene_reader import read_settings
-    from addon.solver.settings import Settings
-
     infrared = bpy.context.scene.infrared
     assert read_settings(infrared) == Settings()
     infrared.passes = 0

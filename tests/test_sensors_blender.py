@@ -10,7 +10,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.reading.scene_reader import SceneError, read_adaptive_bands, read_response, read_settings  # noqa: E402
+from addon.reading.bands import read_adaptive_bands  # noqa: E402
+from addon.reading.sensor import read_response  # noqa: E402
+from addon.reading.settings import read_settings  # noqa: E402
+from addon.rendering.checks import scene_checks, sensor_checks  # noqa: E402
 from addon.solver.physics import library, sensors  # noqa: E402
 from addon.solver.physics.band_partition import choose_bands  # noqa: E402
 from addon.solver.physics.spectrum import (  # noqa: E402
@@ -19,7 +22,7 @@ from addon.solver.physics.spectrum import (  # noqa: E402
     sensor_radiance,
     uniform_edges,
 )
-from addon.ui.checks import scene_checks, sensor_checks  # noqa: E402
+from addon.solver.scene import SceneError  # noqa: E402
 from addon.ui.sensor_panel import INFRARED_PT_sensor  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
 

@@ -2,6 +2,7 @@
 """The choice between photons and rays is the one that lowers noise times time."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -38,27 +39,27 @@ def splitting_of(price, **sheet):
     return Splitting(sheets, cells, np.zeros(0, np.int32), np.zeros(0), price)
 
 
+class Disk(NamedTuple):
+    """Where a pixel gathers: the share of its light that this brings, the free disk, and how far disks have shrunk."""
+
+    contribution: float
+    free2: float
+    shrink2: float
+
+
+spreads = st.builds(Spread, st.floats(0.1, 10.0), noises, st.floats(1e-2, 1e2), st.floats(0.0, 4000.0))
+disks = st.builds(Disk, st.floats(1e-3, 1.0), st.floats(1e-6, 1e3), st.floats(0.01, 1.0))
+
+
 @settings(deadline=None)  # the first call compiles
-@given(
-    noises,
-    noises,
-    st.floats(1e-12, 1e12),
-    st.floats(1e-3, 1.0),
-    st.floats(1e-6, 1e3),
-    st.floats(0.01, 1.0),
-    st.floats(0.0, 4000.0),
-    st.floats(1e-2, 1e2),
-    st.floats(0.1, 10.0),
-)
-def test_the_cheapest_is_chosen(
-    photon_noise, ray_noise, price, contribution, free2, shrink2, density, closeness, bright
-):
+@given(noises, st.floats(1e-12, 1e12), spreads, disks)
+def test_the_cheapest_is_chosen(photon_noise, price, spread, disk):
     """Variance and its price in time together, over photons and every number of rays. The number that is best is
     rounded to a power of two: by half an octave, x = 2^(1/2) or its inverse, which costs (x^-FALL / FALL + x) / (1 /
     FALL + 1) - 1 < 7.9 %.
     """
     splitting = splitting_of(price, density=1e4, photon_noise=photon_noise, span=1e9, evenness=2.0)
-    spread = Spread(bright, ray_noise, closeness, density)
+    (bright, ray_noise, closeness, density), (contribution, free2, shrink2) = spread, disk
     rays, variance = rays_beside(splitting, 0, spread, contribution, free2, 50, shrink2)
     area = min(math.pi * free2, 50 / (bright * 1e4)) * shrink2
     by_photons = contribution**2 * bright * photon_noise / area + price * _GATHER

@@ -11,7 +11,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.output.palette import thermal  # noqa: E402
 from addon.reading.surface_temperature import temperature_source  # noqa: E402
-from addon.ui.checks import scene_checks  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.ui.temperatures import heat_map  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read, read_exr, use_multilayer_exr  # noqa: E402
 

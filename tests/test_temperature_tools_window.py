@@ -3,15 +3,17 @@
 
 import numpy as np
 import pytest
-from test_real_blender import SCRIPTS, blender, facts, pytestmark  # noqa: F401  the mark counts here, too
 
 from addon.output.palette import display, thermal
+from tests.helpers.real_blender import blender, facts, module, needs_real_blender
+
+pytestmark = needs_real_blender
 
 
 @pytest.fixture(scope="module")
 def told():
     """What the script found out."""
-    text = blender("--factory-startup", "--python", SCRIPTS / "temperatures.py", window=True)
+    text = blender("--factory-startup", *module("temperatures"), window=True)
     return facts(text)
 
 

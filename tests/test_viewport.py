@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.output.temperature_scale import TemperatureScale  # noqa: E402
 from addon.rendering import viewport  # noqa: E402
-from addon.rendering.final_render import REC709, thermal_picture  # noqa: E402
+from addon.rendering.painting import REC709, thermal_picture  # noqa: E402
 from addon.solver import Film, Material, SceneError, Settings, render  # noqa: E402
 
 PATIENCE = 300.0  # s; kernels may have to be compiled

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from bpy_extras.view3d_utils import location_3d_to_region_2d, region_2d_to_vector_3d  # noqa: E402
 from mathutils import Euler, Matrix, Vector  # noqa: E402
 
-from addon.reading.camera_reader import read_view  # noqa: E402
+from addon.reading.camera import read_view  # noqa: E402
 from addon.rendering.viewport import Request, Viewport  # noqa: E402
 from tests.helpers.blender import camera, link  # noqa: E402
 

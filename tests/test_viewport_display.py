@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the colour bar and the spot meter of a 3D viewport show is what its picture was painted from."""
 
+import gc
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,7 +11,8 @@ bpy = pytest.importorskip("bpy")
 
 from addon.output.temperature_scale import CELSIUS, KELVIN, TemperatureScale  # noqa: E402
 from addon.rendering import viewport  # noqa: E402
-from addon.rendering.final_render import REC709  # noqa: E402
+from addon.rendering.live_pictures import picture_in  # noqa: E402
+from addon.rendering.painting import REC709  # noqa: E402
 from addon.solver import Camera, Film, Settings  # noqa: E402
 from addon.ui.temperatures import spot_meter  # noqa: E402
 
@@ -69,4 +73,24 @@ def test_the_cursor_finds_its_pixel_at_any_size_of_them(step, origin):
 def test_without_a_viewport_there_is_nothing_to_show():
     area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
     region = next(region for region in area.regions if region.type == "WINDOW")
-    assert spot_meter.live_picture(region) is None
+    assert picture_in(region) is None
+
+
+class Engine:
+    """A stand-in for Blender's engine."""
+
+    def update_stats(self, *_):
+        pass
+
+
+def test_a_viewports_picture_is_found_by_its_region_while_there_is_the_viewport():
+    area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
+    engine = Engine()
+    drawn = viewport.Viewport(engine)
+    drawn.draw(engine, SimpleNamespace(region=area.regions[0]), None)  # nothing was read, so nothing is drawn
+    assert picture_in(area.regions[0]) is None
+    drawn.shown = picture_of(film_of(2))
+    assert picture_in(area.regions[0]) is drawn.shown and picture_in(area.regions[1]) is None
+    del drawn
+    gc.collect()
+    assert picture_in(area.regions[0]) is None

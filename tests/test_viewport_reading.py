@@ -9,7 +9,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.reading import scene_reader  # noqa: E402
+from addon.reading import scene_reader, surfaces  # noqa: E402
 from addon.rendering import viewport  # noqa: E402
 from tests.helpers.blender import cube_mesh, link, material  # noqa: E402
 
@@ -32,13 +32,13 @@ def objects(reset_blender):
 @pytest.fixture
 def live(objects, monkeypatch):
     """A Viewport that reads whenever Blender has evaluated its scene, and the names of the meshes it read."""
-    read, names = scene_reader.read_mesh, []
+    read, names = surfaces.read_mesh, []
 
     def counted(mesh, owner, warnings):
         names.append(owner)
         return read(mesh, owner, warnings)
 
-    monkeypatch.setattr(scene_reader, "read_mesh", counted)
+    monkeypatch.setattr(surfaces, "read_mesh", counted)
     result, space = viewport.Viewport(Engine()), SimpleNamespace(space=None)
 
     def evaluated(_scene, depsgraph):

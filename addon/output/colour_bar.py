@@ -46,8 +46,8 @@ class ColourBar:
         """(y, label) of every tick."""
         _, bottom, _, height = self.bar
         most = int(np.clip(height / (LINES_A_TICK * self.text), 3, TICKS))
-        for place, label in self.scale.ticks(self.unit, most):
-            yield bottom + place * height, label
+        for position, label in self.scale.ticks(self.unit, most):
+            yield bottom + position * height, label
 
     def ticks(self) -> Iterator[tuple[float, float, float]]:
         """x from, x to and y of the line of every tick."""

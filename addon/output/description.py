@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every file says beside its images: units, bands, responses, what temperatures mean and how it was rendered.
+"""The facts that every file states beside its images: units, bands, responses, what temperatures mean and how it was
+rendered.
 
 Each writer stores the same facts in its own format's way, so what is added here is in every file.
 """
@@ -7,7 +8,6 @@ Each writer stores the same facts in its own format's way, so what is added here
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,16 +15,6 @@ from ..solver.physics.spectrum import C1, C2
 from ..version import version
 
 BAND_UNIT = "W m-2 sr-1 um-1"
-
-
-class FurtherImage(NamedTuple):
-    """An image that only some renders have. image: (h, w) float32, or (h, w, n), row 0 at the bottom. channels: n
-    letters. unit: of its values, empty for none.
-    """
-
-    image: np.ndarray
-    channels: str = "V"
-    unit: str = ""
 
 
 def how_rendered(film, settings) -> dict[str, object]:
@@ -49,10 +39,10 @@ def how_rendered(film, settings) -> dict[str, object]:
     }
 
 
-def describe(units: str, band_edges: np.ndarray, metadata: Mapping[str, object] | None) -> dict[str, str]:
+def describe(units: str, band_edges: np.ndarray, metadata: Mapping[str, object]) -> dict[str, str]:
     """All facts of a file as text by name, ASCII without line breaks. Numbers have every digit of float64.
 
-    units: of the images in this file. band_edges: (b + 1,) um. metadata: what else there is to say, see `how_rendered`.
+    units: of the images in this file. band_edges: (b + 1,) um. metadata: more facts by name, see `how_rendered`.
     """
     edges = [str(float(edge)) for edge in band_edges]
     facts = {
@@ -67,4 +57,4 @@ def describe(units: str, band_edges: np.ndarray, metadata: Mapping[str, object] 
         f"bandWeights, from {edges[0]} to {edges[-1]} um, by Planck's law with 2hc2 {C1} W um4 m-2 sr-1 and hc/k {C2} "
         "um K",
     }
-    return facts | {name: str(value) for name, value in (metadata or {}).items()}
+    return facts | {name: str(value) for name, value in metadata.items()}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,27 +17,23 @@ import numpy as np
 from ..solver.physics.spectrum import band_names
 from ..solver.system.files import replacing
 from .description import BAND_UNIT, describe
+from .frame import FrameImages
 
 WHAT = "the band images"
 
 
-def write_envi(
-    path: str | os.PathLike,
-    bands: Sequence[np.ndarray],
-    band_edges: np.ndarray,
-    metadata: Mapping[str, object] | None = None,
-) -> None:
+def write_envi(path: str | os.PathLike, images: FrameImages) -> None:
     """Write the bands of one frame as an ENVI cube (BSQ, float32, little endian); values are kept to the last bit.
 
-    path: of the header; the data take the same name with the ending .raw. The other arguments and the errors are those
-    of `exr.write_band_exr`. The header is written last, so that a full disk leaves an older pair as it was.
+    path: of the header; the data take the same name with the ending .raw. Errors are those of `exr.write_band_exr`.
+    The header is written last, so that a full disk leaves an older pair as it was.
     """
-    path = Path(path)
+    path, bands, band_edges = Path(path), list(images.bands), images.band_edges
     shapes = {np.shape(band) for band in bands}
     if len(shapes) != 1 or len(bands) != len(band_edges) - 1:
         raise ValueError(f"'{path}' needs one image for each band and one shape, got {len(bands)} of {shapes}")
     height, width = shapes.pop()
-    header = _header(width, height, band_edges, describe(f"bands: {BAND_UNIT}", band_edges, metadata))
+    header = _header(width, height, band_edges, describe(f"bands: {BAND_UNIT}", band_edges, images.metadata))
     with replacing(path.with_suffix(".raw"), WHAT) as unfinished, open(unfinished, "wb") as file:
         for band in bands:
             file.write(np.ascontiguousarray(band[::-1], "<f4"))  # the top row first

@@ -16,7 +16,7 @@ int32 (and 0 for larger ones).
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,8 @@ import OpenEXR
 
 from ..solver.physics.spectrum import band_names
 from ..solver.system.files import replacing
-from .description import BAND_UNIT, FurtherImage, describe
+from .description import BAND_UNIT, describe
+from .frame import FrameImages, FurtherImage
 from .temperature_scale import TemperatureScale
 
 IMAGE_UNITS = "Radiance: W m-2 sr-1; Temperature: K; Noise: K"
@@ -36,58 +37,35 @@ def channel_name(pass_name: str, channel: str = "V") -> str:
     return f"{pass_name.replace('.', ',')}.{channel}"
 
 
-def write_band_exr(
-    path: str | os.PathLike,
-    bands: Iterable[np.ndarray],
-    band_edges: np.ndarray,
-    radiance: np.ndarray,
-    temperature: np.ndarray,
-    noise: np.ndarray | None,
-    metadata: Mapping[str, object] | None = None,
-    further: Mapping[str, FurtherImage] | None = None,
-    compressed: bool = True,
-) -> None:
+def write_band_exr(path: str | os.PathLike, images: FrameImages, compressed: bool = True) -> None:
     """Write every image of one frame to an EXR file; the values are kept to the last bit.
 
-    bands: (h, w) float32 for each band, spectral radiance, W m-2 sr-1 um-1. band_edges: (b + 1,) um.
-    radiance: (h, w) W m-2 sr-1. temperature, noise: (h, w) K; the noise may be unknown. Row 0 is the bottom, as in
-        Blender.
-    metadata: more header attributes, written as text, see `description.how_rendered`.
-    further: more images, by the name of their pass. compressed: without loss; it takes most of the time.
-
+    compressed: without loss; it takes most of the time.
     An existing file is replaced once the new one is complete. Raises OSError naming the path if it cannot be written,
     ValueError if the images differ in shape or are not one per band.
     """
-    names = [channel_name(name) for name in band_names(band_edges)]
-    images = dict(zip(names, bands, strict=True)) | _other_images(radiance, temperature, noise, further)
-    _write(path, images, describe(f"bands: {BAND_UNIT}; {_units(further)}", band_edges, metadata), compressed)
+    names = [channel_name(name) for name in band_names(images.band_edges)]
+    channels = dict(zip(names, images.bands, strict=True)) | _other_channels(images)
+    facts = describe(f"bands: {BAND_UNIT}; {_units(images.further)}", images.band_edges, images.metadata)
+    _write(path, channels, facts, compressed)
 
 
-def write_spectral_exr(
-    path: str | os.PathLike,
-    bands: Iterable[np.ndarray],
-    band_edges: np.ndarray,
-    radiance: np.ndarray,
-    temperature: np.ndarray,
-    noise: np.ndarray,
-    metadata: Mapping[str, object] | None = None,
-    further: Mapping[str, FurtherImage] | None = None,
-) -> None:
-    """Write one frame in the published Spectral OpenEXR layout; arguments and errors are those of `write_band_exr`.
+def write_spectral_exr(path: str | os.PathLike, images: FrameImages) -> None:
+    """Write one frame in the published Spectral OpenEXR layout; errors are those of `write_band_exr`.
 
     The values of a band are those of its image divided by 1000, in float32. The others go along as in `write_band_exr`,
     and the layout's preview (R, G, B) shows Temperature in the default palette.
     """
-    names = spectral_channel_names(band_edges)
-    per_nm = (np.asarray(image, np.float32) / NM_PER_UM for image in bands)
-    images = dict(zip(names, per_nm, strict=True)) | _other_images(radiance, temperature, noise, further)
-    preview = TemperatureScale().colours(temperature)
-    images |= {channel: preview[..., i] for i, channel in enumerate("RGB")}
-    facts = describe(f"S0: W m-2 sr-1 nm-1; {_units(further)}", band_edges, metadata)
+    names = spectral_channel_names(images.band_edges)
+    per_nm = (np.asarray(image, np.float32) / NM_PER_UM for image in images.bands)
+    channels = dict(zip(names, per_nm, strict=True)) | _other_channels(images)
+    preview = TemperatureScale().colours(images.temperature)
+    channels |= {channel: preview[..., i] for i, channel in enumerate("RGB")}
+    facts = describe(f"S0: W m-2 sr-1 nm-1; {_units(images.further)}", images.band_edges, images.metadata)
     layout = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1", "EV": 0.0}  # names and units are fixed
-    edges = [np.format_float_positional(1000.0 * edge, precision=9, trim="-") for edge in band_edges]
+    edges = [np.format_float_positional(1000.0 * edge, precision=9, trim="-") for edge in images.band_edges]
     boxes = (f"{low}nm:1;{high}nm:1;" for low, high in zip(edges[:-1], edges[1:], strict=True))
-    _write(path, images, facts | layout | dict(zip(names, boxes, strict=True)))
+    _write(path, channels, facts | layout | dict(zip(names, boxes, strict=True)))
 
 
 def spectral_channel_names(band_edges: np.ndarray) -> list[str]:
@@ -104,18 +82,19 @@ def spectral_channel_names(band_edges: np.ndarray) -> list[str]:
     return [f"S0.{value}nm" for value in values]
 
 
-def _other_images(radiance, temperature, noise, further) -> dict[str, np.ndarray]:
-    named = {"Radiance": radiance, "Temperature": temperature, "Noise": noise}
-    images = {channel_name(name): image for name, image in named.items() if image is not None}
-    for name, (image, letters, _unit) in (further or {}).items():
+def _other_channels(images: FrameImages) -> dict[str, np.ndarray]:
+    """(h, w) by channel: all images of a frame but its bands."""
+    named = {"Radiance": images.radiance, "Temperature": images.temperature, "Noise": images.noise}
+    channels = {channel_name(name): image for name, image in named.items() if image is not None}
+    for name, (image, letters, _unit) in images.further.items():
         planes = np.moveaxis(np.reshape(image, (*np.shape(image)[:2], len(letters))), -1, 0)
-        images |= {channel_name(name, letter): plane for letter, plane in zip(letters, planes, strict=True)}
-    return images
+        channels |= {channel_name(name, letter): plane for letter, plane in zip(letters, planes, strict=True)}
+    return channels
 
 
-def _units(further) -> str:
-    """What the images beside the bands are in."""
-    units = {name: each.unit for name, each in (further or {}).items() if each.unit}
+def _units(further: Mapping[str, FurtherImage]) -> str:
+    """The units of all images but the bands, as files state them."""
+    units = {name: each.unit for name, each in further.items() if each.unit}
     return "; ".join([IMAGE_UNITS, *(f"{name}: {unit}" for name, unit in units.items())])
 
 

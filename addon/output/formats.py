@@ -1,42 +1,70 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The formats of files that a frame can be written to. Light to import: the writers are loaded when they write."""
+"""The formats of files that a frame can be written to. OpenEXR is not loaded before a file needs it."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from .envi import write_envi
+from .frame import FrameImages
+from .tiff import write_camera_tiff, write_temperature_tiff
 
 
 @dataclass(frozen=True)
 class FileFormat:
-    """A format: how users read of it, and how its files' names end (so that one path serves several formats)."""
+    """A format: how users read of it, how the names of its files end (so that one path serves several formats), and the
+    function that writes a frame to a file of it.
+    """
 
     name: str
     description: str
     ending: str
+    write: Callable[[Path, FrameImages], None]
 
     @property
     def extension(self) -> str:
-        """What such files end in in any case, such as '.exr'."""
+        """The last part of the ending, which all programs know, such as '.exr'."""
         return self.ending[self.ending.rindex(".") :]
+
+
+def _write_band_exr(path: Path, images: FrameImages) -> None:
+    from .exr import write_band_exr
+
+    write_band_exr(path, images)
+
+
+def _write_spectral_exr(path: Path, images: FrameImages) -> None:
+    from .exr import write_spectral_exr
+
+    write_spectral_exr(path, images)
 
 
 FORMATS = {
     "BAND_EXR": FileFormat(
-        "Band EXR", "OpenEXR with every band, Radiance, Temperature, Noise and passes that were asked for", ".exr"
+        "Band EXR",
+        "OpenEXR with every band, Radiance, Temperature, Noise and passes that were asked for",
+        ".exr",
+        _write_band_exr,
     ),
     "SPECTRAL_EXR": FileFormat(
-        "Spectral EXR", "OpenEXR in the published layout for spectral images: W m-2 sr-1 nm-1", "_spectral.exr"
+        "Spectral EXR",
+        "OpenEXR in the published layout for spectral images: W m-2 sr-1 nm-1",
+        "_spectral.exr",
+        _write_spectral_exr,
     ),
-    "ENVI": FileFormat("ENVI Cube", "Header (.hdr) and bands (.raw) for remote-sensing tools", ".hdr"),
-    "TIFF": FileFormat("Temperature TIFF", "Apparent temperature in kelvin, 32-bit float", ".tif"),
+    "ENVI": FileFormat("ENVI Cube", "Header (.hdr) and bands (.raw) for remote-sensing tools", ".hdr", write_envi),
+    "TIFF": FileFormat(
+        "Temperature TIFF", "Apparent temperature in kelvin, 32-bit float", ".tif", write_temperature_tiff
+    ),
     "CAMERA_TIFF": FileFormat(
         "Camera TIFF",
         "Apparent temperature in hundredths of a kelvin, 16-bit, as thermal cameras write it; up to 655 K",
         "_16bit.tif",
+        write_camera_tiff,
     ),
 }
 ENUM_ITEMS = tuple((key, each.name, each.description) for key, each in FORMATS.items())
@@ -44,13 +72,16 @@ EXTENSIONS = {each.extension for each in FORMATS.values()}
 
 
 def without_extension(path: str, extensions: Collection[str] = EXTENSIONS) -> str:
-    """A path without the extension, if it has one of these; what else follows a dot belongs to the name: run_293.2"""
+    """A path without its extension, if that is one of these; any other dot belongs to the name, as in run_293.2."""
     stem, extension = os.path.splitext(path)
     return stem if extension.lower() in extensions else path
 
 
 def numbered(path: str, extension: str, frame: int, several: bool) -> Path:
-    """File of a frame: '####' becomes its number, which is added if there are several, and the extension at the end."""
+    """File of a frame: '####' becomes its number, and the extension ends the name.
+
+    several: whether there are other frames; then the number is added where the path has no '#'.
+    """
     stem = path[: -len(extension)] if path.lower().endswith(extension) else path
     if several and "#" not in Path(stem).name:
         stem += "####"
@@ -59,29 +90,11 @@ def numbered(path: str, extension: str, frame: int, several: bool) -> Path:
 
 
 def write_file(file_format: str, path: Path, images: Mapping) -> None:
-    """Write a frame. file_format: a key of FORMATS; images: the arguments of `exr.write_band_exr`, but for its path.
+    """Write a frame. file_format: a key of FORMATS; images: the fields of FrameImages by name.
 
     Only OpenEXR has a place for `further` images; the other formats leave them out.
-    Raises OSError naming the path if it cannot be written.
+    Raises OSError naming the path if it cannot be written, ValueError naming the format if there is none of this key.
     """
-    described = {name: images[name] for name in ("band_edges", "metadata")}
-    if file_format == "BAND_EXR":
-        from .exr import write_band_exr
-
-        write_band_exr(path, **images)
-    elif file_format == "SPECTRAL_EXR":
-        from .exr import write_spectral_exr
-
-        write_spectral_exr(path, **images)
-    elif file_format == "ENVI":
-        from .envi import write_envi
-
-        write_envi(path, images["bands"], **described)
-    elif file_format == "TIFF":
-        from .tiff import write_temperature_tiff
-
-        write_temperature_tiff(path, images["temperature"], **described)
-    else:
-        from .tiff import write_camera_tiff
-
-        write_camera_tiff(path, images["temperature"], **described)
+    if file_format not in FORMATS:
+        raise ValueError(f"There is no file format '{file_format}', only {', '.join(FORMATS)}")
+    FORMATS[file_format].write(path, FrameImages(**images))

@@ -27,11 +27,12 @@ from ..solver.scene import SceneError, check_band_edges, check_temperature
 from ..solver.system.files import replacing
 from .description import BAND_UNIT, describe
 from .exr import channel_name, write_band_exr
+from .frame import FrameImages
 
 WHAT = "the temperature groups"
 
 
-def write_group_exr(path: str | os.PathLike, image: LayeredImage, metadata: Mapping[str, object] | None = None) -> None:
+def write_group_exr(path: str | os.PathLike, image: LayeredImage, metadata: Mapping[str, object]) -> None:
     """Write the layers of a render; values are kept to the last bit.
 
     metadata: more header attributes, among them those of `description.how_rendered`.
@@ -102,15 +103,14 @@ def write_recombined(
 ) -> np.ndarray:
     """Write the band images of a render for other temperatures, without compression, which would take most of the time.
 
-    temperatures: K, by group; the header tells them. metadata: the facts that came with the layers.
+    temperatures: K, by group; the header states them. metadata: the facts that were read with the layers.
     Returns the apparent temperature (h, w) float32, K. Errors: those of `LayeredImage.factors` and `write_band_exr`.
     """
     bands = image.recombined(temperatures)
     radiance = image.radiance(bands)
     temperature = image.temperature(radiance)
-    told = {"groupTemperatures": json.dumps(image.temperatures | dict(temperatures))}
-    facts = {**(metadata or {}), **told}
-    write_band_exr(path, bands, image.band_edges, radiance, temperature, None, facts, compressed=False)
+    facts = dict(metadata or {}, groupTemperatures=json.dumps(image.temperatures | dict(temperatures)))
+    write_band_exr(path, FrameImages(bands, image.band_edges, radiance, temperature, metadata=facts), compressed=False)
     return temperature
 
 

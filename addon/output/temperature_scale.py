@@ -79,7 +79,7 @@ class TemperatureScale:
         return self.colours(self.low + (self.high - self.low) * (np.arange(count) + 0.5) / count)
 
     def ticks(self, unit: TemperatureUnit, most: int = TICKS) -> list[tuple[float, str]]:
-        """(place, label) of at most `most` round temperatures of a unit; places are 0 at the low end, 1 at the high."""
+        """(position, label) of at most `most` round temperatures of a unit; position 0 is the low end, 1 the high."""
         low, high = unit.of_kelvin(self.low), unit.of_kelvin(self.high)
         decimals = max(0, -math.floor(math.log10(tick_step(low, high, most)) + 1e-9))  # 0.1 has the logarithm -1
         span = self.high - self.low

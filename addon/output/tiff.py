@@ -19,6 +19,7 @@ import numpy as np
 
 from ..solver.system.files import replacing
 from .description import describe
+from .frame import FrameImages
 
 log = logging.getLogger(__name__)
 
@@ -27,36 +28,28 @@ SHORT, LONG, ASCII, RATIONAL = 3, 4, 2, 5  # types of TIFF
 GDAL_METADATA = 42112
 
 
-def write_temperature_tiff(
-    path: str | os.PathLike,
-    temperature: np.ndarray,
-    band_edges: np.ndarray,
-    metadata: Mapping[str, object] | None = None,
-) -> None:
-    """Write a temperature image (h, w), K, row 0 at the bottom, as float32 kelvin; values are kept to the last bit.
+def write_temperature_tiff(path: str | os.PathLike, images: FrameImages) -> None:
+    """Write the apparent temperature of a frame as float32 kelvin; values are kept to the last bit.
 
-    band_edges, metadata and OSError: as in `exr.write_band_exr`. ValueError if the image has more than 4 GB.
+    Raises OSError naming the path if it cannot be written, ValueError if the image has more than 4 GB.
     """
-    _write(path, np.asarray(temperature, "<f4"), 1.0, describe("Temperature: K", band_edges, metadata))
+    facts = describe("Temperature: K", images.band_edges, images.metadata)
+    _write(path, np.asarray(images.temperature, "<f4"), 1.0, facts)
 
 
-def write_camera_tiff(
-    path: str | os.PathLike,
-    temperature: np.ndarray,
-    band_edges: np.ndarray,
-    metadata: Mapping[str, object] | None = None,
-) -> None:
-    """Write a temperature image as 16-bit counts of 0.01 K, rounded; arguments as in `write_temperature_tiff`.
+def write_camera_tiff(path: str | os.PathLike, images: FrameImages) -> None:
+    """Write the apparent temperature of a frame as 16-bit counts of 0.01 K, rounded.
 
     Above 655.35 K the counts end, as a camera's do; the log says how many pixels that are.
+    Raises as `write_temperature_tiff` does.
     """
-    counts = np.rint(np.asarray(temperature, np.float64) / COUNT)
+    counts = np.rint(np.asarray(images.temperature, np.float64) / COUNT)
     largest = np.iinfo(np.uint16).max
     beyond = np.count_nonzero(counts > largest)
     if beyond:
         log.warning("'%s': %d pixels are hotter than %g K, where 16-bit TIFF files end", path, beyond, largest * COUNT)
     counts = np.clip(counts, 0, largest).astype("<u2")
-    _write(path, counts, COUNT, describe(f"Temperature: {COUNT} K a count", band_edges, metadata))
+    _write(path, counts, COUNT, describe(f"Temperature: {COUNT} K a count", images.band_edges, images.metadata))
 
 
 def _write(path: str | os.PathLike, image: np.ndarray, scale: float, facts: Mapping[str, str]) -> None:
@@ -103,9 +96,9 @@ def _directory(tags: Mapping[int, tuple[int, object]], begin: int) -> bytes:
         else:
             data = struct.pack("<I", value)  # a SHORT lies in the first two bytes
         if len(data) > 4:
-            place = after + len(behind)
+            offset = after + len(behind)
             behind += data + bytes(len(data) % 2)
-            data = struct.pack("<I", place)
+            data = struct.pack("<I", offset)
         entries += struct.pack("<HHI", tag, kind, count) + data.ljust(4, b"\0")
     return struct.pack("<H", len(tags)) + entries + bytes(4) + behind
 

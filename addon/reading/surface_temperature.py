@@ -1,26 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temperatures over surfaces as Blender keeps them: which one counts, meshes read and written, and their sources.
+"""Which temperature counts on a surface: that of the mesh, else that of the object, else the ambient one.
 
-Over a surface it is the float mesh attribute `temperature`, K, on points, corners or faces.
+A mesh has it in the float attribute `temperature`, K, on points, corners or faces; an object in its custom property of
+that name.
 """
 
 from __future__ import annotations
 
-import bpy
 import numpy as np
-from mathutils.kdtree import KDTree
 
-from ..heat_settings import scene_unit
-from .temperature_fields import TemperatureError, inverse_distance, pick_channel
+from ..solver.scene import SceneError, check_temperature
+from .arrays import read_values, same_elements
+from .custom_properties import read_temperature
+from .temperature_fields import TemperatureError, check_kelvin
 
 NAME = "temperature"  # of the custom property and of the mesh attribute
-SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 DOMAINS = {"POINT": "points", "CORNER": "corners", "FACE": "faces"}
-UNALTERED = {"Non-Color", "Raw", "Linear Rec.709"}  # color spaces whose float pixels Blender keeps as they are
-QUERIES = 1 << 16  # vertices looked up at a time, which bounds the memory
-
-
-# What counts ----------------------------------------------------------------------------------------------------------
 
 
 def usable_attribute(mesh):
@@ -31,7 +26,7 @@ def usable_attribute(mesh):
 
 
 def temperature_source(obj, depsgraph) -> str:
-    """What counts for an object with a surface: the ATTRIBUTE of its mesh, its PROPERTY, or what is AMBIENT."""
+    """What gives an evaluated object its temperature: "ATTRIBUTE" of its mesh, "PROPERTY" of its own, or "AMBIENT"."""
     mesh = obj.evaluated_get(depsgraph).data
     if obj.type == "MESH" and usable_attribute(mesh):
         return "ATTRIBUTE"
@@ -39,141 +34,53 @@ def temperature_source(obj, depsgraph) -> str:
 
 
 def own_temperature(obj, scene) -> float:
-    """K, what an object without the mesh attribute has: its property, or the ambient temperature.
+    """Temperature (K) of an object without the mesh attribute: its property, or what is ambient.
 
-    Raises TemperatureError if that is no temperature.
+    Raises TemperatureError, naming the object, if the property is no temperature.
     """
-    from .scene_reader import SceneError, read_temperature
-
     try:
         return read_temperature(obj, scene.infrared.ambient_temperature, f"Object '{obj.name}'")
     except SceneError as error:
         raise TemperatureError(str(error)) from None
 
 
-def in_scene_unit(kelvin: float, scene) -> str:
-    """A temperature in words, in the unit that the scene shows."""
-    unit = scene_unit(scene)
-    return f"{unit.of_kelvin(kelvin):.2f} {unit.symbol}"
+def attribute_temperatures(mesh, owner: str) -> np.ndarray | None:
+    """The mesh attribute `temperature`, (n,) float32 K on its domain; None without a usable one.
+
+    owner: name of the mesh's object. Raises SceneError if a value cannot be rendered.
+    """
+    attribute = usable_attribute(mesh)
+    if attribute is None or len(attribute.data) == 0:  # in Edit Mode there is nothing to read
+        return None
+    values = read_values(attribute.data, "value", np.float32)
+    for value in (values.min(), values.max()):  # NaN is both
+        check_temperature(value, f"Attribute '{NAME}' of object '{owner}'")
+    return values
 
 
-# Meshes ---------------------------------------------------------------------------------------------------------------
+def object_temperatures(obj, ambient: float) -> list[float]:
+    """Temperatures (K) of an object before its modifiers: the lowest and the highest of its attribute, or its only one.
+
+    ambient: K, where it has none. Raises SceneError, naming the object, if a value cannot be rendered.
+    """
+    values = attribute_temperatures(obj.data, obj.name) if obj.type == "MESH" else None
+    if values is None:
+        return [read_temperature(obj, ambient, f"Object '{obj.name}'")]
+    return [float(values.min()), float(values.max())]
 
 
-def read_values(collection, member: str, dtype, width: int = 1) -> np.ndarray:
-    """One member of all elements of a Blender collection, (n,) or (n, width); a dtype not its own would be slow."""
-    values = np.empty(len(collection) * width, dtype=dtype)
-    collection.foreach_get(member, values)
-    return values if width == 1 else values.reshape(-1, width)
+def vertex_temperatures(obj, depsgraph, scene) -> tuple[str, np.ndarray]:
+    """The temperatures that an object's mesh would be rendered with: their domain, "POINT" or "CORNER", and (n,) K.
 
-
-def same_elements(mesh, other) -> bool:
-    """Whether two meshes have the same vertices, faces and corners, wherever the vertices are."""
-    if any(len(getattr(mesh, kind)) != len(getattr(other, kind)) for kind in ("vertices", "polygons", "loops")):
-        return False
-    members = (("polygons", "loop_start"), ("loops", "vertex_index"))
-    return all(
-        np.array_equal(*(read_values(getattr(m, kind), member, np.int32) for m in (mesh, other)))
-        for kind, member in members
-    )
-
-
-def selected_meshes(context) -> list:
-    """The selected mesh objects, the active one first; one of those that share a mesh."""
-    meshes = {}
-    for obj in sorted(context.selected_objects, key=lambda obj: obj != context.object):
-        if obj.type == "MESH":
-            meshes.setdefault(obj.data, obj)
-    return list(meshes.values())
-
-
-def check_writable(obj) -> None:
-    """Raise TemperatureError if the object's mesh cannot get the attribute."""
+    Raises TemperatureError, naming the object, if one cannot be rendered.
+    """
     mesh = obj.data
-    if not mesh.is_editable:
-        raise TemperatureError(f"Object '{obj.name}': its mesh '{mesh.name}' is linked and cannot be changed")
-    attribute = mesh.attributes.get(NAME)
-    if attribute is not None and attribute.data_type != "FLOAT":
-        kind = attribute.data_type.lower()
-        raise TemperatureError(f"Object '{obj.name}': rename its attribute '{NAME}', which is {kind}, not float")
-    if NAME in obj.vertex_groups:
-        raise TemperatureError(f"Object '{obj.name}': rename its vertex group '{NAME}', it takes the attribute's name")
-
-
-def write_temperature(mesh, domain: str, kelvin: np.ndarray) -> None:
-    """Make `kelvin` (n,) the mesh's float attribute `temperature` on a domain of n elements, in place of an old one."""
-    attribute = mesh.attributes.get(NAME)
-    if attribute is not None and attribute.domain != domain:
-        mesh.attributes.remove(attribute)
-        attribute = None
+    evaluated = obj.evaluated_get(depsgraph).data
+    attribute = usable_attribute(evaluated if same_elements(mesh, evaluated) else mesh)
     if attribute is None:
-        attribute = mesh.attributes.new(NAME, "FLOAT", domain)
-    attribute.data.foreach_set("value", np.ascontiguousarray(kelvin, dtype=np.float32))
-    mesh.update_tag()
-
-
-# Sources --------------------------------------------------------------------------------------------------------------
-
-
-def vertex_weights(context, obj, group: str) -> np.ndarray:
-    """(n,) float32 weights of the mesh's vertices in a vertex group; 0 where a vertex is not in it.
-
-    Blender's Python has no array of weights, but geometry nodes read them all at once: 50 times faster than a loop.
-    """
-    tree = bpy.data.node_groups.new("Weights", "GeometryNodeTree")
-    reader = bpy.data.objects.new("Weights", obj.data)  # vertex groups belong to the mesh
-    try:
-        for direction in ("INPUT", "OUTPUT"):
-            tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-        kinds = ("NodeGroupInput", "GeometryNodeInputNamedAttribute", "GeometryNodeStoreNamedAttribute")
-        start, weights, store = (tree.nodes.new(kind) for kind in kinds)
-        weights.data_type = store.data_type = "FLOAT"
-        weights.inputs["Name"].default_value, store.inputs["Name"].default_value = group, ".weights"
-        tree.links.new(start.outputs[0], store.inputs["Geometry"])
-        tree.links.new(weights.outputs["Attribute"], store.inputs["Value"])
-        tree.links.new(store.outputs["Geometry"], tree.nodes.new("NodeGroupOutput").inputs[0])
-        reader.modifiers.new("Weights", "NODES").node_group = tree
-        context.scene.collection.objects.link(reader)
-        mesh = reader.evaluated_get(context.evaluated_depsgraph_get()).data
-        return read_values(mesh.attributes[".weights"].data, "value", np.float32)
-    finally:
-        bpy.data.objects.remove(reader)
-        bpy.data.node_groups.remove(tree)
-
-
-def image_channel(image, channel: str) -> np.ndarray:
-    """(h, w) float32 of one channel of an image, row 0 at the bottom: as in the file, 0..1 unless it holds floats."""
-    owner = f"Image '{image.name}'"
-    if image.source not in ("FILE", "GENERATED"):
-        raise TemperatureError(f"{owner}: {image.source.lower()} images cannot be read, use a single image")
-    if not image.has_data and not image.size[0]:  # has_data is False until an image on disk is first used
-        raise TemperatureError(f"{owner} has no pixels: '{image.filepath}'")
-    if image.is_float and image.colorspace_settings.name not in UNALTERED:
-        space = image.colorspace_settings.name
-        raise TemperatureError(f"{owner}: its color space {space} alters the file's values, set it to Non-Color")
-    width, height = image.size
-    pixels = np.empty(width * height * image.channels, dtype=np.float32)
-    image.pixels.foreach_get(pixels)
-    return pick_channel(pixels.reshape(-1, image.channels), channel).reshape(height, width)
-
-
-def interpolate(positions, points, kelvin, neighbours: int, power: float, reach: float, own: float) -> np.ndarray:
-    """(n,) float64 K at positions (n, 3): inverse distance weighted means of the nearest of the points (m, 3).
-
-    kelvin: (m,). own: K where no point is within reach, in the points' unit of length.
-    """
-    origin = points.mean(axis=0)  # the tree is float32: near the origin it resolves best
-    tree = KDTree(len(points))
-    for index, point in enumerate((points - origin).tolist()):
-        tree.insert(point, index)
-    tree.balance()
-    count = min(neighbours, len(points))
-    result = np.empty(len(positions))
-    for first in range(0, len(positions), QUERIES):
-        some = positions[first : first + QUERIES]
-        queries = (some - origin).tolist()
-        found = (index for query in queries for _, index, _ in tree.find_n(query, count))
-        nearest = np.fromiter(found, np.int32, len(queries) * count).reshape(-1, count)
-        distances = np.linalg.norm(points[nearest] - some[:, None], axis=2)
-        result[first : first + QUERIES] = inverse_distance(distances, kelvin[nearest], power, reach, own)
-    return result
+        return "POINT", np.full(len(mesh.vertices), own_temperature(obj, scene))
+    kelvin = read_values(attribute.data, "value", np.float32)
+    check_kelvin(kelvin, f"Object '{obj.name}'")
+    if attribute.domain != "FACE":
+        return attribute.domain, kelvin
+    return "CORNER", np.repeat(kelvin, read_values(mesh.polygons, "loop_total", np.int32))

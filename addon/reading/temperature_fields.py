@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where temperatures over a surface come from, as arrays: weights, colours, images and measured points. No Blender."""
+"""Temperatures over a surface from weights, colours, images and measured points: arithmetic on arrays, no Blender."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import re
 from pathlib import Path
 
 import numpy as np
+
+from ..solver.scene import SceneError, check_temperature
 
 # Columns of a file of points -> how its header may call them; ParaView calls coordinates Points:0 or Points_0.
 COLUMNS = {
@@ -31,8 +33,6 @@ def spread(shares: np.ndarray, low: float, high: float) -> np.ndarray:
 
 def check_kelvin(values: np.ndarray, owner: str) -> None:
     """Raise TemperatureError unless the engine can render all values (K); owner names their source."""
-    from ..solver.scene import SceneError, check_temperature
-
     try:
         for value in (values.min(), values.max()) if values.size else ():  # NaN is both
             check_temperature(value, owner)

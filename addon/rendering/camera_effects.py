@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..reading.scene_reader import as_shown, as_typed, read_band_edges, read_response
+from ..reading.bands import read_band_edges
+from ..reading.sensor import read_response
+from ..reading.settings import as_shown, as_typed
 from ..solver.image.detector import Detector, check_range, expose
 from ..solver.physics.sensors import band_weights
 from ..solver.scene import Camera, SceneError
@@ -36,9 +38,10 @@ def read_detector(scene, camera) -> Detector | None:
 
 
 def _pitch(render, camera, pitch: float) -> tuple[float, float]:
-    """(x, y) um from pixel to pixel of the picture. pitch: um across at a resolution of 100 %, 0 takes the camera's.
+    """Distance of the detector's pixels, (x, y) um.
 
-    The camera's is its sensor's size over the pixels along it, as Blender fits the one to the other.
+    pitch: um in x at a resolution of 100 %; 0 divides the size of Blender's camera sensor by the number of pixels along
+    the side that Blender fits it to.
     """
     stretch = render.pixel_aspect_y / render.pixel_aspect_x
     width, height = render.resolution_x, render.resolution_y * stretch
@@ -52,9 +55,10 @@ def _pitch(render, camera, pitch: float) -> tuple[float, float]:
 
 @dataclass
 class CameraEffects:
-    """Makes the images of the camera's passes of a film. camera: the solver's. frame: its number, for the noise.
+    """Makes the images of the passes Camera Signal and Camera Temperature.
 
-    clipped: pixels of the last images that were outside the range of the digital numbers.
+    camera: the solver's. frame: its number, which the noise depends on. clipped: how many pixels of the last images
+    were outside the range of the digital numbers.
     """
 
     detector: Detector
@@ -70,7 +74,7 @@ class CameraEffects:
         return {"Camera Signal": signal, "Camera Temperature": temperature}
 
     def warning(self) -> str:
-        """What is to be said of the last images, or an empty text."""
+        """How many pixels of the last images were clipped, in words; an empty text if none were."""
         if not self.clipped:
             return ""
         x0, y0, x1, y1 = self.camera.pixels

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Coarse pictures: what an image is like, in pixels of many, long before it has a pass of its own."""
+"""Coarse pictures of an image, with large pixels, which are there long before the first pass of the image itself."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from ..solver import Camera, Settings
 
-FIRST_PIXELS = 16_384  # most of the first picture, whose pixels are squares of the image's
-FIRST_PHOTONS = 10_000  # least of a pass
+FIRST_PIXELS = 16_384  # most that the first picture may have
+FIRST_PHOTONS = 10_000  # least that a pass may have
 
 
 def steps(camera: Camera) -> Iterator[int]:
-    """Pixels of the image on each side of one of a picture, picture after picture: ever half as many, down to 1."""
+    """Width of the pixels of picture after picture, in pixels of the image: half as large each time, down to 1."""
     x0, y0, x1, y1 = camera.pixels
     step = 1
     while (x1 - x0) * (y1 - y0) > FIRST_PIXELS * step**2:
@@ -26,7 +26,7 @@ def steps(camera: Camera) -> Iterator[int]:
 
 
 def coarser(camera: Camera, step: int) -> Camera:
-    """The camera with pixels as large as step x step of its own. At the right and upper edges they may stand out."""
+    """The camera with pixels as large as step x step of its own. They may reach beyond its right and upper edge."""
     x0, y0, x1, y1 = camera.pixels
     left, right, bottom, top = camera.frame
     width, height = -(-camera.width // step), -(-camera.height // step)
@@ -45,13 +45,13 @@ def coarser(camera: Camera, step: int) -> Camera:
 
 
 def hasty(settings: Settings, step: int) -> Settings:
-    """Settings of one pass at 1/step of the resolution, with so many photons less."""
+    """Settings of one pass at 1/step of the resolution, with as many photons for each pixel, or FIRST_PHOTONS."""
     photons = max(min(settings.photons_per_pass, FIRST_PHOTONS), settings.photons_per_pass // step**2)
     return dataclasses.replace(settings, passes=1, photons_per_pass=photons)
 
 
 def enlarged(image: np.ndarray, camera: Camera, step: int) -> np.ndarray:
-    """An image (h, w[, channels]) of coarser(camera, step) in the camera's own pixels."""
+    """An image (h, w[, channels]) of coarser(camera, step), repeated over the camera's own pixels."""
     x0, y0, x1, y1 = camera.pixels
     rows, columns = (np.arange(first, end) // step - first // step for first, end in ((y0, y1), (x0, x1)))
     return image[rows[:, None], columns]

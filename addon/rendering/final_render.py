@@ -11,29 +11,38 @@ import time
 import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Color
 
 from ..heat_settings import read_scale
-from ..output.description import FurtherImage, how_rendered
-from ..output.formats import FORMATS, write_file
+from ..output.description import how_rendered
+from ..output.formats import FORMATS
+from ..output.frame import FurtherImage
+from ..output.group_exr import write_group_exr
 from ..output.temperature_scale import TemperatureScale
-from ..reading.scene_reader import read_band_edges, read_scene, read_settings, render_reader
+from ..reading.bands import read_band_edges
+from ..reading.scene_reader import read_scene, render_reader
+from ..reading.settings import read_settings
 from ..solver import first_hit_images, layered_image, render
 from ..solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from ..solver.geometry.surfaces import Geometry, build_geometry
 from ..solver.memory import check_memory, memory_beforehand
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
-from .last_render import forget_last_render
+from .last_render import FinishedFrame, finished_frames, finished_groups, finished_layers, forget_last_render
+from .painting import thermal_picture, working_primaries
+from .render_files import check_paths, checkpoint_path, file_path, group_path, layer_suffixes, write_layer
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
-from .render_paths import check_paths, checkpoint_path, file_path, group_path, layer_suffixes
+
+try:
+    import resource
+except ImportError:  # on Windows
+    resource = None
 
 log = logging.getLogger(__name__)
 
@@ -46,27 +55,6 @@ IMAGE_COPIES = 5  # of all passes that are held at once: a live one, the last on
 LAYER_COPIES = 2  # of all passes that a finished view layer keeps: Blender's, and one for the export
 
 
-@dataclass(frozen=True)
-class FinishedFrame:
-    """How the images of a finished view layer lie in Blender's render result, and what the colours there mean."""
-
-    scene: str  # its name
-    slot: int  # of the render result, from 0
-    size: tuple[int, int]  # width and height of the render result, pixels
-    origin: tuple[int, int]  # pixel of the render result that the lower left pixel of the images is
-    composited: bool  # the first layer of the render result is the compositor's
-    asked: TemperatureScale  # that of the settings at the time
-    scale: TemperatureScale  # the same with the ends that Combined has
-
-
-DEFAULT_SCALE = TemperatureScale()
-REC709 = np.eye(3, dtype=np.float32)
-
-# What the last render left; last_render.TABLES lists these tables.
-finished_layers: dict[str, dict] = {}  # view layer -> what `layer_images` says of the last render
-finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
-finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
-
 # Checkpoint -> the last render that saves its passes there; it is alive for a while after Esc.
 _saving: weakref.WeakValueDictionary[Path, RenderJob] = weakref.WeakValueDictionary()
 
@@ -74,8 +62,8 @@ _saving: weakref.WeakValueDictionary[Path, RenderJob] = weakref.WeakValueDiction
 def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict[str, np.ndarray]:
     """The image of every pass by its name, (height, width[, channels]) float32.
 
-    paint: `thermal_picture` or alike. further: functions of the film and of the images so far, each returns images of
-    `further_passes`.
+    paint: `thermal_picture`, or a function like it. further: functions of the film and of the images so far; each
+    returns the images of some of the `further_passes`.
     """
     with ThreadPoolExecutor(2) as pool:  # Esc must not wait for large images
         noise, bands = pool.submit(film.noise), pool.submit(film.bands)
@@ -87,35 +75,17 @@ def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict
     return images
 
 
-def thermal_picture(
-    temperature: np.ndarray, scale: TemperatureScale = DEFAULT_SCALE, primaries: np.ndarray = REC709
-) -> np.ndarray:
-    """Temperatures (height, width), K, in the colours of a scale: (height, width, 4) float32, alpha 1.
-
-    The colours are linear. primaries: (3, 3), each row a primary of Rec.709 in the space that they are wanted in.
-    """
-    picture = np.ones((*temperature.shape, 4), dtype=np.float32)
-    picture[..., :3] = scale.colours(temperature) @ primaries
-    return picture
-
-
-def working_primaries() -> np.ndarray:
-    """(3, 3) float32: the primaries of Rec.709 in the working space of the open file. On Blender's thread only."""
-    primaries = [Color(primary).from_rec709_linear_to_scene_linear() for primary in np.eye(3)]
-    return np.round(primaries, 4).astype(np.float32)  # Blender rounds alike: Rec.709 in Rec.709 is not quite itself
-
-
 def render_view_layer(engine, depsgraph) -> None:
     """Render the depsgraph's view layer into the render result, and into the files that the scene wants.
 
-    Raises SceneError if the scene cannot be rendered, OSError if a file cannot be written; the images of a render that
-    ended are in the result by then.
+    Raises SceneError if the scene cannot be rendered, OSError if a file cannot be written; the images are in the render
+    result even then.
     """
     engine.update_stats("", "Reading the scene")
     scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     layer = view_layer.name
-    layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # the evaluated one puts its own first
-    # Otherwise this scene is rendered for the compositor of the one that is shown.
+    layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # scene_eval would list its own first
+    # Blender also renders scenes that the compositor of the shown one needs. Those do not get into the render result.
     shown = all(frame.scene == scene.name for frame in finished_frames.values())
     if shown and layer in layers[:1] and not scene.render.use_single_layer:
         forget_last_render()
@@ -133,7 +103,7 @@ def render_view_layer(engine, depsgraph) -> None:
         warnings.append("Nothing is in a temperature group: no file of them is written")
     for warning in warnings:
         _warn(engine, warning)
-    suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # of the names of its files
+    suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # in the names of its files
     solve, path = render, None
     if scene.infrared.checkpoint_path:
         path = checkpoint_path(scene, suffix, engine.is_animation)
@@ -193,12 +163,13 @@ def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
 
 
 def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) -> None:
-    """Put a finished view layer among those of the last render, in the order of the scene's, as Blender shows them.
+    """Add a finished view layer to those of the last render, in the order in which Blender shows them.
 
-    Beside a layer that is rendered alone Blender keeps the others, as long as they have its size.
+    order: names of the scene's view layers. When a layer is rendered alone, Blender keeps the others of the same scene,
+    slot and size, and so does this.
     """
-    place = frame.scene, frame.slot, frame.size
-    frames = {name: each for name, each in finished_frames.items() if (each.scene, each.slot, each.size) == place}
+    result = frame.scene, frame.slot, frame.size
+    frames = {name: each for name, each in finished_frames.items() if (each.scene, each.slot, each.size) == result}
     frames = {name: replace(each, composited=frame.composited) for name, each in frames.items()} | {layer: frame}
     layers, groups = finished_layers | {layer: images}, dict(finished_groups)
     forget_last_render()
@@ -208,7 +179,7 @@ def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) 
 
 
 def _write_files(scene, layer: str, suffix: str, animation: bool, images: dict, film) -> Path | None:
-    """Write the files that the scene wants of a finished view layer; the path of its temperature groups, if any.
+    """Write the files that the scene asks for of a finished view layer; returns that of its temperature groups, if any.
 
     suffix: see layer_suffixes. images: see layer_images.
     """
@@ -223,7 +194,10 @@ def _write_files(scene, layer: str, suffix: str, animation: bool, images: dict, 
 
 
 def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass]) -> float:
-    """Size of the images of all passes, over that of those which every render has; `further` are the others."""
+    """Size of the images of all passes divided by that of the passes which every render has.
+
+    further: those of the passes which not every render has.
+    """
     total, asked = (sum(len(each.channels) for each in some) for some in (passes, further))
     return total / (total - asked)
 
@@ -234,9 +208,9 @@ def _warn(engine, message: str) -> None:
 
 
 def _await_last_save(engine, path: Path) -> bool:
-    """Wait for a render that was ended by Esc to save its passes in a checkpoint; False if Esc ends this one, too.
+    """Wait until a render that was ended by Esc has saved its passes in a checkpoint; False if Esc ends this wait.
 
-    Its solver may be in the middle of a pass, and writing takes seconds: until then the file is missing or an old one.
+    Its solver may be in the middle of a pass, and writing takes seconds: until then the file is missing or outdated.
     """
     job = _saving.get(path)
     if job is not None and job.is_alive():
@@ -249,7 +223,7 @@ def _await_last_save(engine, path: Path) -> bool:
 
 
 def _finish_saving() -> None:
-    """At Blender's end: let renders that were ended save their passes. What has no pass has nothing to save."""
+    """When Blender quits: end the renders that save their passes, and wait for those with a pass to save."""
     deadline = time.monotonic() + LAST_WAIT
     for job in list(_saving.values()):
         job.cancel()
@@ -257,14 +231,15 @@ def _finish_saving() -> None:
             job.join(max(0.0, deadline - time.monotonic()))
 
 
-# atexit comes too late, where it can be avoided: by then no pool of threads takes work from the solver.
+# atexit would come too late: by then thread pools accept no work, and the solver needs one to end its pass. The hook
+# that Python itself uses before that has no public name.
 getattr(threading, "_register_atexit", atexit.register)(_finish_saving)
 
 
 def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, settings) -> Callable:
-    """A `render` that goes on from the passes in the checkpoint, if there are any, and saves its own there.
+    """A function like `render` that continues from the passes in a checkpoint, if it has any, and saves its own there.
 
-    A file of another render, or a damaged one, gets another name and a message.
+    A damaged file, or that of another render, is renamed, and the user is told.
     """
     saved = None
     try:
@@ -275,9 +250,9 @@ def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, s
 
 
 def _solver_with_first_pictures(solve: Callable) -> Callable:
-    """A `render` that first calls on_pass with films of the image in large pixels, and with how large they are.
+    """A function like `render` that first calls on_pass with films of large pixels, and with how large they are (step).
 
-    A pass of a large image takes long; these are there at once.
+    The first pass of a large image takes long; these films are there at once.
     """
 
     def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
@@ -292,7 +267,7 @@ def _solver_with_first_pictures(solve: Callable) -> Callable:
 
 
 def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], labels: dict, images: dict) -> Callable:
-    """A `render` that first fills `images`, by pass name, with what the middle of each pixel sees.
+    """A function like `render` that first fills `images`, by pass name, with what the middle of each pixel sees.
 
     data: see data_passes. labels: (triangles,) for each quantity that the solver does not know.
     """
@@ -309,7 +284,10 @@ def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], label
 
 
 def _solver_with_kept_geometry(solve: Callable, geometries: dict[str, Geometry], layer: str) -> Callable:
-    """A `render` that takes the layer's geometry from an earlier render, if no vertex and no triangle differs."""
+    """A function like `render` that reuses a layer's geometry if no vertex and no triangle differs.
+
+    geometries: by view layer, those of earlier renders; this one's is added.
+    """
 
     def solve_and_keep(scene, settings, on_pass, cancelled, image_copies):
         check_memory(memory_beforehand(scene, image_copies))
@@ -344,12 +322,12 @@ def _watch(engine, job: RenderJob, result) -> None:
 
 
 class RenderJob(threading.Thread):
-    """The solver in a background thread. It touches no Blender data; images are handed over on request."""
+    """The solver in a background thread. It touches no Blender data, and hands images over on request."""
 
     def __init__(
         self, scene, settings, solve: Callable, paint: Callable = thermal_picture, further: Sequence[Callable] = ()
     ):
-        """solve, paint: `render` and `thermal_picture`, or what takes the same arguments. further: see film_images."""
+        """solve, paint: `render` and `thermal_picture`, or functions like them. further: see film_images."""
         super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
         self.scene, self.settings, self.film, self._solve, self._paint = scene, settings, None, solve, paint
         self._further = further
@@ -366,7 +344,7 @@ class RenderJob(threading.Thread):
             self._error = error
 
     def _on_pass(self, film, step: int = 1) -> None:
-        """step: pixels of the image on each side of one of the film."""
+        """Take a film. step: width of its pixels in pixels of the image."""
         if step > 1:
             images = film_images(film, self._paint)
             self._images = {name: enlarged(image, self.scene.camera, step) for name, image in images.items()}
@@ -407,8 +385,8 @@ class RenderJob(threading.Thread):
     def final_images(self, patience: float = 0.2) -> dict[str, np.ndarray] | None:
         """The images at the end, by pass name; None if no pass was finished. Raises what the solver raised.
 
-        patience: s to wait for a cancelled solver, which may be compiling or sorting and is then left to itself: what
-        it has finished is in the film.
+        patience: s to wait for a cancelled solver. It may be compiling or sorting for longer, and then goes on alone;
+        the film already has the passes that it finished.
         """
         self.join(patience if self.cancelled else None)
         if self._error is not None:
@@ -458,9 +436,7 @@ def write_images(result, images: dict[str, np.ndarray]) -> None:
 
 def process_memory() -> float:
     """Peak memory of the whole process in MB; 0 on Windows, whose Python does not tell."""
-    try:
-        import resource
-    except ImportError:
+    if resource is None:
         return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
@@ -472,9 +448,9 @@ def process_memory() -> float:
 def layer_images(
     job: RenderJob, images: dict[str, np.ndarray], further: Sequence[RenderPass], facts: dict[str, object]
 ) -> dict:
-    """What `formats.write_file` takes: the images of a finished view layer, and those of its further passes.
+    """The images of a finished view layer and the facts about them: the fields of FrameImages by name.
 
-    facts: more of what made them, by the names that files give it.
+    further: the passes that not every render has. facts: more facts, by the names that files give them.
     """
     film, response = job.film, job.scene.response
     return {
@@ -488,15 +464,7 @@ def layer_images(
     }
 
 
-def write_layer(path: Path, layer: str, images: dict, file_format: str) -> None:
-    """Write a finished view layer. images: see layer_images. file_format: a key of FORMATS. Raises OSError."""
-    write_file(file_format, path, images)
-    log.info("%s: %s written to %s", layer, FORMATS[file_format].name, path)
-
-
 def write_groups(path: Path, layer: str, images: dict, film) -> None:
     """Write the temperature groups of a view layer's finished film. images: see layer_images. Raises OSError."""
-    from ..output.group_exr import write_group_exr
-
     write_group_exr(path, layered_image(film), images["metadata"])
     log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)

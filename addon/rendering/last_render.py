@@ -1,20 +1,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the last render left, for those who must not load the solver: panels and handlers of a window that is drawn."""
+"""What the last render left, for windows that are drawn and operators that export it. This loads no solver."""
 
-import sys
+from __future__ import annotations
 
-TABLES = ("finished_layers", "finished_frames", "finished_groups")  # of final_render
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..output.temperature_scale import TemperatureScale
 
 
-def last_render(table: str) -> dict:
-    """A table of final_render by its name, such as "finished_layers"; empty if nothing was rendered yet.
+@dataclass(frozen=True)
+class FinishedFrame:
+    """How the images of a finished view layer lie in Blender's render result, and what the colours there mean."""
 
-    The thread of a first render may be loading final_render just now, which then does not have its tables yet.
-    """
-    return getattr(sys.modules.get(f"{__package__}.final_render"), table, {})
+    scene: str  # its name
+    slot: int  # of the render result, from 0
+    size: tuple[int, int]  # width and height of the render result, pixels
+    origin: tuple[int, int]  # pixel of the render result that the lower left pixel of the images is
+    composited: bool  # the first layer of the render result is the compositor's
+    asked: TemperatureScale  # of the settings when it was rendered
+    scale: TemperatureScale  # the same, with the ends that the colours of Combined have
+
+
+# A render in the background may change these at any time: to use more than one entry, take a copy.
+finished_layers: dict[str, dict] = {}  # view layer -> its images and facts, see final_render.layer_images
+finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
+finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
+TABLES = (finished_layers, finished_frames, finished_groups)
 
 
 def forget_last_render() -> None:
-    """Empty all tables: a new render begins, or another file is open."""
+    """Empty all of them: a new render begins, or another file is open."""
     for table in TABLES:
-        last_render(table).clear()
+        table.clear()

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import bpy
 
 from ..output.description import BAND_UNIT
-from ..reading.scene_reader import SceneError, read_band_edges
+from ..reading.bands import read_band_edges
 from ..solver.physics.spectrum import band_names
+from ..solver.scene import SceneError
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class RenderPass:
 _OBJECT_INDEX, _MATERIAL_INDEX = (
     ("Object Index", "Material Index") if bpy.app.version >= (5, 0, 0) else ("IndexOB", "IndexMA")
 )
-# What is seen first: the quantity, its switch in a view layer or in scene.infrared, and its pass.
+# Passes of what the middle of each pixel sees first: quantity -> (its switch in a view layer, its pass)
 LAYER_SWITCHES = {
     "depth": ("use_pass_z", RenderPass("Depth", "Z", "m")),
     "position": ("use_pass_position", RenderPass("Position", "XYZ", "m")),
@@ -41,6 +42,7 @@ LAYER_SWITCHES = {
     "object_index": ("use_pass_object_index", RenderPass(_OBJECT_INDEX, "X")),
     "material_index": ("use_pass_material_index", RenderPass(_MATERIAL_INDEX, "X")),
 }
+# Others: quantity -> (its switch in scene.infrared, its pass)
 SCENE_SWITCHES = {
     "surface_temperature": ("use_surface_temperature", RenderPass("Surface Temperature", unit="K")),
     "emissivity": ("use_emissivity", RenderPass("Emissivity")),
@@ -60,7 +62,7 @@ def render_passes(scene, view_layer) -> list[RenderPass]:
 
 
 def register_passes(engine, scene, view_layer) -> None:
-    """Register the passes of the scene's bands; none if the bands are wrong, which panel and render report."""
+    """Register the passes of the scene's bands; none if the bands are wrong: the panel and the render report that."""
     try:
         passes = render_passes(scene, view_layer)
     except SceneError:
@@ -72,7 +74,7 @@ def register_passes(engine, scene, view_layer) -> None:
 def further_passes(scene, view_layer) -> list[RenderPass]:
     """The passes that a view layer has because its user asks for them.
 
-    What fills them is given to `final_render.RenderJob`; files take them as `description.FurtherImage`.
+    What fills them is given to `final_render.RenderJob`; files take them as `frame.FurtherImage`.
     """
     return [*data_passes(scene, view_layer).values(), *camera_passes(scene)]
 
@@ -86,9 +88,9 @@ def camera_passes(scene) -> list[RenderPass]:
 
 
 def data_passes(scene, view_layer) -> dict[str, RenderPass]:
-    """The passes that show what the middle of each pixel sees first, by quantity, as far as they are asked for.
+    """The passes of what the middle of each pixel sees first, by quantity; those that the user asks for.
 
-    A quantity is one of `solver.first_hits.QUANTITIES`, or an index that `scene_reader.SurfaceReader` tells.
+    A quantity is one of `solver.camera.first_hits.QUANTITIES`, or an index that `surfaces.SurfaceReader` knows.
     """
     switches = ((view_layer, LAYER_SWITCHES), (scene.infrared, SCENE_SWITCHES))
     return {

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..output.frame import FrameImages
+from ..solver import Camera, Material, Scene, Settings
+
 KELVIN = 300.0
 _BANDS = np.array([8.0, 10.0, 12.0])  # um
 # By chance the mean over the image errs by 0.05 K (spread over seeds); a tenth of the light amiss would be 6 K.
@@ -58,7 +61,7 @@ def _file() -> str:
     image = np.random.default_rng(0).normal(300.0, 10.0, (3, 5)).astype(np.float32)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "check.exr"
-        write_band_exr(path, [image, image], _BANDS, image, image, image)
+        write_band_exr(path, FrameImages([image, image], _BANDS, image, image, image))
         with OpenEXR.File(str(path)) as file:
             read = file.channels()[channel_name("Temperature")].pixels[::-1].copy()
     return "" if np.array_equal(read, image) else "other values were read than written"
@@ -66,7 +69,7 @@ def _file() -> str:
 
 def _render(subtract: bool) -> np.ndarray:
     """(24, 32) float32 apparent temperature, K, seen from the middle of a grey box."""
-    from ..solver import Camera, Material, Scene, Settings, render
+    from ..solver import render
 
     vertices = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))

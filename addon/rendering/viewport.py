@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Rendered mode of a 3D viewport: Blender's thread reads and draws, others render in the background.
+"""The Rendered mode of a 3D viewport: Blender's thread reads the scene and draws, threads in the background render.
 
-Only these run the solver, only Blender's thread touches Blender's data. Between them go requests, of which only the
-newest counts, and pictures, of which only the newest is drawn.
+Only Blender's thread touches Blender's data, and only the others run the solver. It hands them requests, and they hand
+it pictures; of both only the newest counts.
 """
 
 from __future__ import annotations
@@ -22,50 +22,33 @@ from gpu_extras.presets import draw_texture_2d
 
 from ..heat_settings import read_scale
 from ..output.temperature_scale import TemperatureScale
-from ..reading.camera_reader import read_view
-from ..reading.scene_reader import SceneError, SurfaceReader, Warnings, read_contents, read_settings
-from ..solver import Camera, Film, Scene, Settings, render
+from ..reading.camera import read_view
+from ..reading.scene_reader import read_contents
+from ..reading.settings import read_settings
+from ..reading.surfaces import SurfaceReader
+from ..reading.warnings import Warnings
+from ..solver import Camera, Film, Scene, SceneError, Settings, render
 from ..solver.geometry.surfaces import Geometry, build_geometry
 from .coarse import coarser, hasty, steps
-from .final_render import thermal_picture, working_primaries
+from .live_pictures import Picture, viewports
+from .painting import thermal_picture, working_primaries
 
 log = logging.getLogger(__name__)
 
 THREAD = "Infrared Photons viewport"  # name of the background threads
-WAIT = 0.25  # s that a request leaves to the one before, to show its first picture or to end; then it starts beside it
+WAIT = 0.25  # s that a request waits for the one before it to end; then it starts beside it
 IMAGE_COPIES = 2  # of the images of a film, at most: the picture, and what it is computed with
 
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """What a viewport wants to see. scene: its own camera does not count. scale, primaries: see thermal_picture."""
+    """What a viewport wants to see, through a camera of its own. scale, primaries: see thermal_picture."""
 
     scene: Scene
     settings: Settings
     scale: TemperatureScale
     primaries: np.ndarray
     camera: Camera
-
-
-@dataclasses.dataclass(frozen=True)
-class Picture:
-    """pixels: (h, w, 4) float32, linear colours, row 0 at the bottom. step: screen pixels on each side of one of them.
-    origin: x and y of the lower left corner in the region, screen pixels.
-    temperature, noise: (h, w) float32 K, what was painted and its standard error. scale: that of the colours, fitted.
-    """
-
-    pixels: np.ndarray
-    step: int
-    origin: tuple[int, int]
-    temperature: np.ndarray
-    noise: np.ndarray
-    scale: TemperatureScale
-
-    def pixel_at(self, x: int, y: int) -> tuple[int, int] | None:
-        """(row, column) at a pixel of the region, or None outside."""
-        row, column = (y - self.origin[1]) // self.step, (x - self.origin[0]) // self.step
-        height, width = self.temperature.shape
-        return (row, column) if 0 <= row < height and 0 <= column < width else None
 
 
 def same(a, b) -> bool:
@@ -82,14 +65,18 @@ def same(a, b) -> bool:
 def paint(film: Film, request: Request, step: int, origin: tuple[int, int]) -> Picture:
     """The picture of a film as it is now."""
     temperature = film.temperature()
-    noise = film.noise() if film.passes > 1 else temperature  # which is what the film would say, too
+    # After one pass a film would say that the error is as large as the value: there is no need to ask it.
+    noise = film.noise() if film.passes > 1 else temperature
     scale = request.scale.fitted(temperature)
     pixels = thermal_picture(temperature, scale, request.primaries)
     return Picture(pixels, step, origin, temperature, noise, scale)
 
 
 def explain(error: Exception, known: str = "") -> str:
-    """What users read of an error. The details of a mistake of ours go to the log, unless this is what they know."""
+    """What users read of an error. An unexpected one is written to the log with its traceback.
+
+    known: what they read before; the same error is not written to the log again.
+    """
     if isinstance(error, SceneError | MemoryError):
         return str(error) or "Out of memory"
     message = f"The solver failed: {error!r}; the system console has the details"
@@ -109,8 +96,8 @@ class ViewportRender:
         self.picture: Picture | None = None
         self.status = ""
         self._redraw = redraw
-        self._newest: Request | None = None  # to come
-        self._latest: Request | None = None  # that was begun
+        self._newest: Request | None = None  # the last one that was submitted
+        self._latest: Request | None = None  # the last one that a thread has begun
         self._geometry: Geometry | None = None  # of the last request
         self._working = 0  # threads
         self._changed = threading.Condition()
@@ -155,13 +142,14 @@ class ViewportRender:
 
         def cancelled() -> bool:
             nonlocal ended
-            ended = ended or is_out_of_date()  # for good, as render() counts on
+            ended = ended or is_out_of_date()  # render() relies on it that this stays so
             return ended
 
         def is_out_of_date() -> bool:
             if self._newest is request:
                 return False
-            # during a motion requests follow each other so fast that without first pictures of old ones none would come
+            # While the view moves, requests follow each other so fast that none would show a picture. So one that has
+            # begun may show its first picture even if there is a newer request.
             return bool(shown) or self._latest is not request or self._newest is None
 
         for step in steps(request.camera):
@@ -172,7 +160,7 @@ class ViewportRender:
                 if cancelled():
                     return
                 shown.append(film.passes)
-                self.picture = paint(film, request, step, tuple(step * place for place in scene.camera.pixels[:2]))
+                self.picture = paint(film, request, step, tuple(step * start for start in scene.camera.pixels[:2]))
                 total = f"/{settings.passes}" if settings.passes else ""
                 self._tell(f"Pass {film.passes}{total}" if step == 1 else f"1/{step} of the resolution")
 
@@ -225,7 +213,7 @@ class Viewport:
         self._ask(context, depsgraph)
         engine.update_stats("", self._problem or self._render.status)
         picture = self.shown = self._render.picture if self._request is not None else None
-        _viewports[context.region.as_pointer()] = self
+        viewports[context.region.as_pointer()] = self
         if picture is None:
             return
         if picture is not self._drawn:
@@ -251,15 +239,6 @@ class Viewport:
         if not same(request, self._request):
             self._request = request
             self._render.submit(request)
-
-
-_viewports = weakref.WeakValueDictionary()  # a region as a pointer -> the Viewport that draws in it
-
-
-def picture_in(region) -> Picture | None:
-    """What a 3D viewport's region shows of this engine, if it does."""
-    viewport = _viewports.get(region.as_pointer())
-    return viewport and viewport.shown
 
 
 def _redraw_of(engine) -> Callable[[], None]:

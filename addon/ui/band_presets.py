@@ -15,6 +15,9 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 from bpy.types import Operator, Panel
 
+from ..reading.bands import read_band_edges
+from ..solver.scene import SceneError
+
 SUBFOLDER = "infrared_photons/bands"
 FOLDER = str(Path(__file__).parents[1])  # the add-on's, which holds presets/
 
@@ -53,8 +56,6 @@ class INFRARED_OT_bands_keep(Operator):
         return context.scene.infrared.band_mode == "ADAPTIVE"
 
     def execute(self, context):
-        from ..reading.scene_reader import SceneError, read_band_edges
-
         infrared = context.scene.infrared
         try:
             edges = read_band_edges(infrared)

@@ -11,8 +11,9 @@ from bpy.types import Operator
 
 from ..output.formats import ENUM_ITEMS, FORMATS
 from ..properties import CUSTOM_PROPERTIES, add_custom_property, initial_value, property_label
-from ..rendering.last_render import last_render
-from ..rendering.render_paths import Exporter, layer_suffixes
+from ..rendering.last_render import finished_layers
+from ..rendering.render_files import layer_suffixes, write_layer
+from .exporter import Exporter
 
 OWNERS = (
     ("OBJECT", "Object", "The active object", 0),
@@ -81,16 +82,14 @@ class INFRARED_OT_export_bands(Operator, Exporter):
 
     @classmethod
     def poll(cls, _context):
-        return bool(last_render("finished_layers"))
+        return bool(finished_layers)
 
     def execute(self, _context):
-        from ..rendering import final_render
-
-        layers = dict(final_render.finished_layers)  # another render may begin meanwhile
+        layers = dict(finished_layers)  # another render may begin meanwhile
         try:
             for layer, suffix in layer_suffixes(layers).items():
                 path = Path(bpy.path.abspath(self.target(suffix)))
-                final_render.write_layer(path, layer, layers[layer], self.file_format)
+                write_layer(path, layer, layers[layer], self.file_format)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -3,16 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import bpy
 from bpy.types import Panel
 
+from ..heat_settings import in_scene_unit
+from ..interface import ENGINE
 from ..properties import initial_value, property_label
-from ..reading.surface_temperature import DOMAINS, SURFACE_TYPES, in_scene_unit, temperature_source, usable_attribute
+from ..reading.objects import SURFACE_TYPES
+from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
+from ..rendering.checks import band_problem, find_bands, material_checks, settings_checks
+from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
+from .band_presets import INFRARED_PT_band_presets
+from .checks import draw_object_checks, draw_problems, kept
+from .panel_base import InfraredPanel, RenderSettingsPanel
 from .temperatures import heat_map
 
-ENGINE = "INFRARED_PHOTONS"
 EDGES_A_LINE, EDGE_LINES = 6, 6  # of adaptive bands that the panel shows
 
 # Blender's panels for every engine are marked BLENDER_RENDER; these do nothing here, or ours stand in their place.
@@ -26,38 +31,10 @@ SHARED_PANELS = {
 }
 
 
-class InfraredPanel:
-    """Base of all panels: a tab of the Properties editor while this engine is chosen."""
-
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "render"
-    COMPAT_ENGINES = {ENGINE}
-
-    @classmethod
-    def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES
-
-    def column(self):
-        """A column in Blender's usual style: names to the left, values to the right."""
-        self.layout.use_property_split = True
-        return self.layout.column()
-
-
-class RenderSettingsPanel(InfraredPanel):
-    """Base of panels on scene.infrared: settings are not keyed as a rule."""
-
-    def draw(self, context):
-        self.layout.use_property_decorate = False
-        self.draw_settings(self.column(), context.scene.infrared)
-
-
 class INFRARED_PT_photons(RenderSettingsPanel, Panel):
     bl_label = "Photons"
 
     def draw_settings(self, column, infrared):
-        from .checks import draw_problems, settings_checks
-
         column.prop(infrared, "passes")
         column.prop(infrared, "photons_per_pass")
         column.prop(infrared, "neighbours")
@@ -87,8 +64,6 @@ class INFRARED_PT_spectrum(RenderSettingsPanel, Panel):
     bl_label = "Spectrum"
 
     def draw_header_preset(self, _context):
-        from .band_presets import INFRARED_PT_band_presets
-
         INFRARED_PT_band_presets.draw_panel_header(self.layout)
 
     def draw_settings(self, column, infrared):
@@ -149,8 +124,6 @@ class INFRARED_PT_passes_data(InfraredPanel, Panel):
     bl_parent_id = "INFRARED_PT_passes"
 
     def draw(self, context):
-        from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
-
         self.layout.use_property_decorate = False
         self.layout.use_property_split = True
         column = self.layout.column(heading="Include", align=True)
@@ -189,10 +162,10 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         draw_custom_property(row, obj, "OBJECT", "temperature", ambient)
         row.menu("INFRARED_MT_object_temperatures", text="", icon="DOWNARROW_HLT")
         draw_group(column, obj, "OBJECT", scene)
-        if obj.type != "MESH":
-            return
-        self.draw_surface(column, obj, source)
-        self.draw_heat_map(column, context)
+        if obj.type == "MESH":
+            self.draw_surface(column, obj, source)
+            self.draw_heat_map(column, context)
+        draw_object_checks(self.layout, context)
 
     def draw_surface(self, column, obj, source):
         """What the mesh attribute does, and the menu that makes one."""
@@ -231,8 +204,6 @@ class INFRARED_PT_material(InfraredPanel, Panel):
         return super().poll(context) and material is not None and not material.grease_pencil
 
     def draw(self, context):
-        from .checks import draw_problems, material_checks
-
         material, default = context.material, context.scene.infrared.default_emissivity
         column = self.column()
         emissivity = material.get("emissivity")
@@ -296,6 +267,7 @@ class INFRARED_PT_light(InfraredPanel, Panel):
         if context.object is not None:  # the temperature is the object's, a pinned light has none
             default = in_scene_unit(initial_value(context.object, "temperature", context.scene), context.scene)
             draw_custom_property(column, context.object, "OBJECT", "temperature", f"{default} (default)")
+        draw_object_checks(self.layout, context)
 
 
 class INFRARED_PT_panorama(InfraredPanel, Panel):
@@ -375,8 +347,6 @@ def draw_spectrum(column, emissivity) -> None:
 
 def draw_chosen_bands(column, infrared) -> None:
     """The edges of adaptive bands, the error foreseen, and a button to keep them; or why there are none."""
-    from .checks import kept
-
     edges, error, problem = kept(infrared.id_data, "adaptive bands", lambda: find_bands(infrared))
     if problem:
         column.label(text=problem, icon="ERROR")
@@ -391,27 +361,6 @@ def draw_chosen_bands(column, infrared) -> None:
     if len(lines) > EDGE_LINES:
         box.label(text=f"and {len(words) - EDGE_LINES * EDGES_A_LINE} more")
     column.operator("infrared.bands_keep", icon="PINNED")
-
-
-def find_bands(infrared) -> tuple[Sequence[float], float, str]:
-    """The edges (um) of adaptive bands, the error (K) foreseen, and why there are none, or an empty text."""
-    from ..reading.scene_reader import SceneError, read_adaptive_bands
-
-    try:
-        return *read_adaptive_bands(infrared), ""
-    except SceneError as problem:
-        return (), 0.0, str(problem)
-
-
-def band_problem(infrared) -> str:
-    """Why the band settings cannot be rendered, or an empty text."""
-    from ..reading.scene_reader import SceneError, read_band_edges
-
-    try:
-        read_band_edges(infrared)
-    except SceneError as error:
-        return str(error)
-    return ""
 
 
 CLASSES = (

@@ -4,11 +4,19 @@
 from __future__ import annotations
 
 import bpy
+import numpy as np
 from bpy.props import EnumProperty
 from bpy.types import Operator
 
+from ..interface import ENGINE
+from ..output.sensor import calibrate
 from ..properties import SENSORS
-from .panels import ENGINE
+from ..reading.bands import read_band_edges
+from ..reading.sensor import read_response
+from ..reading.settings import read_settings
+from ..solver.physics.sensors import band_weights
+from ..solver.physics.spectrum import band_names
+from ..solver.scene import SceneError, check_response
 
 GROUP = "Sensor Image"
 MARK = "infrared_band_edges"  # custom property of the node groups that are made here: um
@@ -40,10 +48,6 @@ class INFRARED_OT_sensor_image(Operator):
         return context.window_manager.invoke_props_dialog(self, width=300)
 
     def execute(self, context):
-        from ..reading.scene_reader import SceneError, read_band_edges, read_response, read_settings
-        from ..solver.physics.sensors import band_weights
-        from ..solver.scene import check_response
-
         infrared = context.scene.infrared
         try:
             edges, correction = read_band_edges(infrared), read_settings(infrared).correction
@@ -102,11 +106,6 @@ def _group_node(tree):
 
 def _fill(group, edges, weights, correction) -> None:
     """Make a group's inputs and nodes anew; what is linked to its outputs stays."""
-    import numpy as np
-
-    from ..output.sensor import calibrate
-    from ..solver.physics.spectrum import band_names
-
     group[MARK] = edges.tolist()
     group.nodes.clear()
     for item in [item for item in group.interface.items_tree if item.in_out == "INPUT"]:

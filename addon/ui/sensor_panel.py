@@ -10,13 +10,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 from bpy_extras.io_utils import ImportHelper
 
 from ..properties import set_custom_property
+from ..reading import spectra
+from ..reading.bands import read_band_edges
+from ..reading.sensor import read_response
+from ..rendering.checks import detector_checks, sensor_checks
+from ..solver.scene import SceneError
+from .checks import draw_problems
 from .materials import curve_previews
-from .panels import RenderSettingsPanel
+from .panel_base import RenderSettingsPanel
 
 
 class INFRARED_OT_sensor_import(Operator, ImportHelper):
@@ -29,11 +36,9 @@ class INFRARED_OT_sensor_import(Operator, ImportHelper):
     filter_glob: StringProperty(default="*.csv;*.txt;*.tsv;*.dat", options={"HIDDEN"})
 
     def execute(self, context):
-        from ..reading.spectra import SpectrumError, read_response
-
         try:
-            points = read_response(Path(bpy.path.abspath(self.filepath)))
-        except (SpectrumError, OSError) as error:
+            points = spectra.read_response(Path(bpy.path.abspath(self.filepath)))
+        except (spectra.SpectrumError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         scene = context.scene
@@ -50,8 +55,6 @@ class INFRARED_PT_sensor(RenderSettingsPanel, Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, column, infrared):
-        from .checks import draw_problems, sensor_checks
-
         column.prop(infrared, "sensor")
         if infrared.sensor != "BOX":
             draw_response(column, infrared)
@@ -73,8 +76,6 @@ class INFRARED_PT_detector(RenderSettingsPanel, Panel):
         self.layout.prop(context.scene.infrared, "use_detector", text="")
 
     def draw_settings(self, column, infrared):
-        from .checks import detector_checks, draw_problems
-
         column.active = infrared.use_detector
         for name in ("f_number", "pitch"):
             column.prop(infrared, f"detector_{name}")
@@ -95,10 +96,6 @@ class INFRARED_PT_detector(RenderSettingsPanel, Panel):
 
 def draw_response(column, infrared) -> None:
     """The response over the bands, if both make sense; the checks say what does not."""
-    import numpy as np
-
-    from ..reading.scene_reader import SceneError, read_band_edges, read_response
-
     try:
         points, edges = np.column_stack(read_response(infrared).curve), read_band_edges(infrared)
     except SceneError:

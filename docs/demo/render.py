@@ -14,32 +14,28 @@ import sys
 import time
 from pathlib import Path
 
-FOLDER = Path(__file__).resolve().parent
-ROOT = FOLDER.parents[1]
-sys.path.insert(0, str(ROOT))
+import bpy
+import numpy as np
+import OpenEXR
 
-import bpy  # noqa: E402
-import numpy as np  # noqa: E402
-import OpenEXR  # noqa: E402
-
-import addon  # noqa: E402
-from addon.heat_settings import read_scale, scene_unit  # noqa: E402
-from addon.output.exr import channel_name  # noqa: E402
-from addon.output.heat_picture import write_picture  # noqa: E402
-from addon.rendering.final_render import process_memory  # noqa: E402
+from addon.heat_settings import read_scale, scene_unit
+from addon.output.exr import channel_name
+from addon.output.heat_picture import write_picture
+from addon.rendering.final_render import process_memory
+from docs.tools.blender import open_demo, registered
+from docs.tools.paths import ROOT
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Render as the command line says; leaves with a message if that fails."""
     options = parse(arguments)
-    addon.register()
-    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "demo.blend"), load_ui=False)
     try:
-        options.output.mkdir(parents=True, exist_ok=True)
-        scene = bpy.context.scene
-        seconds = render(scene, options)
-        header, temperature, noise = read(options.output / "demo-bands.exr")
-        write_picture(options.output / "demo.png", temperature, read_scale(scene.infrared), scene_unit(scene))
+        with registered():
+            options.output.mkdir(parents=True, exist_ok=True)
+            scene = open_demo()
+            seconds = render(scene, options)
+            header, temperature, noise = read(options.output / "demo-bands.exr")
+            write_picture(options.output / "demo.png", temperature, read_scale(scene.infrared), scene_unit(scene))
     except (OSError, RuntimeError) as error:  # Blender raises what an engine reports as RuntimeError
         sys.exit(str(error))
     print(

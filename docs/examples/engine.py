@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make engine.blend: a four-cylinder engine that ran hot, on a stand under a clear sky.
 
-    python docs/examples/engine.py
+    python -m docs.examples.engine
 
 Bright metal is a bad emitter and a good mirror: the heat shield and the manifold show each other, the sky and the
 floor. The temperature along the exhaust is painted as the attribute `temperature`.
@@ -10,7 +10,8 @@ floor. The temperature along the exhaust is painted as the attribute `temperatur
 from __future__ import annotations
 
 import numpy as np
-from modelling import (
+
+from docs.examples.modelling import (
     FOLDER,
     add,
     add_camera,

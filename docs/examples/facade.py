@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make facade.blend: a house on a clear winter night, and the faults of its insulation.
 
-    python docs/examples/facade.py
+    python -m docs.examples.facade
 
 What is painted on the walls as the attribute `temperature`: the edge of the floor slab, lintels, the niches of the
 radiators, a patch without insulation, air that leaks from a window's frame, and beams under the plaster of the gable.
@@ -10,7 +10,8 @@ radiators, a patch without insulation, air that leaks from a window's frame, and
 from __future__ import annotations
 
 import numpy as np
-from modelling import (
+
+from docs.examples.modelling import (
     FOLDER,
     add,
     add_camera,

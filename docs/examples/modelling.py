@@ -6,7 +6,6 @@ A shape is a pair (vertices (n, 3) float in m, faces: a list of lists of vertex 
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,11 +13,10 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-FOLDER = Path(__file__).resolve().parent
-sys.path.insert(0, str(FOLDER.parents[1]))
+import addon
+from addon.properties import add_custom_property
 
-import addon  # noqa: E402
-from addon.properties import add_custom_property  # noqa: E402
+FOLDER = Path(__file__).resolve().parent
 
 # Binary fractions to which what is saved is rounded, far finer than anything to be seen: short numbers compress well.
 PER_METRE, PER_KELVIN = 2**14, 2**6

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make people.blend: two people in a heated room on a winter evening.
 
-    python docs/examples/people.py
+    python -m docs.examples.people
 
 Glass is a mirror for thermal cameras: the window and the picture on the wall show who stands before them. The floor
 keeps the warmth of the feet that walked over it.
@@ -10,7 +10,8 @@ keeps the warmth of the feet that walked over it.
 from __future__ import annotations
 
 import numpy as np
-from modelling import (
+
+from docs.examples.modelling import (
     FOLDER,
     add,
     add_camera,

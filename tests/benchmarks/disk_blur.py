@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How far the disks of the first passes move an image's mean: no noise tells, and no reference is needed.
 
-    python tests/benchmarks/disk_blur.py [SCENE ...]
+    python -m tests.benchmarks.disk_blur [SCENE ...]
 
 Disks shrink from pass to pass, in pass 1,000,000 to a tenth of their first radius. So the difference between a render
 of the first passes and one of passes that late is nine tenths of what the first ones blur. Prints it by material of the
@@ -9,17 +9,13 @@ scenes of speed_scenes.py (all of them), with the standard error between seeds; 
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-HERE = Path(__file__).absolute().parent
-sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
-from pages import MADE_AT  # noqa: E402
-
-from addon.solver import Settings, first_hit_images, render  # noqa: E402
-from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
+from addon.solver import Settings, first_hit_images, render
+from docs.tools.pages import MADE_AT
+from tests.benchmarks.speed_scenes import SCENES
 
 LATE, PASSES, SEEDS = 1_000_000, 6, range(1, 7)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Variants of the estimator side by side: error after equal time, on the scenes of speed_scenes.py.
 
-    python tests/benchmarks/estimators.py [--scene NAME ...] [--variant NAME ...] [--seconds S | --passes N]
+    python -m tests.benchmarks.estimators [--scene NAME ...] [--variant NAME ...] [--seconds S | --passes N]
 
 A variant changes settings, or constants and functions of the solver's modules, in a process of its own. Kernels are
 compiled with the constants of the moment and kept, so variants that change what kernels read have folders of kernels
@@ -28,17 +28,14 @@ from pathlib import Path
 
 import numpy as np
 
-HERE = Path(__file__).absolute().parent
-sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
-from pages import MADE_AT  # noqa: E402
-from speed_vs_error import load_reference, user_cache  # noqa: E402
-
-from addon.solver import Settings, render  # noqa: E402
-from addon.solver.camera.final_gather import choose_splits  # noqa: E402
-from addon.solver.geometry.point_tree import morton_order  # noqa: E402
-from addon.solver.system.kernel_cache import FOLDER_VARIABLE  # noqa: E402
-from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
-from tests.helpers.paper_estimator import by_power_alone, no_final_gathers, no_near_disks, no_walls  # noqa: E402
+from addon.solver import Settings, render
+from addon.solver.camera.final_gather import choose_splits
+from addon.solver.geometry.point_tree import morton_order
+from addon.solver.system.kernel_cache import FOLDER_VARIABLE
+from docs.tools.pages import MADE_AT
+from tests.benchmarks.speed_scenes import SCENES
+from tests.benchmarks.speed_vs_error import load_reference, user_cache
+from tests.helpers.paper_estimator import by_power_alone, no_final_gathers, no_near_disks, no_walls
 
 WALLS = {  # K, see the scenes
     "room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0, "office": 291.0, "bay": 305.0,
@@ -55,42 +52,47 @@ def split_all(*arguments):
 
 def camera_samples(count):
     """Every pixel sends as many, but that those which show a specular surface send 16 at least."""
-    return {"antialiasing.FEWEST": count, "antialiasing.MOST": count}
+    return {"planning.antialiasing.FEWEST": count, "planning.antialiasing.MOST": count}
 
 
-_OPEN = {"pilot._OPEN": -1.0, "pilot._LEAST_OPEN": 0}
-# What each variant changes: "module.name" in addon.solver, or a field of Settings (a value, or a function of the name
-# and the scene).
+_OPEN = {"planning.pilot._OPEN": -1.0, "planning.pilot._LEAST_OPEN": 0}
+# What each variant changes: "room.module.name" in addon.solver, or a field of Settings (a value, or a function of the
+# name and the scene).
 VARIANTS = {
     "default": {},
     "4 camera rays": camera_samples(4),
     "16 camera rays": camera_samples(16),
     "64 camera rays": camera_samples(64),
-    "16 to 64 camera rays": {"antialiasing.FEWEST": 16},
-    "no lamps": {"lamps._TOGETHER": 1e9},
-    "everything a lamp": {"lamps._MOST": 10**6, "lamps._COMPACT": 1e9, "lamps._MATTERS": 0.0, "lamps._TOGETHER": -1.0},
-    "1 lamp candidate": {"lamps.CANDIDATES": 1, "eye_paths.CANDIDATES": 1},
-    "lamps in mesh order": {"lamps.morton_order": lambda points: np.arange(len(points))},
-    "no final gathers": {"eye_paths.choose_splits": no_final_gathers},
-    "32 rays everywhere": {"eye_paths.choose_splits": split_all},
-    "rays not shared": {"splitting._SHARING": 1e-12},
-    "at most 64 rays": {"splitting._MOST": 64},
-    "spread of each block": {"looks._PRIOR": 4.0},
-    "spread of each sheet": {"looks._PRIOR": 1e9},
-    "radiance counts, not kelvins": {"looks._sensitivity": lambda radiance, edges: np.ones_like(radiance)},
-    "at most 128 camera rays": {"antialiasing.MOST": 128},
-    "edges weighed as after one pass": {"antialiasing._PASSES": 1.0},
-    "no ray goes on": {"eye_paths.near_disks": no_near_disks},
-    "a quarter of the cache": {"irradiance_cache._SHARE": 1.0 / 64.0},
-    "cache in Morton order": {"irradiance_cache.kd_order": morton_order},
-    "4 times the cache": {"irradiance_cache._SHARE": 1.0 / 4.0},
-    "no roulette on gathers": {"eye_paths._LITTLE": 1e-30},
-    "no sky rays": {"pilot._OPEN": 2.0},
+    "16 to 64 camera rays": {"planning.antialiasing.FEWEST": 16},
+    "no lamps": {"camera.lamps._TOGETHER": 1e9},
+    "everything a lamp": {
+        "camera.lamps._MOST": 10**6,
+        "camera.lamps._COMPACT": 1e9,
+        "camera.lamps._MATTERS": 0.0,
+        "camera.lamps._TOGETHER": -1.0,
+    },
+    "1 lamp candidate": {"camera.lamps.CANDIDATES": 1, "camera.eye_paths.CANDIDATES": 1},
+    "lamps in mesh order": {"camera.lamps.morton_order": lambda points: np.arange(len(points))},
+    "no final gathers": {"camera.eye_paths.choose_splits": no_final_gathers},
+    "32 rays everywhere": {"camera.eye_paths.choose_splits": split_all},
+    "rays not shared": {"planning.splitting._SHARING": 1e-12},
+    "at most 64 rays": {"planning.splitting._MOST": 64},
+    "spread of each block": {"planning.survey._PRIOR": 4.0},
+    "spread of each sheet": {"planning.survey._PRIOR": 1e9},
+    "radiance counts, not kelvins": {"planning.survey._sensitivity": lambda radiance, edges: np.ones_like(radiance)},
+    "at most 128 camera rays": {"planning.antialiasing.MOST": 128},
+    "edges weighed as after one pass": {"planning.antialiasing._PASSES": 1.0},
+    "no ray goes on": {"camera.eye_paths.near_disks": no_near_disks},
+    "a quarter of the cache": {"photons.irradiance_cache._SHARE": 1.0 / 64.0},
+    "cache in Morton order": {"photons.irradiance_cache.kd_order": morton_order},
+    "4 times the cache": {"photons.irradiance_cache._SHARE": 1.0 / 4.0},
+    "no roulette on gathers": {"camera.eye_paths._LITTLE": 1e-30},
+    "no sky rays": {"planning.pilot._OPEN": 2.0},
     "sky rays everywhere": _OPEN,
-    "no guide": {"render._ENOUGH": -1.0},
-    "guide always": {"render._ENOUGH": 2.0, "render._WORTHWHILE": 0.0},
-    "emission by power alone": {"pilot._density": by_power_alone},
-    "no feelers": {"eye_paths.free_space": no_walls, "render.free_space": no_walls},
+    "no guide": {"passes._ENOUGH": -1.0},
+    "guide always": {"passes._ENOUGH": 2.0, "passes._WORTHWHILE": 0.0},
+    "emission by power alone": {"planning.pilot._density": by_power_alone},
+    "no feelers": {"camera.eye_paths.free_space": no_walls, "passes.free_space": no_walls},
     "20 neighbours": {"neighbours": 20},
     "150 neighbours": {"neighbours": 150},
     "fixed radius": {"shrink": False},
@@ -105,8 +107,8 @@ def apply(variant):
     """Change the solver's constants and functions in this process."""
     for target, value in VARIANTS[variant].items():
         if "." in target:
-            module, name = target.split(".")
-            module = importlib.import_module(f"addon.solver.{module}")  # addon.solver.passes is the function
+            module, _, name = target.rpartition(".")
+            module = importlib.import_module(f"addon.solver.{module}")
             getattr(module, name)  # a name that is gone is an error
             setattr(module, name, value)
 
@@ -137,7 +139,7 @@ def kernel_globals():
 
 def start(variant, folder):
     """A process for a variant."""
-    names = {key: key.split(".")[1] for key in VARIANTS[variant] if "." in key}
+    names = {key: key.rpartition(".")[2] for key in VARIANTS[variant] if "." in key}
     compiled = {key: VARIANTS[variant][key] for key, name in names.items() if name in kernel_globals()}
     digest = hashlib.sha256(repr(compiled).encode()).hexdigest()[:12]
     os.environ[FOLDER_VARIABLE] = str(folder / "kernels" / digest)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What final gathers would gain if they sent more rays where more light comes from. Tried; docs/estimators.md.
 
-python tests/benchmarks/guided_directions.py [--points N] [--rays N] [--scene NAME ...]
+python -m tests.benchmarks.guided_directions [--points N] [--rays N] [--scene NAME ...]
 
 The square of directions is cut into 8 x 8 cells. Some points where camera paths gather learn the root mean square of
 the radiance in each cell; other such points take the cells of the nearest one that lies on their sheet and faces their
@@ -12,24 +12,17 @@ rays, both in strata within the cells, weighted as in the image, beside what ful
 from __future__ import annotations
 
 import argparse
-import importlib
-import sys
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 from numba import njit
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(Path(__file__).parent)]
+from addon.solver import Settings, passes
+from addon.solver.geometry.surfaces import SAME_SURFACE, put_ray
+from addon.solver.planning.sheets import _radiance
+from addon.solver.sampling.warps import cosine_direction, to_world
+from tests.benchmarks.speed_scenes import SCENES
 
-from addon.solver import Settings  # noqa: E402
-from addon.solver.geometry.surfaces import SAME_SURFACE, put_ray  # noqa: E402
-from addon.solver.planning.sheets import _radiance  # noqa: E402
-from addon.solver.sampling.warps import cosine_direction, to_world  # noqa: E402
-from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
-
-render_module = importlib.import_module("addon.solver.passes")  # the package has a function of this name
 CELLS = 8  # on each side of the square of directions
 TRUTH = 64  # rays on each side that tell the truth
 TESTED = 300  # places
@@ -60,9 +53,9 @@ def gains(name: str, points: int, rays: int) -> tuple[float, float]:
         pilots.append(original(*inputs))
         return pilots[0]
 
-    original = render_module.explore
-    with patch.object(render_module, "explore", explore):
-        model = render_module.prepare(SCENES[name](), Settings())
+    original = passes.explore
+    with patch.object(passes, "explore", explore):
+        model = passes.prepare(SCENES[name](), Settings())
     (pilot,), surfaces, random = pilots, model.surfaces, np.random.default_rng(0)
     radiance = np.append(_radiance(surfaces, model.radiometry), model.emitters.surroundings.sum())
 

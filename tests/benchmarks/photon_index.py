@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The photon index against scipy's kd-tree, as ratios measured in one run on one thread.
 
-    python tests/benchmarks/photon_index.py
+    python -m tests.benchmarks.photon_index
 
 Ours is what a pass does: sort the photons with their 16 bands, build the tree, and for every point that the camera
 sees find its 50 neighbours on the same side, walk the patch of surface in the disk, measure its area and keep the
@@ -13,25 +13,21 @@ all photons lie on a thin curve and in a focus. Best of several repetitions, int
 """
 
 import math
-import sys
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
-from throughput import room, seconds
 
-from addon.solver import Material, Settings  # throughput has put the project on the path
+from addon.solver import Material, Settings
 from addon.solver.geometry.eye import empty_eye_rays, eye_rays
 from addon.solver.geometry.surfaces import PATCH_LIMIT, Surfaces, build_surfaces, normal, point
 from addon.solver.passes import PHOTON_CHUNK, prepare
 from addon.solver.photons.photon_map import Photons, PhotonStore, build_photon_map, gather, neighbours_room
 from addon.solver.photons.transport import trace_photons
 from addon.solver.sampling.rng import CAMERA, PHOTONS, pass_key
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.helpers.scenes import look, make_scene  # noqa: E402
+from tests.benchmarks.throughput import room, seconds
+from tests.helpers.scenes import look, make_scene
 
 COUNTS = 10_000, 100_000, 1_000_000  # photons emitted; the room stores more
 NEIGHBOURS = 50

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cost against size: how time and memory of a render grow with triangles, pixels, bands, photons and threads.
 
-    python tests/benchmarks/scaling.py [--only SERIES ...] [--passes N]
+    python -m tests.benchmarks.scaling [--only SERIES ...] [--passes N]
 
 Prints the Markdown of docs/benchmarks.md and draws docs/images/scaling.png (needs matplotlib; not with --only). Takes
 about ten minutes on two cores, and 7 GB of memory for the largest mesh. Linux only, as it reads /proc.
@@ -12,7 +12,6 @@ compiles the kernels.
 """
 
 import argparse
-import importlib
 import importlib.metadata
 import importlib.util
 import itertools
@@ -29,17 +28,17 @@ from unittest.mock import patch
 
 import numpy as np
 
-ROOT = Path(__file__).absolute().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "docs")]
-from pages import MADE_AT  # noqa: E402
-
-from addon.solver import Material, Settings, render  # noqa: E402
-from addon.solver.memory import memory_beforehand, memory_of_passes  # noqa: E402
-from tests.benchmarks.speed_scenes import Parts  # noqa: E402
-from tests.helpers.scenes import box, look, sphere  # noqa: E402
+from addon.solver import Material, Settings, render
+from addon.solver import passes as pass_loop
+from addon.solver.memory import memory_beforehand, memory_of_passes
+from docs.tools.pages import MADE_AT
+from docs.tools.paths import IMAGES
+from docs.tools.plots import pyplot
+from tests.benchmarks.speed_scenes import Parts
+from tests.helpers.process import resident
+from tests.helpers.scenes import box, look, sphere
 
 CORES = os.cpu_count() or 1
-render_module = importlib.import_module("addon.solver.passes")  # the package has a function of this name
 PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "pyluxcore", "bpy")
 
 
@@ -98,17 +97,11 @@ def settings_of(size, passes):
     return Settings(passes=passes, photons_per_pass=size.photons, threads=size.threads)
 
 
-def resident(key):
-    """MB that this process holds (VmRSS) or has held at most (VmHWM)."""
-    status = Path("/proc/self/status").read_text()
-    return float(status.split(f"{key}:")[1].split()[0]) * 1024 / 1e6
-
-
 def measure(size, passes):
     """Cost of a render in this process."""
     render(room(SMALL), settings_of(SMALL, 1))
     scene, settings = room(size), settings_of(size, passes)
-    before = resident("VmRSS")
+    before = resident("VmRSS") / 1e6
     marks = []  # processor and wall time: at the start, after the preparation, after each pass
     foreseen = []  # MB
 
@@ -123,12 +116,12 @@ def measure(size, passes):
         foreseen.append(sum(parts.values()) / 1e6)
         return model
 
-    prepare_as_ever = render_module.prepare
+    prepare_as_ever = pass_loop.prepare
     mark()
-    with patch.object(render_module, "prepare", prepare):
+    with patch.object(pass_loop, "prepare", prepare):
         render(scene, settings, mark)
     spent = np.diff(marks, axis=0)
-    peak = resident("VmHWM")
+    peak = resident("VmHWM") / 1e6
     return Cost(*spent[0], *np.median(spent[1:], axis=0), peak, peak - before, foreseen[0])
 
 
@@ -198,12 +191,7 @@ def unchanged():
 
 def draw(results, path):
     """A panel with the times of each series; and one with the memory of all."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(2, 3, figsize=(13, 7.5), layout="constrained")
+    figure, axes = pyplot().subplots(2, 3, figsize=(13, 7.5), layout="constrained")
     *panels, last = axes.flat
     for axis, (name, (sizes, costs)) in zip(panels, results.items(), strict=True):
         for key, label in (("one_pass", "a pass"), ("prepare", "preparation")):
@@ -235,7 +223,7 @@ def main():
         print(f"\n### {name.capitalize()}\n\n{table(name, sizes, costs)}")
     print(f"\n{MADE_AT}")
     if not options.only:
-        draw(results, ROOT / "docs" / "images" / "scaling.png")
+        draw(results, IMAGES / "scaling.png")
 
 
 if __name__ == "__main__":

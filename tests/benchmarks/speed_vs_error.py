@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Error against time: this engine beside path tracers, on the scenes of speed_scenes.py.
 
-    python tests/benchmarks/speed_vs_error.py [--scene NAME ...] [--peers NAME ...] [--out FOLDER] [--paper]
-    python tests/benchmarks/speed_vs_error.py --check | --slope PASSES
+    python -m tests.benchmarks.speed_vs_error [--scene NAME ...] [--peers NAME ...] [--out FOLDER] [--paper]
+    python -m tests.benchmarks.speed_vs_error --check | --slope PASSES
 
 Prints a table in Markdown and writes speed_vs_error.png. Needs what the peers are: the packages mitsuba (and LLVM 19),
 pyluxcore and bpy, all with Python 3.13, and matplotlib for the plot. Each peer runs in a process of its own, with as
@@ -32,16 +32,15 @@ from pathlib import Path
 
 import numpy as np
 
-HERE = Path(__file__).absolute().parent
-sys.path[:0] = [str(HERE.parents[1]), str(HERE.parent), str(HERE.parents[1] / "docs")]
-from pages import MADE_AT  # noqa: E402
-from peers.__main__ import CLOCKS, ENGINES  # noqa: E402
-from peers.problem import build_problem  # noqa: E402
-
-from addon.solver import Settings, render  # noqa: E402
-from addon.solver.physics.spectrum import apparent_temperature  # noqa: E402
-from tests.benchmarks.speed_scenes import SCENES  # noqa: E402
-from tests.helpers.paper_estimator import PAPER, photons_alone  # noqa: E402
+from addon.solver import Settings, render
+from addon.solver.physics.spectrum import apparent_temperature
+from docs.tools.pages import MADE_AT
+from docs.tools.paths import ROOT
+from docs.tools.plots import pyplot
+from tests.benchmarks.peers.__main__ import CLOCKS, ENGINES
+from tests.benchmarks.peers.problem import build_problem
+from tests.benchmarks.speed_scenes import SCENES
+from tests.helpers.paper_estimator import PAPER, photons_alone
 
 ROOM, OTHER = (200, 20), (10, 10)  # trimmed, all pixels
 TARGETS = {
@@ -82,10 +81,11 @@ def run_peer(engine, problem, threads, clock, seconds, polite=False):
     """Images (n, height, width, bands) W m-2 sr-1 per band and s (n,), one for each of n budgets in seconds."""
     with tempfile.TemporaryDirectory() as folder:
         problem.save(f"{folder}/problem.npz")
-        command = [sys.executable, "-m", "peers", engine, f"{folder}/problem.npz", f"{folder}/images.npz"]
+        files = [f"{folder}/{name}.npz" for name in ("problem", "images")]
+        command = [sys.executable, "-m", "tests.benchmarks.peers", engine, *files]
         done = subprocess.run(
             [*command, str(threads), clock, *map(str, seconds)],
-            cwd=HERE,
+            cwd=ROOT,
             capture_output=True,
             text=True,
             preexec_fn=functools.partial(os.nice, 19) if polite else None,
@@ -353,12 +353,9 @@ def print_peers(curves, gains):
 
 def plot(curves, path):
     """Error against time: a row for each scene, trimmed on the left and all pixels on the right."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(len(curves), 2, figsize=(11, 3.6 * len(curves)), squeeze=False, layout="constrained")
+    figure, axes = pyplot().subplots(
+        len(curves), 2, figsize=(11, 3.6 * len(curves)), squeeze=False, layout="constrained"
+    )
     for row, (name, engines) in zip(axes, curves.items(), strict=True):
         for which, (axis, label) in enumerate(zip(row, ("trimmed", "all pixels"), strict=True)):
             for engine, (seconds, errors) in engines.items():

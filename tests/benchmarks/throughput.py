@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where the time of a pass goes, as ratios measured in one run.
 
-    python tests/benchmarks/throughput.py [threads]
+    python -m tests.benchmarks.throughput [threads]
 
 Prints (1) the rate of rays while photons are traced, stored and scattered over the rate of Embree alone on the same
 rays, and (2) the time for the photon index and the gathers at what the camera meets over the time for tracing, if no
@@ -15,21 +15,19 @@ import math
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
-from addon.solver import Material, Settings  # noqa: E402
-from addon.solver.camera.eye_paths import Estimate, render_pixels  # noqa: E402
-from addon.solver.camera.lamps import lamp_points  # noqa: E402
-from addon.solver.geometry.eye import eye_paths  # noqa: E402
-from addon.solver.image.tiles import tiles  # noqa: E402
-from addon.solver.passes import PHOTON_CHUNK, cache_irradiance, prepare  # noqa: E402
-from addon.solver.photons.photon_map import PhotonStore, build_photon_map  # noqa: E402
-from addon.solver.photons.transport import trace_photons  # noqa: E402
-from addon.solver.sampling.rng import CAMERA, LAMPS, PHOTONS, pass_key  # noqa: E402
-from tests.helpers.scenes import box, look, make_scene, sphere  # noqa: E402
+from addon.solver import Material, Settings
+from addon.solver.camera import eye_paths
+from addon.solver.camera.eye_paths import Estimate, render_pixels
+from addon.solver.camera.lamps import lamp_points
+from addon.solver.image.tiles import tiles
+from addon.solver.passes import PHOTON_CHUNK, cache_irradiance, prepare
+from addon.solver.photons.photon_map import PhotonStore, build_photon_map
+from addon.solver.photons.transport import trace_photons
+from addon.solver.sampling.rng import CAMERA, LAMPS, PHOTONS, pass_key
+from tests.helpers.scenes import box, look, make_scene, sphere
 
 PHOTONS_PER_PASS = 100_000
 REPETITIONS = 9

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What bands lose between parallel plates of library materials: for test_band_partition.py and docs/measure_bands.py.
+"""What bands lose between parallel plates of library materials: for test_band_partition.py and measure_bands.py.
 
 The spectral error of a division into bands is the sum over bands of |radiance of the band - reference| over the sum of
 the reference. The reference has 512 bands: each band cut into as many equal ones as make at least 512.

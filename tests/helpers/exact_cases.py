@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes with an exact solution, for test_exact.py (short renders) and docs/measure_accuracy.py (long ones).
+"""Scenes with an exact solution, for test_exact.py (short renders) and docs/tools/measure_accuracy.py (long ones).
 
 A builder makes a Scene and the truth: the mean radiance of the image in each band, (b,) W m-2 sr-1. Its docstring is
 printed in docs/accuracy.md. Truths share no code with the solver: Planck's law, view factors and lobes are written

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Photon maps of given photons, on a square that is cut as finely as a test wants."""
+"""Photon maps of points on a square that is cut as finely as a test wants, and on other simple surfaces."""
 
 from typing import NamedTuple
 

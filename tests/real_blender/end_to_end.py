@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run inside Blender with a window and `--enable-event-simulate`: an artist's first hour, by mouse and keyboard.
 
-Arguments after `--`: the extension's zip, the .blend file, and a folder for the results. Prints facts, a line of JSON
-for each. A second folder may follow for screenshots.
+Arguments: the extension's zip, the .blend file, and a folder for the results. Prints facts, a line of JSON for each. A
+second folder may follow for screenshots.
 """
 
-import subprocess
 import sys
 import threading
 import time
@@ -14,13 +13,13 @@ from pathlib import Path
 import bpy
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
-sys.path.insert(0, str(Path(__file__).parent))
-import hands  # noqa: E402
-from facts import fact  # noqa: E402
-from story import tell  # noqa: E402
+from tests.real_blender import hands
+from tests.real_blender.facts import fact
+from tests.real_blender.screen import capture
+from tests.real_blender.small import make_small
+from tests.real_blender.story import tell
 
-ARCHIVE, BLEND, RESULTS, *SCREENSHOTS = sys.argv[sys.argv.index("--") + 1 :]
-SMALL = Path(__file__).parent / "small.py"
+ARCHIVE, BLEND, RESULTS, *SCREENSHOTS = sys.argv[1:]
 PATIENCE = 300.0  # s for a render: kernels may have to be compiled
 
 renders = []  # how those that ended did
@@ -28,7 +27,7 @@ renders = []  # how those that ended did
 
 def screenshot(name: str) -> None:
     if SCREENSHOTS:
-        subprocess.run(["import", "-window", "root", f"{SCREENSHOTS[0]}/{name}.png"], check=True)
+        capture(f"{SCREENSHOTS[0]}/{name}.png")
 
 
 def wait_until(true, what: str):
@@ -52,7 +51,7 @@ def drop_the_zip():
 def open_file():
     bpy.ops.wm.open_mainfile(filepath=BLEND)
     yield 0.5
-    exec(compile(SMALL.read_text(), SMALL, "exec"))
+    make_small()
     with bpy.context.temp_override(area=hands.area_of("OUTLINER")):
         bpy.ops.screen.area_close()  # panels have all the room to themselves
     yield 0.5
@@ -168,7 +167,7 @@ def cancel():
     yield 2.0
     before, begin = len(renders), time.monotonic()
     bpy.app.use_event_simulate = False  # for good
-    subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)
+    hands.press_real_esc()
     yield from wait_until(lambda: len(renders) > before and not bpy.app.is_job_running("RENDER"), "Esc")
     fact("cancelled", [renders[-1], round(time.monotonic() - begin, 2)])
     yield 0.5

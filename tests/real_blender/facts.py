@@ -5,5 +5,5 @@ import json
 
 
 def fact(name: str, value) -> None:
-    """Print a line of JSON, as `facts` in test_real_blender.py reads it."""
+    """Print a line of JSON, as `facts` in tests/helpers/real_blender.py reads it."""
     print("FACT", json.dumps([name, value]), flush=True)

@@ -4,6 +4,7 @@
 Blender handles events only after a script gave way, so everything here is a generator of pauses (s), see story.py.
 """
 
+import subprocess
 from collections.abc import Callable, Iterator
 
 import bpy
@@ -52,6 +53,11 @@ def press(key: str, **modifiers: bool) -> Iterator[float]:
     yield PAUSE
     _event(key, "RELEASE", **modifiers)
     yield PAUSE
+
+
+def press_real_esc() -> None:
+    """On the keyboard: an event that Blender simulates for itself does not break a render."""
+    subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)
 
 
 def write(text: str) -> Iterator[float]:

@@ -6,17 +6,15 @@ kind meets one at work at least once. The F12 after each gives the image that it
 """
 
 import random
-import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import bpy
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-from story import tell  # noqa: E402
+from tests.real_blender.hands import press_real_esc
+from tests.real_blender.story import tell
 
 BLEND = bpy.data.filepath
 ROUNDS = 2
@@ -30,16 +28,11 @@ def solvers():
     return [thread for thread in threading.enumerate() if thread.name == "Infrared Photons"]
 
 
-def press_esc():
-    """On the keyboard: an event that Blender simulates for itself does not break a render."""
-    subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)
-
-
 def undo():
     moved = bpy.context.scene.camera.location.x
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert bpy.context.scene.camera.location.x < moved - 0.005, "the camera did not move back"
-    press_esc()
+    press_real_esc()
 
 
 def load_file():
@@ -52,13 +45,13 @@ def new_file():
 
 def render_again():
     bpy.ops.render.render("INVOKE_DEFAULT")
-    press_esc()
+    press_real_esc()
 
 
 def remove_scene_content():
     bpy.ops.object.select_all(action="SELECT")
     bpy.ops.object.delete()
-    press_esc()
+    press_real_esc()
 
 
 def use(passes):
@@ -86,8 +79,8 @@ def ended(what):
 
 
 def finished():
-    """The last finished image, None if there is none."""
-    module = sys.modules.get("bl_ext.user_default.infrared_photons.final_render")  # there from the first render on
+    """The last finished image, None if there is none: the module is there from the first render on."""
+    module = sys.modules.get("bl_ext.user_default.infrared_photons.rendering.final_render")
     return module and module.finished_layers.get("ViewLayer")
 
 
@@ -109,7 +102,7 @@ def disturb_renders():
     yield 0.5  # the new file's window is that of the next step
     place = bpy.context.scene.camera.location.x
     alone = yield from next_image()
-    disturbances = press_esc, undo, load_file, new_file, render_again, remove_scene_content
+    disturbances = press_real_esc, undo, load_file, new_file, render_again, remove_scene_content
     for number, disturb in enumerate(disturbances * ROUNDS):
         load_file()
         yield 0.5
@@ -129,7 +122,7 @@ def disturb_renders():
         if disturb in (new_file, remove_scene_content):
             load_file()
             yield 0.5
-        elif disturb in (press_esc, render_again):
+        elif disturb in (press_real_esc, render_again):
             bpy.context.scene.camera.location.x = place
         image = yield from next_image()
         assert np.array_equal(image, alone), f"another image after {disturb.__name__}"

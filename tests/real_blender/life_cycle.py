@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run inside Blender: install, render, switch engines, disable, enable, upgrade and remove the extension.
 
-Arguments after `--`: the extension's zip and one of a higher version. Prints facts, a line of JSON for each.
+Arguments: the extension's zip and one of a higher version. Prints facts, a line of JSON for each.
 """
 
 import os
@@ -12,10 +12,9 @@ from pathlib import Path
 import addon_utils
 import bpy
 
-sys.path.insert(0, str(Path(__file__).parent))
-from facts import fact  # noqa: E402
+from tests.real_blender.facts import fact
 
-ARCHIVE, NEWER = sys.argv[sys.argv.index("--") + 1 :]
+ARCHIVE, NEWER = sys.argv[1:]
 MODULE = "bl_ext.user_default.infrared_photons"
 ENGINE = "INFRARED_PHOTONS"
 FOLDER = Path(bpy.utils.user_resource("EXTENSIONS"))
@@ -72,7 +71,7 @@ def render() -> list[float]:
     scene = bpy.context.scene
     scene.render.engine = ENGINE
     bpy.ops.render.render()
-    layer = sys.modules[f"{MODULE}.final_render"].finished_layers["ViewLayer"]
+    layer = sys.modules[f"{MODULE}.rendering.final_render"].finished_layers["ViewLayer"]
     return layer["radiance"].ravel().tolist()
 
 

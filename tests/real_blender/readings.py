@@ -1,24 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run inside Blender with a window and `--enable-event-simulate`: do spot meter and bar tell what the screen shows?
 
-A wall of black tiles, one for each pixel of a render, whose temperatures are known. Prints facts. After `--` may come a
-folder for screenshots.
+A wall of black tiles, one for each pixel of a render, whose temperatures are known. Prints facts. A folder for
+screenshots may be given.
 """
 
-import subprocess
 import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_location_3d
 
-sys.path.insert(0, str(Path(__file__).parent))
-import hands  # noqa: E402
-from facts import fact  # noqa: E402
-from story import tell  # noqa: E402
+from tests.real_blender import hands
+from tests.real_blender.facts import fact
+from tests.real_blender.screen import capture
+from tests.real_blender.story import tell
 
-SCREENSHOTS = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else ""
+SCREENSHOTS = sys.argv[1:]
 COLUMNS, ROWS = 59, 45
 LOW, HIGH = 280.0, 340.0  # K
 PATIENCE = 300.0  # s: kernels may have to be compiled
@@ -30,8 +28,8 @@ kelvin = np.random.default_rng(7).uniform(LOW, HIGH, (ROWS, COLUMNS))  # of the 
 
 
 def modules():
-    from bl_ext.user_default.infrared_photons import heat_display, spot_meter
     from bl_ext.user_default.infrared_photons.output import palette
+    from bl_ext.user_default.infrared_photons.ui.temperatures import heat_display, spot_meter
 
     return heat_display, spot_meter, palette
 
@@ -70,10 +68,10 @@ def make_scene():
 def shown(region, name):
     """(h, w, 3) int of a region of the window, which is in the screen's upper left corner; row 0 at the bottom."""
     window = bpy.context.window
-    command = ["import", "-window", "root", "-crop", f"{window.width}x{window.height}+0+0", "-depth", "8"]
+    options = "-crop", f"{window.width}x{window.height}+0+0", "-depth", "8"
     if SCREENSHOTS:
-        subprocess.run([*command, f"{SCREENSHOTS}/{name}.png"], check=True)
-    raw = subprocess.run([*command, "rgb:-"], check=True, capture_output=True).stdout
+        capture(f"{SCREENSHOTS[0]}/{name}.png", *options)
+    raw = capture("rgb:-", *options)
     pixels = np.frombuffer(raw, np.uint8).reshape(window.height, window.width, 3)[::-1].astype(int)
     return pixels[region.y : region.y + region.height, region.x : region.x + region.width]
 
@@ -92,7 +90,7 @@ def in_viewport():
     overlay.show_axis_y = False
     space.region_3d.view_perspective = "CAMERA"
     space.shading.type = "RENDERED"
-    while (picture := spot_meter.live_picture(region)) is None or picture.noise is picture.temperature:
+    while (picture := heat_display.picture_in(region)) is None or picture.noise is picture.temperature:
         yield 0.1  # the noise is known after the second pass
     with bpy.context.temp_override(area=area, region=region):
         bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")
@@ -101,7 +99,7 @@ def in_viewport():
     yield 0.5
     screen, cursor = shown(region, "viewport"), spot_meter.Cursor
     place = region_2d_to_location_3d(region, space.region_3d, (cursor.x + 0.5, cursor.y + 0.5), (0, 0, 0))
-    picture = spot_meter.live_picture(region)
+    picture = heat_display.picture_in(region)
     fact("cursor", [cursor.x + region.x, cursor.y + region.y] == list(middle))
     fact("reading", spot_meter.live_reading(picture, cursor.x, cursor.y, heat_display.scene_unit(bpy.context.scene)))
     fact("truth", kelvin[int(place.y), int(place.x)])
@@ -124,8 +122,8 @@ def in_image_editor():
     space, region = area.spaces.active, hands.region_of(area)
     space.image, space.show_region_ui, space.show_gizmo = bpy.data.images["Render Result"], False, False
     bpy.context.scene.infrared.show_colour_bar = False
-    frame = spot_meter.finished()[1]["ViewLayer"]
-    colours = palette.display(frame.scale.colours(spot_meter.finished()[0]["ViewLayer"]["temperature"])).astype(int)
+    frame = spot_meter.finished_frames["ViewLayer"]
+    colours = palette.display(frame.scale.colours(spot_meter.finished_layers["ViewLayer"]["temperature"])).astype(int)
 
     def pixel_at(x, y):
         return spot_meter.pixel_at(*region.view2d.region_to_view(x, y), frame.size, frame.origin, colours.shape[:2])

@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render a small version of a .blend with bpy and the add-on from the source: render_with_bpy.py BLEND OUTPUT.exr"""
+"""Render a small version of a .blend with Blender as a Python module and the add-on from the source:
 
-import runpy
+python -m tests.real_blender.render_with_bpy BLEND OUTPUT.exr
+"""
+
 import sys
-from pathlib import Path
 
 import bpy
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-import addon
+from docs.tools.blender import registered
+from tests.helpers.blender import use_multilayer_exr
+from tests.real_blender.small import make_small
 
-blend, output = sys.argv[1:]
-addon.register()
-bpy.ops.wm.open_mainfile(filepath=blend)
-runpy.run_path(str(Path(__file__).with_name("small.py")))
-render = bpy.context.scene.render
-render.engine = "INFRARED_PHOTONS"
-render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-render.image_settings.color_depth = "32"
-render.filepath = output
-bpy.ops.render.render(write_still=True)
-addon.unregister()
+if __name__ == "__main__":
+    blend, output = sys.argv[1:]
+    with registered():
+        bpy.ops.wm.open_mainfile(filepath=blend)
+        make_small()
+        render = bpy.context.scene.render
+        render.engine, render.filepath = "INFRARED_PHOTONS", output
+        use_multilayer_exr()
+        bpy.ops.render.render(write_still=True)

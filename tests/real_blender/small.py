@@ -3,8 +3,14 @@
 
 import bpy
 
-scene = bpy.context.scene
-scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
-scene.infrared.passes = 4
-scene.infrared.photons_per_pass = 20_000
-scene.infrared.seed = 1
+
+def make_small() -> None:
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    scene.infrared.passes = 4
+    scene.infrared.photons_per_pass = 20_000
+    scene.infrared.seed = 1
+
+
+if __name__ == "__main__":
+    make_small()

@@ -1,37 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run inside Blender with a window: show and hide the heat map, undo and redo what writes temperatures, and quit.
 
-Prints facts, a line of JSON for each. With '-- FOLDER' screenshots are kept there.
+Prints facts, a line of JSON for each. A folder for screenshots may be given.
 """
 
-import subprocess
 import sys
-from pathlib import Path
 
 import bpy
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path.insert(0, str(Path(__file__).parent))
-from facts import fact  # noqa: E402
+import addon  # from the source: nothing here renders, so no library is needed
+from tests.real_blender.facts import fact
+from tests.real_blender.screen import capture
 
-import addon  # noqa: E402  from the source: nothing here renders, so no library is needed
-
-FOLDER = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else None
+SCREENSHOTS = sys.argv[1:]
 KELVIN = {"Cold": 280.0, "Middle": 301.0, "Hot": 320.0}
 
 
 def screenshot(name: str) -> None:
-    if FOLDER:
-        subprocess.run(["import", "-window", "root", f"{FOLDER}/{name}.png"], check=True)
+    if SCREENSHOTS:
+        capture(f"{SCREENSHOTS[0]}/{name}.png")
 
 
 def pixel(window, region, view, location) -> list[int]:
     """8-bit sRGB on the screen, where a viewport shows a place in the scene."""
     x, y = location_3d_to_region_2d(region, view, location)
     column, row = window.x + region.x + int(x), window.height - 1 - (window.y + region.y + int(y))
-    command = ["import", "-window", "root", "-crop", f"1x1+{column}+{row}", "-depth", "8", "rgb:-"]
-    return list(subprocess.run(command, check=True, capture_output=True).stdout)
+    return list(capture("rgb:-", "-crop", f"1x1+{column}+{row}", "-depth", "8"))
 
 
 def has_attribute() -> bool:

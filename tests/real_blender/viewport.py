@@ -4,26 +4,24 @@
 Prints a line for each step, as test_real_blender.py reads it: the seconds until its first picture, and the longest time
 that this engine kept the window from going on; how far pixels are from where Blender has them; what came of an F12
 beside a viewport; when threads ended.
-After `--` may come a folder for screenshots.
+A folder for screenshots may be given.
 """
 
 import json
-import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Quaternion, Vector
 
-sys.path.insert(0, str(Path(__file__).parent))
-from story import tell  # noqa: E402
+from tests.real_blender.screen import capture
+from tests.real_blender.story import tell
 
 BLEND = bpy.data.filepath
-SCREENSHOTS = sys.argv[sys.argv.index("--") + 1] if "--" in sys.argv else ""
+SCREENSHOTS = sys.argv[1:]
 PATIENCE = 300.0  # s for a picture: the first waits for kernels to be compiled
 TICK = 0.005  # s between two looks
 
@@ -34,8 +32,8 @@ calls = [0.0]  # s that calls of the engine took
 
 def watch():
     """Note what the engine does on Blender's thread."""
-    from bl_ext.user_default.infrared_photons import coarse, viewport
     from bl_ext.user_default.infrared_photons.engine import InfraredPhotonsEngine as Engine
+    from bl_ext.user_default.infrared_photons.rendering import coarse, viewport
 
     def texture_of(pixels, original=viewport._texture_of):
         (pictures if pixels.size <= 4 * coarse.FIRST_PIXELS else finer).append(time.monotonic())
@@ -147,7 +145,7 @@ def load_file():
 
 def mismatch():
     """Largest distance in pixels between where Blender's overlays and where the solver's camera have a point."""
-    from bl_ext.user_default.infrared_photons.camera_reader import read_view
+    from bl_ext.user_default.infrared_photons.reading.camera import read_view
 
     area = viewports()[0]
     region = next(region for region in area.regions if region.type == "WINDOW")
@@ -162,10 +160,6 @@ def mismatch():
         ))  # fmt: skip
         worst = max(worst, (pixel - location_3d_to_region_2d(region, view(), point)).length)
     return worst
-
-
-def screenshot(name):
-    subprocess.run(["import", "-window", "root", f"{SCREENSHOTS}/{name}.png"], check=True)
 
 
 def wait_for_picture(name, begin, count=1):
@@ -205,13 +199,13 @@ def final_images():
         if time.monotonic() > begin + PATIENCE:
             raise TimeoutError("F12")
         yield TICK
-    layer = sys.modules["bl_ext.user_default.infrared_photons.final_render"].finished_layers["ViewLayer"]
+    layer = sys.modules["bl_ext.user_default.infrared_photons.rendering.final_render"].finished_layers["ViewLayer"]
     return np.array([*layer["bands"], layer["noise"]])
 
 
 def last_picture():
     """Yield until the viewport has its last picture; returns the temperatures in it, and what is said of it."""
-    from bl_ext.user_default.infrared_photons.viewport import _viewports
+    from bl_ext.user_default.infrared_photons.rendering.viewport import _viewports
 
     yield from wait_for_end()
     yield 0.2  # it is drawn
@@ -274,7 +268,7 @@ def work():
             print(f"VIEW {step.__name__} {mismatch():.4f}", flush=True)
         if SCREENSHOTS:
             yield 1.5
-            screenshot(step.__name__)
+            capture(f"{SCREENSHOTS[0]}/{step.__name__}.png")
     yield from render_beside_viewport()
     load_file()
     yield 0.5  # the new file's window is that of the next step

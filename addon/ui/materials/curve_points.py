@@ -8,10 +8,14 @@ writes.
 from __future__ import annotations
 
 import bpy
+import numpy as np
 from bpy.props import FloatProperty, IntProperty, StringProperty
 from bpy.types import Operator, Panel
 
-from ..panels import InfraredPanel
+from ...reading.bands import read_band_edges
+from ...reading.materials import pair_points, read_material
+from ...solver.scene import Material, SceneError
+from ..panel_base import InfraredPanel
 from . import curve_previews
 from .material_library import MaterialOperator, active_material, write_emissivity
 
@@ -51,8 +55,6 @@ class INFRARED_OT_emissivity_curve(MaterialOperator, Operator):
         return context.window_manager.invoke_props_dialog(self, width=500)
 
     def execute(self, context):
-        from ...reading.scene_reader import Material, SceneError, pair_points
-
         material = active_material(context)
         try:
             numbers = [float(word) for word in self.points.split(",")]
@@ -158,8 +160,6 @@ class INFRARED_OT_points_make(MaterialOperator, Operator):
     bl_label = "Edit as Points"
 
     def execute(self, context):
-        from ...reading.scene_reader import SceneError, read_band_edges, read_material
-
         infrared, material = context.scene.infrared, active_material(context)
         try:
             wavelengths, values = read_material(material, infrared.default_emissivity).curve
@@ -208,8 +208,6 @@ class INFRARED_MT_material_curve(bpy.types.Menu):
 
 def draw_curve_picture(layout, material, infrared) -> None:
     """The curve over the bands, if the emissivity is one and both make sense; the checks say what does not."""
-    from ...reading.scene_reader import SceneError, read_band_edges, read_material
-
     if material.get("emissivity") is None or isinstance(material["emissivity"], float | int):
         return
     try:
@@ -217,8 +215,6 @@ def draw_curve_picture(layout, material, infrared) -> None:
         edges = read_band_edges(infrared)
     except SceneError:
         return
-    import numpy as np
-
     points = np.column_stack((wavelengths, values))
     name = f"panel {material.session_uid}"
     icon = curve_previews.curve_icon(name, points, curve_previews.PANEL_SIZE, edges)

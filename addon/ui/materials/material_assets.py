@@ -11,8 +11,13 @@ import uuid
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.types import Operator
 
+from ...reading.materials import read_material
+from ...solver.physics import library
+from ...solver.scene import SceneError
+from ...solver.system.files import replacing
 from .curve_image import draw_curve
 from .curve_previews import PANEL_SIZE, THUMBNAIL_RANGE, fill_preview
 from .material_library import MaterialOperator, active_material
@@ -29,11 +34,6 @@ def catalogue_id(category: str) -> str:
 
 def mark_asset(material, default_emissivity: float) -> str:
     """Make the material an asset; returns its category. Raises SceneError if its emissivity makes no sense."""
-    import numpy as np
-
-    from ...reading.scene_reader import read_material
-    from ...solver.physics import library
-
     value = material.get("emissivity")
     points = np.column_stack(read_material(material, default_emissivity).curve)
     known = library.get(value) if isinstance(value, str) else None
@@ -62,8 +62,6 @@ def catalogue_folder(blend: Path, libraries: list[Path]) -> Path:
 
 def add_catalogue(folder: Path, category: str) -> None:
     """Name the category's catalogue in the folder's file, unless it is there. Raises OSError if that fails."""
-    from ...solver.system.files import replacing
-
     path, identifier = folder / CATALOGUE_FILE, catalogue_id(category)
     text = path.read_text(encoding="utf-8") if path.exists() else "VERSION 1\n\n"
     if identifier in text:
@@ -80,8 +78,6 @@ class INFRARED_OT_material_asset(MaterialOperator, Operator):
     bl_label = "Mark as Asset"
 
     def execute(self, context):
-        from ...reading.scene_reader import SceneError
-
         material = active_material(context)
         try:
             category = mark_asset(material, context.scene.infrared.default_emissivity)

@@ -7,12 +7,17 @@ import textwrap
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
 from bpy.types import Operator, PropertyGroup, UIList
 from bpy_extras.io_utils import ImportHelper
 
 from ...interface import redraw
 from ...properties import set_custom_property
+from ...reading.materials import read_material
+from ...reading.spectra import SpectrumError, read_spectrum
+from ...solver.physics import library
+from ...solver.scene import SceneError
 from . import curve_previews
 
 UNUSABLE = "There is no editable material here"
@@ -64,8 +69,6 @@ class INFRARED_UL_library(UIList):
     """Names with their curves, those that match the search."""
 
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property):
-        from ...solver.physics import library
-
         material = library.materials().get(item.name)
         row = layout.row()
         if material is not None:  # removed from my materials meanwhile
@@ -79,8 +82,6 @@ class INFRARED_UL_library(UIList):
 
 def matching_names(search: str) -> set[str]:
     """The names of the materials whose name or category holds every word of the search, letter case ignored."""
-    from ...solver.physics import library
-
     words = search.casefold().split()
     return {
         name
@@ -126,8 +127,6 @@ class INFRARED_OT_emissivity_library(Operator):
         return active_material(context) is not None or bool(getattr(context, "selected_objects", ()))
 
     def invoke(self, context, _event):
-        from ...solver.physics import library
-
         self.names.clear()
         for name in library.names():
             self.names.add().name = name
@@ -139,8 +138,6 @@ class INFRARED_OT_emissivity_library(Operator):
         return context.window_manager.invoke_props_dialog(self, width=760, confirm_text="Use")
 
     def draw(self, _context):
-        from ...solver.physics import library
-
         layout = self.layout
         layout.row().prop(self, "target", expand=True)
         split = layout.split(factor=0.45)
@@ -154,8 +151,6 @@ class INFRARED_OT_emissivity_library(Operator):
             draw_material(right, library.get(name))
 
     def execute(self, context):
-        from ...solver.physics import library
-
         name = self.names[self.index].name if self.names else self.name
         if self.names and name not in matching_names(self.search):
             self.report({"ERROR"}, f"No material matches '{self.search}'")
@@ -219,11 +214,6 @@ class INFRARED_OT_library_save(MaterialOperator, Operator):
         return context.window_manager.invoke_props_dialog(self, width=450)
 
     def execute(self, context):
-        import numpy as np
-
-        from ...reading.scene_reader import SceneError, read_material
-        from ...solver.physics import library
-
         material = active_material(context)
         try:
             points = np.column_stack(read_material(material, context.scene.infrared.default_emissivity).curve)
@@ -248,8 +238,6 @@ class INFRARED_OT_library_remove(Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, _context):
-        from ...solver.physics import library
-
         try:
             library.remove_user_material(self.name)
         except (library.LibraryError, OSError) as error:
@@ -302,9 +290,6 @@ class INFRARED_OT_spectrum_import(MaterialOperator, Operator, ImportHelper):
         own.prop(self, "replace")
 
     def execute(self, context):
-        from ...reading.spectra import SpectrumError, read_spectrum
-        from ...solver.physics import library
-
         path = Path(bpy.path.abspath(self.filepath))
         wavelengths = Path(bpy.path.abspath(self.wavelengths)) if self.wavelengths else None
         material = active_material(context)

@@ -8,12 +8,22 @@ from pathlib import Path
 import blf
 import bpy
 import gpu
+import numpy as np
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator, Panel
+from gpu_extras.batch import batch_for_shader
 
 from ...heat_settings import read_scale, scene_unit, use_true_colours, view_problem
-from ...rendering.render_paths import Exporter, layer_suffixes
-from ..panels import ENGINE, RenderSettingsPanel
+from ...interface import ENGINE
+from ...output.colour_bar import BACKGROUND, INK, ColourBar
+from ...output.heat_picture import write_picture
+from ...output.palette import display
+from ...output.temperature_scale import TemperatureScale
+from ...rendering.last_render import finished_layers
+from ...rendering.live_pictures import picture_in
+from ...rendering.render_files import layer_suffixes
+from ..exporter import Exporter
+from ..panel_base import RenderSettingsPanel
 from . import spot_meter
 
 FONT = 0  # Blender's own
@@ -27,13 +37,11 @@ PANEL_OPACITY = 0.8
 # Drawing --------------------------------------------------------------------------------------------------------------
 
 
-def colour_bar_of(context, scale, above: int):
-    """The ColourBar of a scale whose ends are known, at the lower right of the region; None if there is no room for it.
+def colour_bar_of(context, scale: TemperatureScale, above: int) -> ColourBar | None:
+    """The bar of a scale whose ends are known, at the lower right of the region; None if there is no room for it.
 
-    In the region's pixels and the scene's unit. above: pixels at a scale of 1 to be left free over it.
+    It is in the region's pixels and the scene's unit. above: pixels at a scale of 1 to be left free over it.
     """
-    from ...output.colour_bar import ColourBar
-
     ui = context.preferences.system.ui_scale
     text, gap = round(TEXT * ui), round(GAP * ui)
     height = min(context.region.height - round(above * ui), round(MOST_HEIGHT * ui))
@@ -45,10 +53,7 @@ def colour_bar_of(context, scale, above: int):
 
 
 def draw_colour_bar(context, scale, above: int) -> None:
-    """Draw colour_bar_of into the region that is being drawn, in a POST_PIXEL draw handler."""
-    from ...output.colour_bar import BACKGROUND, INK
-    from ...output.palette import display
-
+    """Draw the bar of `colour_bar_of` into the region that is being drawn, in a POST_PIXEL draw handler."""
     bar = colour_bar_of(context, scale, above)
     if bar is None:
         return
@@ -68,8 +73,6 @@ def draw_colour_bar(context, scale, above: int) -> None:
 
 def draw_rectangles(rectangles) -> None:
     """Draw (left, bottom, width, height, colour) rectangles; colours are sRGB and opacity, 0..1."""
-    from gpu_extras.batch import batch_for_shader
-
     corners, colours = [], []
     for x, y, width, height, colour in rectangles:
         a, b, c, d = (x, y, 0.0), (x + width, y, 0.0), (x + width, y + height, 0.0), (x, y + height, 0.0)
@@ -83,8 +86,6 @@ def draw_rectangles(rectangles) -> None:
 
 def draw_text(x: float, y: float, text: str, size: int) -> None:
     """Draw a line of text whose lower left corner is given, in pixels."""
-    from ...output.colour_bar import INK
-
     blf.size(FONT, size)
     blf.color(FONT, *INK, 1.0)
     blf.position(FONT, x, y, 0.0)
@@ -93,8 +94,6 @@ def draw_text(x: float, y: float, text: str, size: int) -> None:
 
 def draw_label(x: float, y: float, text: str, size: int, from_right: bool = False) -> None:
     """Draw a line of text on a background, in pixels; from_right: x is its right end."""
-    from ...output.colour_bar import BACKGROUND
-
     blf.size(FONT, size)
     width = blf.dimensions(FONT, text)[0]
     left, pad = x - width - 0.5 * size if from_right else x, 0.5 * size
@@ -142,7 +141,7 @@ def draw_over_image_editor() -> None:
 def draw_over_viewport() -> None:
     """Draw the bar and the spot meter's reading over a 3D viewport that shows a picture of ours."""
     context = bpy.context
-    picture = spot_meter.live_picture(context.region)
+    picture = picture_in(context.region)
     space = context.space_data
     if picture is None or space.shading.type != "RENDERED" or not space.overlay.show_overlays:
         return
@@ -175,7 +174,7 @@ class AfterRender:
 
     @classmethod
     def poll(cls, _context):
-        return bool(spot_meter.finished()[0])
+        return bool(finished_layers)
 
 
 class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
@@ -190,9 +189,7 @@ class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
     colour_bar: BoolProperty(name="Color Bar", description="Add a bar that tells what the colors mean", default=True)
 
     def execute(self, context):
-        from ...output.heat_picture import write_picture
-
-        layers, _ = spot_meter.finished()
+        layers = dict(finished_layers)  # another render may begin meanwhile
         scale, unit = read_scale(context.scene.infrared), scene_unit(context.scene)
         try:
             for layer, suffix in layer_suffixes(layers).items():
@@ -212,11 +209,7 @@ class INFRARED_OT_range_from_render(AfterRender, Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        import numpy as np
-
-        from ...output.temperature_scale import TemperatureScale
-
-        images = spot_meter.finished()[0].values()
+        images = list(finished_layers.values())
         scale = TemperatureScale().fitted(np.concatenate([layer["temperature"].ravel() for layer in images]))
         infrared = context.scene.infrared
         infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", scale.low, scale.high

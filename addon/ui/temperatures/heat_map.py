@@ -12,39 +12,17 @@ import numpy as np
 from bpy.props import BoolProperty
 from bpy.types import Operator
 
+from ...heat_settings import in_scene_unit
 from ...interface import temperature_property
 from ...output.palette import thermal
 from ...properties import ROOM_TEMPERATURE
-from ...reading.surface_temperature import (
-    in_scene_unit,
-    own_temperature,
-    read_values,
-    same_elements,
-    usable_attribute,
-)
-from ...reading.temperature_fields import TemperatureError, check_kelvin
+from ...reading.surface_temperature import vertex_temperatures
+from ...reading.temperature_fields import TemperatureError
 
 NAME = "Infrared Heat Map"  # of the color attribute
 KEPT = "infrared_heat_map"  # custom property of screens and meshes: what to put back
 SHADING = {"type": "SOLID", "color_type": "VERTEX", "light": "FLAT"}  # flat: only then a colour is a temperature
 PLAIN = {"type": "SOLID", "color_type": "MATERIAL", "light": "STUDIO"}  # as in a new file
-
-
-def temperatures(obj, depsgraph, scene) -> tuple[str, np.ndarray]:
-    """What an object's mesh would render with: POINT or CORNER, and as many temperatures, K.
-
-    Raises TemperatureError, naming the object, for temperatures that make no sense.
-    """
-    mesh = obj.data
-    evaluated = obj.evaluated_get(depsgraph).data
-    attribute = usable_attribute(evaluated if same_elements(mesh, evaluated) else mesh)
-    if attribute is None:
-        return "POINT", np.full(len(mesh.vertices), own_temperature(obj, scene))
-    kelvin = read_values(attribute.data, "value", np.float32)
-    check_kelvin(kelvin, f"Object '{obj.name}'")
-    if attribute.domain != "FACE":
-        return attribute.domain, kelvin
-    return "CORNER", np.repeat(kelvin, read_values(mesh.polygons, "loop_total", np.int32))
 
 
 def paint(mesh, domain: str, colours: np.ndarray) -> None:
@@ -85,7 +63,7 @@ def viewports(screen):
 
 
 def area_types(screen) -> str:
-    """What the keys of its viewports depend on: after areas are split or joined, a key may mean another one."""
+    """The types of a screen's areas. If they change, areas were split or joined, and the keys of viewports are void."""
     return " ".join(area.type for area in screen.areas)
 
 
@@ -118,7 +96,7 @@ def show_in(screen, low: float, high: float) -> None:
 
 
 def hide_in(screen) -> bool:
-    """Shade the viewports of a screen as before; plainly, and return False, if its areas are others than before."""
+    """Shade the viewports of a screen as before the map; if its areas have changed, plainly, and return False."""
     kept = screen[KEPT].to_dict()
     same_areas = kept.get("areas", area_types(screen)) == area_types(screen)
     for key, shading in viewports(screen):
@@ -167,7 +145,7 @@ class INFRARED_OT_heat_map_show(Operator):
                 if obj.type != "MESH":
                     continue
                 if obj.data.is_editable and obj.data not in found:
-                    found[obj.data] = temperatures(obj, depsgraph, scene)
+                    found[obj.data] = vertex_temperatures(obj, depsgraph, scene)
                 elif not obj.data.is_editable or self._differs(found[obj.data], obj, depsgraph, scene):
                     skipped.append(obj.name)
         except TemperatureError as error:
@@ -194,7 +172,7 @@ class INFRARED_OT_heat_map_show(Operator):
     @staticmethod
     def _differs(painted, obj, depsgraph, scene) -> bool:
         """Whether an object that shares a mesh has temperatures other than those painted."""
-        domain, kelvin = temperatures(obj, depsgraph, scene)
+        domain, kelvin = vertex_temperatures(obj, depsgraph, scene)
         return domain != painted[0] or not np.array_equal(kelvin, painted[1])
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from typing import NamedTuple
 
 import bpy
@@ -13,31 +12,26 @@ from bpy.props import FloatVectorProperty, IntProperty
 from bpy.types import Operator
 
 from ...heat_settings import PICTURE_EDITORS, redraw_pictures
-from ...rendering.last_render import forget_last_render, last_render
-from ..panels import ENGINE
+from ...interface import ENGINE
+from ...output.temperature_scale import TemperatureUnit, reading
+from ...rendering.last_render import FinishedFrame, finished_frames, finished_layers, forget_last_render
+from ...rendering.live_pictures import Picture
 
 HELP = "Spot Meter    LMB in an Image Editor: Place Spot, or Remove the One There    Esc: Leave"
-_ADDON = __package__.rpartition(".ui.")[0]  # the add-on's own name, which Blender chooses
 REACH = 8  # pixels: a click so near to a spot means that spot
 
 
 # What the Image Editor shows ------------------------------------------------------------------------------------------
 
 
-def finished():
-    """Copies of finished_layers and finished_frames of final_render, which a render in the background may change.
-
-    Both are empty if nothing was rendered yet.
-    """
-    return dict(last_render("finished_layers")), dict(last_render("finished_frames"))
-
-
 class ShownLayer(NamedTuple):
-    """A finished view layer in an Image Editor: what `final_render.layer_images` says of it, its
-    `final_render.FinishedFrame`, and whether what is seen is its Combined pass."""
+    """A finished view layer in an Image Editor, and whether what is seen of it is its Combined pass.
+
+    images: see final_render.layer_images.
+    """
 
     images: dict
-    frame: object
+    frame: FinishedFrame
     is_combined: bool
 
 
@@ -46,7 +40,7 @@ def shown_layer(space, scene) -> ShownLayer | None:
 
     The compositor's picture counts as the first layer, but not as its Combined.
     """
-    layers, frames = finished()
+    layers, frames = dict(finished_layers), dict(finished_frames)  # another render may begin meanwhile
     image = space.image
     if not frames or image is None or image.type != "RENDER_RESULT" or scene.render.engine != ENGINE:
         return None
@@ -69,17 +63,18 @@ def pixel_at(u: float, v: float, size: tuple[int, int], origin: tuple[int, int],
     return (row, column) if 0 <= row < shape[0] and 0 <= column < shape[1] else None
 
 
-def reading_at(shown: ShownLayer, u: float, v: float, unit) -> str | None:
-    """The reading of a finished view layer at shares (u, v) of the picture, in a TemperatureUnit; None outside."""
-    from ...output.temperature_scale import reading
-
+def reading_at(shown: ShownLayer, u: float, v: float, unit: TemperatureUnit) -> str | None:
+    """The reading of a finished view layer at shares (u, v) of the picture's width and height; None outside."""
     images, frame = shown.images, shown.frame
     pixel = pixel_at(u, v, frame.size, frame.origin, images["temperature"].shape)
     return pixel and reading(float(images["temperature"][pixel]), float(images["noise"][pixel]), unit)
 
 
 def spot_under(positions, x: int, y: int, view2d) -> int | None:
-    """Index of the spot nearest to a region's pixel as it is seen, if within REACH; positions: shares (u, v)."""
+    """Index of the spot that is drawn nearest to a region's pixel, None if that is farther away than REACH.
+
+    positions: of the spots, shares (u, v) of the picture's width and height.
+    """
 
     def distance(index):
         return math.dist(view2d.view_to_region(*positions[index], clip=False), (x, y))
@@ -90,16 +85,8 @@ def spot_under(positions, x: int, y: int, view2d) -> int | None:
 # What a 3D viewport shows ---------------------------------------------------------------------------------------------
 
 
-def live_picture(region):
-    """The viewport.Picture that a 3D viewport's region shows, or None."""
-    viewport = sys.modules.get(f"{_ADDON}.rendering.viewport")  # loading it would load the solver
-    return viewport.picture_in(region) if viewport else None
-
-
-def live_reading(picture, x: int, y: int, unit) -> str | None:
-    """The reading of a viewport.Picture at a pixel of its region, in a TemperatureUnit; None outside."""
-    from ...output.temperature_scale import reading
-
+def live_reading(picture: Picture, x: int, y: int, unit: TemperatureUnit) -> str | None:
+    """The reading of a 3D viewport's picture at a pixel of its region; None outside."""
     pixel = picture.pixel_at(x, y)
     return pixel and reading(float(picture.temperature[pixel]), float(picture.noise[pixel]), unit)
 
@@ -108,7 +95,7 @@ def live_reading(picture, x: int, y: int, unit) -> str | None:
 
 
 class Cursor:
-    """Where the running spot meter's cursor is: the area as a pointer, and the region's pixel."""
+    """Where the running spot meter's cursor is: the address of the area, and the region's pixel."""
 
     meter = None  # the running operator
     area, x, y = 0, 0, 0
@@ -258,9 +245,9 @@ def forget_render(*_):
 
 @persistent
 def forget_other_render(scene, *_):
-    """Another scene is rendered, or this one with another engine: what is to be shown is nothing of what we know."""
-    _, frames = finished()
-    if scene.render.engine != ENGINE or any(frame.scene != scene.name for frame in frames.values()):
+    """Another scene is rendered, or this one with another engine: the render result will hold other images."""
+    frames = list(finished_frames.values())
+    if scene.render.engine != ENGINE or any(frame.scene != scene.name for frame in frames):
         forget_last_render()
 
 

@@ -11,24 +11,13 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy.types import Menu, Operator
 from bpy_extras.io_utils import ImportHelper
 
+from ...heat_settings import in_scene_unit
 from ...interface import temperature_property
 from ...output.temperature_scale import UNITS
 from ...properties import ROOM_TEMPERATURE, add_custom_property, initial_value
-from ...reading.surface_temperature import (
-    DOMAINS,
-    NAME,
-    SURFACE_TYPES,
-    check_writable,
-    image_channel,
-    in_scene_unit,
-    interpolate,
-    own_temperature,
-    read_values,
-    same_elements,
-    selected_meshes,
-    vertex_weights,
-    write_temperature,
-)
+from ...reading.arrays import read_values, same_elements
+from ...reading.objects import SURFACE_TYPES
+from ...reading.surface_temperature import DOMAINS, NAME, own_temperature
 from ...reading.temperature_fields import (
     TemperatureError,
     check_kelvin,
@@ -36,6 +25,14 @@ from ...reading.temperature_fields import (
     read_points,
     sample_image,
     spread,
+)
+from .temperature_sources import (
+    check_writable,
+    image_channel,
+    interpolate,
+    selected_meshes,
+    vertex_weights,
+    write_temperature,
 )
 
 UNIT_ITEMS = (
@@ -290,7 +287,7 @@ class INFRARED_OT_temperature_from_points(SurfaceOperator, ImportHelper, Operato
 
 
 def _refuse_shared_meshes(context) -> None:
-    """Raise TemperatureError if selected objects share a mesh: they have places and temperatures of their own."""
+    """Raise TemperatureError if selected objects share a mesh: each has positions and temperatures of its own."""
     owners = {}
     for obj in context.selected_objects:
         if obj.type == "MESH" and owners.setdefault(obj.data, obj) != obj:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders a problem with one peer: python -m peers ENGINE PROBLEM.npz IMAGES.npz THREADS CLOCK SECONDS [SECONDS ...]
+"""Renders a problem with one peer:
+
+    python -m tests.benchmarks.peers ENGINE PROBLEM.npz IMAGES.npz THREADS CLOCK SECONDS [SECONDS ...]
 
 One image (height, width, bands; row 0 is the bottom) for every number of seconds, independent of one another. An image
 takes one run for every three bands, which share the seconds. Loading and compilation do not count.
@@ -11,7 +13,7 @@ import time
 
 import numpy as np
 
-from .problem import Problem
+from tests.benchmarks.peers.problem import Problem
 
 ENGINES = {  # module and the variant of the engine in it
     "mitsuba": ("mitsuba_peer", "path"),

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The spectral bands of a scene: uniform ones, those that a user lists, or those that suit the scene best."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import lru_cache
+
+import numpy as np
+
+from ..solver.physics.band_partition import Partition, choose_bands
+from ..solver.physics.spectrum import uniform_edges
+from ..solver.scene import SceneError, check_band_edges
+from .lights import light_temperature
+from .materials import read_material
+from .objects import SURFACE_TYPES, layers_objects
+from .sensor import read_response
+from .settings import as_typed
+from .surface_temperature import object_temperatures
+from .world import layer_world, world_temperature
+
+
+def read_band_edges(infrared) -> np.ndarray:
+    """Band edges (b + 1,) in um from scene.infrared. Raises SceneError if they are no ascending numbers above 0."""
+    if infrared.band_mode == "UNIFORM":
+        return uniform_edges(*_typed_ends(infrared), infrared.band_count)
+    if infrared.band_mode == "ADAPTIVE":
+        return read_adaptive_bands(infrared).edges
+    words = [word.strip() for word in infrared.band_edges.split(",")]
+    edges = []
+    for word in words:
+        try:
+            edges.append(float(word))
+        except ValueError:
+            raise SceneError(
+                f"Band edges: '{word}' is not a number; expected um between commas, as in 3, 5, 8, 14"
+            ) from None
+    edges = np.array(edges)
+    check_band_edges(edges)
+    return edges
+
+
+def read_band_range(infrared) -> tuple[float, float]:
+    """Shortest and longest wavelength of the bands, um. Raises SceneError as read_band_edges does.
+
+    It is quick in any mode: the edges of adaptive bands depend on all objects, their ends do not.
+    """
+    adaptive = infrared.band_mode == "ADAPTIVE"
+    edges = uniform_edges(*_typed_ends(infrared), 1) if adaptive else read_band_edges(infrared)
+    return float(edges[0]), float(edges[-1])
+
+
+def _typed_ends(infrared) -> tuple[float, float]:
+    """Shortest and longest wavelength of bands that are not custom ones, um."""
+    return as_typed(infrared.wavelength_min), as_typed(infrared.wavelength_max)
+
+
+def read_adaptive_bands(infrared) -> Partition:
+    """The bands that suit the spectra and temperatures of a scene best. Raises SceneError as choose_bands does.
+
+    Blender registers the passes of a scene once, and then renders all frames and view layers into them. So the bands
+    follow from the scene as the interface shows it, and not as it is evaluated for a frame. Values that cannot be
+    rendered are passed over here: the render reports them.
+    """
+    scene = infrared.id_data.original
+    infrared = scene.infrared
+    tolerance = as_typed(infrared.band_tolerance)
+    response = read_response(infrared)
+    return _choose_bands(
+        *_typed_ends(infrared),
+        *_scene_spectra(scene),
+        count=0 if tolerance > 0 else infrared.band_count,
+        tolerance=tolerance,
+        response=None if response is None else np.array(response.curve).tobytes(),
+    )
+
+
+def _scene_spectra(scene) -> tuple[tuple[bytes, ...], tuple[float, ...], tuple[float, ...]]:
+    """The emissivity curves in a scene ((2, n) float64 arrays as bytes), the temperatures of its surfaces and worlds
+    and those of its lights, K; each in ascending order.
+    """
+    infrared = scene.infrared
+    materials = {layer.material_override for layer in scene.view_layers}
+    curves, temperatures, lights = set(), [], set()
+    for world in {layer_world(scene, layer) for layer in scene.view_layers}:
+        with suppress(SceneError):
+            temperatures.append(world_temperature(world))
+    for obj in layers_objects(scene.view_layers):
+        with suppress(SceneError):
+            if obj.type in SURFACE_TYPES:
+                materials.update(slot.material for slot in obj.material_slots)
+                temperatures += object_temperatures(obj, infrared.ambient_temperature)
+            elif obj.type == "LIGHT" and obj.data.energy > 0:
+                lights.add(light_temperature(obj))
+    for material in materials - {None}:
+        with suppress(SceneError):
+            curves.add(np.array(read_material(material, infrared.default_emissivity).curve).tobytes())
+    return tuple(sorted(curves)), tuple(sorted(temperatures or [0.0])), tuple(sorted(lights))
+
+
+@lru_cache(maxsize=8)
+def _choose_bands(low, high, curves: tuple[bytes, ...], temperatures, lights, count, tolerance, response) -> Partition:
+    """choose_bands, which takes 0.1 s, once for each scene. curves, response: (2, n) float64 arrays as bytes."""
+
+    def unpacked(curve: bytes):
+        return tuple(np.frombuffer(curve).reshape(2, -1))
+
+    seen = None if response is None else unpacked(response)
+    return choose_bands(low, high, [unpacked(curve) for curve in curves], temperatures, lights, count, tolerance, seen)

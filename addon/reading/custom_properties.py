@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Custom properties of Blender's data blocks, checked: the temperature above all."""
+
+from __future__ import annotations
+
+from ..solver.scene import SceneError, check_temperature
+
+
+def read_number(id_block, key: str, default: float, owner: str, unit: str) -> float:
+    """The custom property `key` as a float, default if it is not set. Raises SceneError if it is no number.
+
+    owner: how the message names the data block. unit: what the message says after "expected a number".
+    """
+    value = id_block.get(key)
+    if value is None:
+        return default
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SceneError(f"{owner}: {key} is {describe(value)}, expected a number{unit}")
+    return float(value)
+
+
+def describe(value) -> str:
+    """A custom property's value as users know it, shortened to 60 characters."""
+    if hasattr(value, "to_dict"):
+        value = value.to_dict()
+    elif hasattr(value, "to_list"):
+        value = value.to_list()
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def read_temperature(id_block, default: float, owner: str) -> float:
+    """The custom property `temperature`, K, default if it is not set. Raises SceneError if it is no temperature."""
+    temperature = read_number(id_block, "temperature", default, owner, " in kelvin")
+    check_temperature(temperature, owner)
+    return temperature

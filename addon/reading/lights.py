@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's light objects become the solver's lights."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..solver.scene import (
+    LAMP_TEMPERATURE,
+    SUN_TEMPERATURE,
+    AreaLight,
+    Light,
+    PointLight,
+    SceneError,
+    SpotLight,
+    SunLight,
+)
+from .custom_properties import read_temperature
+
+
+def light_temperature(obj) -> float:
+    """Temperature (K) of a light object, checked."""
+    return read_temperature(obj, SUN_TEMPERATURE if obj.data.type == "SUN" else LAMP_TEMPERATURE, f"Light '{obj.name}'")
+
+
+def metres_per_unit(scene) -> float:
+    """Length of one unit of a scene's coordinates, m: its Unit Scale."""
+    units = scene.unit_settings
+    return 1.0 if units.system == "NONE" else units.scale_length
+
+
+def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
+    """The solver's light for a light obj, none if it is dark; matrix: (4, 4) float64, object to world.
+
+    Only an area light's size follows the object's scale, as in Cycles. metres: see metres_per_unit. Radiance does not
+    depend on the scale of a scene, but the irradiance from a light of so many watts does: where a unit is a millimetre,
+    the same watts fall on a millionth of the area. Raises SceneError, naming the light, if a value makes no sense.
+    """
+    light = obj.data
+    owner = f"Light '{obj.name}'"
+    sun = light.type == "SUN"
+    temperature = light_temperature(obj)
+    if not np.isfinite(matrix).all():
+        raise SceneError(f"{owner}: its position or scale is not finite")
+    if light.energy < 0 or not np.isfinite(light.energy):
+        raise SceneError(f"{owner}: energy {light.energy:g} {'W/m2' if sun else 'W'}; lights radiate 0 or more")
+    if light.energy == 0:
+        return []
+    common = {"temperature": temperature, "name": obj.name}
+    if sun:
+        direction = -_unit(matrix[:3, 2], owner)
+        return [SunLight(direction=direction, irradiance=light.energy, angle=light.angle, **common)]
+    common |= {"position": matrix[:3, 3], "power": light.energy / metres**2}
+    if light.type == "AREA":
+        return [_area_light(light, matrix, common)]
+    common["radius"] = light.shadow_soft_size
+    if light.type == "SPOT":
+        direction = -_unit(matrix[:3, 2], owner)
+        return [SpotLight(direction=direction, cone_angle=light.spot_size, blend=light.spot_blend, **common)]
+    return [PointLight(**common)]
+
+
+def _area_light(light, matrix: np.ndarray, common: dict) -> AreaLight:
+    size_x, size_y = light.size, light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+    axis_u, axis_v = 0.5 * size_x * matrix[:3, 0], 0.5 * size_y * matrix[:3, 1]
+    if not np.linalg.norm(np.cross(axis_u, axis_v)) > 0:
+        raise SceneError(f"Light '{common['name']}': an area light needs a size and a scale above 0")
+    if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored light still shines towards its own -Z
+        axis_u = -axis_u
+    return AreaLight(axis_u=axis_u, axis_v=axis_v, ellipse=light.shape in ("DISK", "ELLIPSE"), **common)
+
+
+def _unit(vector: np.ndarray, owner: str) -> np.ndarray:
+    length = np.linalg.norm(vector)
+    if not length > 0:
+        raise SceneError(f"{owner}: its scale is 0, so it points nowhere")
+    return vector / length

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles of all objects and their instances in world space, with their materials and temperatures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..solver.scene import Material, SceneError
+from .custom_properties import read_temperature
+from .groups import GroupReader
+from .materials import read_material
+from .meshes import MeshData, read_mesh
+from .warnings import Warnings
+from .world import world_temperature
+
+
+class SurfaceReader:
+    """Gathers the triangles of all objects and their instances in world space."""
+
+    def __init__(
+        self,
+        depsgraph,
+        warnings: Warnings,
+        kept: dict[tuple[str, int], MeshData] | None = None,
+        groups: GroupReader | None = None,
+    ):
+        """kept: meshes that did not change since an earlier reader kept them; None reads all.
+        groups: None if temperature groups do not matter.
+        """
+        self.ambient_temperature, self.default = 0.0, Material()  # where nothing is set; scene_reader sets them
+        self.override, self.warnings = depsgraph.view_layer_eval.material_override, warnings
+        self.meshes = {}  # address of the evaluated mesh -> MeshData
+        self.kept = {}  # (first object that has it, address) -> MeshData; another mesh may get the address later
+        self._earlier = kept or {}
+        self.indices = {}  # Blender's material (None: no material) -> index into materials
+        self.materials: list[Material] = []
+        self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
+        self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
+        self.vertex_count = 0
+        self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
+
+    def add(self, obj, matrix: np.ndarray) -> None:
+        """One object or instance; matrix: (4, 4) float64, object to world."""
+        if _is_gas_domain(obj):
+            self.warnings.add(obj.name, "smoke and fire are not rendered")
+            return
+        if _has_particle_hair(obj):
+            self.warnings.add(obj.name, "particle hair is not rendered, only its surface")
+        mesh = self._mesh(obj)
+        if len(mesh.triangles) == 0:
+            return
+        vertices = _in_world_space(mesh.vertices, matrix, obj.name)
+        triangles = mesh.triangles + np.int32(self.vertex_count)
+        temperature = self._temperature(obj, mesh)
+        if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored object keeps its front sides outside
+            triangles = triangles[:, ::-1]
+            temperature = temperature[:, ::-1] if temperature.ndim == 2 else temperature
+        self.vertices.append(vertices)
+        self.triangles.append(triangles)
+        self.slots.append(self._materials(obj, mesh.slot))
+        self.temperatures.append(temperature)
+        self.pass_indices["object_index"].append(obj.pass_index)
+        if self.groups is not None:
+            number = self.groups.number(obj, f"Object '{obj.name}'", temperature)
+            self.group_numbers.append(np.full(len(triangles), number, np.int16))
+        self.vertex_count += len(vertices)
+
+    def _mesh(self, obj) -> MeshData:
+        """The mesh of an object, which may be that of an earlier object or of an earlier reader."""
+        key = obj.data.as_pointer()
+        if key not in self.meshes:
+            named = obj.name_full, key
+            self.meshes[key] = self.kept[named] = self._earlier.get(named) or self._read(obj)
+        return self.meshes[key]
+
+    def _read(self, obj) -> MeshData:
+        if not obj.data.is_editmode:
+            return read_mesh(obj.data, obj.name, self.warnings)
+        try:  # in Edit Mode the evaluated mesh is empty, and to_mesh makes one
+            return read_mesh(obj.to_mesh(), obj.name, self.warnings)
+        finally:
+            obj.to_mesh_clear()
+
+    def arrays(self, world) -> dict:
+        """The arguments of Scene that describe its surfaces, and their and the world's temperature groups."""
+        temperatures = self.temperatures
+        if any(t.ndim == 2 for t in temperatures):
+            temperatures = [np.broadcast_to(t if t.ndim == 2 else t[:, None], (len(t), 3)) for t in temperatures]
+        return {
+            "vertices": np.concatenate(self.vertices),
+            "triangles": np.concatenate(self.triangles),
+            "material": np.concatenate(self.slots),
+            "temperature": np.concatenate(temperatures),
+            "materials": tuple(self.materials),
+            **self._groups(world),
+        }
+
+    def labels(self, name: str) -> np.ndarray:
+        """(m,) int32 Blender's 'object_index' or 'material_index' of each triangle."""
+        indices = np.array(self.pass_indices[name], dtype=np.int32)
+        if name == "object_index":
+            return np.repeat(indices, [len(each) for each in self.triangles])
+        return indices[np.concatenate(self.slots)]
+
+    def _groups(self, world) -> dict:
+        """The arguments of Scene that describe temperature groups, if there are any."""
+        if self.groups is None:
+            return {}
+        of_world = -1
+        if world is not None:
+            of_world = self.groups.number(world, f"World '{world.name}'", np.float32([world_temperature(world)]))
+        if not self.groups.names:
+            return {}
+        return {"groups": self.groups.names, "group": np.concatenate(self.group_numbers), "world_group": of_world}
+
+    def _temperature(self, obj, mesh: MeshData) -> np.ndarray:
+        """(m,) or (m, 3) float32 K of an object's triangles, or of their corners."""
+        if mesh.temperature is not None:
+            return mesh.temperature
+        if obj.get("temperature") is None:
+            self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
+        temperature = read_temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")
+        return np.full(len(mesh.triangles), temperature, dtype=np.float32)
+
+    def _materials(self, obj, slot: np.ndarray) -> np.ndarray:
+        """(m,) int32 index into materials for triangles with these material slots."""
+        materials = [s.material for s in obj.material_slots] or [None]
+        if self.override is not None:
+            materials = [self.override] * len(materials)
+        slot = np.clip(slot, 0, len(materials) - 1)  # as Blender: faces beyond the last slot take the last
+        used = np.bincount(slot, minlength=len(materials)) > 0
+        indices = np.zeros(len(materials), dtype=np.int32)
+        for i in np.flatnonzero(used):
+            if materials[i] is None:
+                fallback = f"using the default emissivity {self.default.emissivity:g}"
+                self.warnings.add(obj.name, f"faces without a material, {fallback}")
+            indices[i] = self._index(materials[i])
+        return indices[slot]
+
+    def _index(self, material) -> int:
+        """Index into materials of a Blender material, or of None; it is read if it is a new one."""
+        key = None if material is None else material.as_pointer()
+        if key not in self.indices:
+            self.indices[key] = len(self.materials)
+            default = self.default
+            self.materials.append(default if material is None else read_material(material, default.emissivity))
+            self.pass_indices["material_index"].append(0 if material is None else material.pass_index)
+        return self.indices[key]
+
+
+def _in_world_space(vertices: np.ndarray, matrix: np.ndarray, owner: str) -> np.ndarray:
+    """(n, 3) float64 vertices of an object in world space. Raises SceneError, naming a vertex that is not finite."""
+    with np.errstate(invalid="ignore"):  # it is reported here, by name
+        vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    if not np.isfinite(vertices.sum()):
+        bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+        raise SceneError(f"Object '{owner}': vertex {bad} is not finite: {vertices[bad]}")
+    return vertices
+
+
+def _is_gas_domain(obj) -> bool:
+    """True if the mesh is only the box around a smoke simulation."""
+    return any(
+        modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings.domain_type == "GAS"
+        for modifier in obj.modifiers
+    )
+
+
+def _has_particle_hair(obj) -> bool:
+    """True if the object wears strands that would be rendered."""
+    settings = [system.settings for system in obj.particle_systems]
+    return any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is wrong with a scene, or worth knowing, before it is rendered.
+
+Whether a value can be rendered, the scene's reader decides; nothing here judges it a second time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..reading.bands import read_adaptive_bands, read_band_edges, read_band_range
+from ..reading.camera import read_camera
+from ..reading.groups import read_group_temperatures
+from ..reading.ignored import ignored_scene_settings, ignored_settings
+from ..reading.lights import read_light
+from ..reading.materials import read_material
+from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
+from ..reading.scene_reader import check_faces
+from ..reading.sensor import read_response
+from ..reading.settings import read_defaults, read_settings
+from ..reading.surface_temperature import object_temperatures, temperature_source
+from ..reading.warnings import Warnings
+from ..reading.world import layer_world, world_temperature
+from ..solver.physics import library
+from ..solver.physics.sensors import share_outside
+from ..solver.scene import SceneError, check_response
+from .camera_effects import read_detector
+from .render_files import check_paths
+from .render_passes import render_passes
+
+LEVELS = ("ERROR", "WARNING", "HINT")  # in the order of their weight
+LOST = 0.02  # share of a sensor's signal outside the bands that is worth a warning
+SLACK = 1e-4  # um: settings are float32, so 14 um may be 14.0000001
+
+
+@dataclass(frozen=True)
+class Check:
+    """Something to tell the user.
+
+    level: an "ERROR" stops the render, a "WARNING" tells of a result that the user may not expect, a "HINT" of a
+    default that is used. text: what it is.
+    """
+
+    level: str
+    text: str
+
+
+def problems(read: Callable, *arguments) -> list[Check]:
+    """The SceneError that read(*arguments) raises, if it does, as a check: a render would stop with it."""
+    try:
+        read(*arguments)
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    return []
+
+
+def settings_checks(infrared) -> list[Check]:
+    """Checks of the solver's settings."""
+    return problems(read_settings, infrared)
+
+
+def material_checks(material, infrared) -> list[Check]:
+    """Checks of a material's emissivity, specular share and roughness."""
+    owner = f"Material '{material.name}'"
+    try:
+        wavelengths, _ = read_material(material, infrared.default_emissivity).curve
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    if material.get("emissivity") is None:
+        return [Check("HINT", f"{owner}: no emissivity; the default {infrared.default_emissivity:.3g} counts")]
+    try:
+        low, high = read_band_range(infrared)
+    except SceneError:
+        return []  # reported for the bands
+    first, last = wavelengths[0], wavelengths[-1]
+    if len(wavelengths) > 1 and (low < first - SLACK or high > last + SLACK):
+        return [
+            Check(
+                "WARNING",
+                f"{owner}: emissivity is known from {first:.4g} to {last:.4g} µm; the bands reach from {low:.4g} "
+                f"to {high:.4g} µm, where the nearest value is held",
+            )
+        ]
+    return []
+
+
+def find_bands(infrared) -> tuple[Sequence[float], float, str]:
+    """The edges (um) of adaptive bands, the error (K) foreseen, and why there are no bands, or an empty text."""
+    try:
+        return *read_adaptive_bands(infrared), ""
+    except SceneError as problem:
+        return (), 0.0, str(problem)
+
+
+def band_problem(infrared) -> str:
+    """Why the band settings cannot be rendered, or an empty text."""
+    return "".join(check.text for check in problems(read_band_edges, infrared))
+
+
+def sensor_checks(infrared) -> list[Check]:
+    """Checks of the sensor and of the bands that it sees through."""
+    try:
+        low, high = read_band_range(infrared)
+    except SceneError:
+        return []  # reported for the bands
+    try:
+        response = read_response(infrared)
+        check_response(response, (low, high))
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    lost = 0.0 if response is None else share_outside(response, low, high, infrared.ambient_temperature)
+    if lost <= LOST:
+        return []
+    text = (
+        f"Sensor '{response.name}': {lost:.0%} of its signal at {infrared.ambient_temperature:.5g} K lies outside the "
+    )
+    return [Check("WARNING", text + f"bands from {low:.4g} to {high:.4g} µm, which act as a filter")]
+
+
+def detector_checks(scene) -> list[Check]:
+    """Checks of the camera effects; those of the camera itself are in `camera_checks`."""
+    if not scene.infrared.use_detector or scene.camera is None or scene.camera.type != "CAMERA":
+        return []
+    if any(check.level == "ERROR" for check in sensor_checks(scene.infrared)):
+        return []  # the bands' weights make no sense
+    return problems(read_detector, scene, scene.camera)
+
+
+def camera_checks(scene, view_layer) -> list[Check]:
+    """Checks of the scene's camera."""
+    warnings = Warnings()
+    found = problems(read_camera, _evaluated(view_layer), scene.camera, warnings)
+    return found + [Check("WARNING", message) for message in warnings.messages()]
+
+
+def object_checks(obj, infrared, view_layer) -> list[Check]:
+    """Checks of an object in a view layer; none of one that has neither surfaces nor light."""
+    return _temperature_checks(obj, infrared, view_layer) + _ignored_checks(obj, view_layer)
+
+
+def _ignored_checks(obj, view_layer) -> list[Check]:
+    if obj.type not in SURFACE_TYPES and obj.type != "LIGHT":
+        return []
+    messages = ignored_settings(obj, view_layer)
+    return [Check("WARNING", f"{_owner(obj)}: {message}") for message in messages]
+
+
+def _owner(obj) -> str:
+    return f"{'Light' if obj.type == 'LIGHT' else 'Object'} '{obj.name}'"
+
+
+def _temperature_checks(obj, infrared, view_layer) -> list[Check]:
+    if obj.type == "LIGHT":
+        return problems(read_light, obj, np.array(obj.matrix_world, dtype=np.float64))
+    if obj.type not in SURFACE_TYPES:
+        return []
+    if obj.get("temperature") is None and temperature_source(obj, _evaluated(view_layer)) == "AMBIENT":
+        ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
+        return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
+    return problems(object_temperatures, obj, 0.0)
+
+
+def _evaluated(view_layer):
+    """The depsgraph of a view layer. It has none before its first evaluation."""
+    return view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
+
+
+def scene_checks(scene, view_layer) -> list[Check]:
+    """All checks of what a view layer renders, in the order of their weight: errors, warnings, hints."""
+    infrared = scene.infrared
+    objects = rendered_objects(layer_objects(view_layer.layer_collection))
+    override = view_layer.material_override
+    slots = (slot.material for obj in objects if obj.type in SURFACE_TYPES for slot in obj.material_slots)
+    materials = [override] if override else dict.fromkeys(material for material in slots if material is not None)
+    found = problems(check_paths, infrared)
+    found += settings_checks(infrared)
+    found += problems(read_defaults, infrared)
+    found += problems(render_passes, scene, view_layer)
+    found += sensor_checks(infrared)
+    found += detector_checks(scene)
+    found += camera_checks(scene, view_layer)
+    found += [Check("WARNING", message) for message in ignored_scene_settings(scene, view_layer)]
+    found += problems(check_faces, view_layer, any(map(may_have_faces, objects)))
+    found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
+    found += problems(world_temperature, layer_world(scene, view_layer))
+    for material in materials:
+        found += material_checks(material, infrared)
+    for obj in objects:
+        found += object_checks(obj, infrared, view_layer)
+    if infrared.group_exr_path:
+        found += problems(read_group_temperatures, scene, view_layer)
+    return sorted(dict.fromkeys(found), key=lambda check: LEVELS.index(check.level))

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Temperatures in the colours of a scale, as Blender takes pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from mathutils import Color
+
+from ..output.temperature_scale import TemperatureScale
+
+DEFAULT_SCALE = TemperatureScale()
+REC709 = np.eye(3, dtype=np.float32)
+
+
+def thermal_picture(
+    temperature: np.ndarray, scale: TemperatureScale = DEFAULT_SCALE, primaries: np.ndarray = REC709
+) -> np.ndarray:
+    """Temperatures (height, width), K, in the colours of a scale: (height, width, 4) float32, alpha 1.
+
+    The colours are linear. primaries: (3, 3), each row a primary of Rec.709 in the space that they are wanted in.
+    """
+    picture = np.ones((*temperature.shape, 4), dtype=np.float32)
+    picture[..., :3] = scale.colours(temperature) @ primaries
+    return picture
+
+
+def working_primaries() -> np.ndarray:
+    """(3, 3) float32: the primaries of Rec.709 in the working space of the open file. On Blender's thread only."""
+    primaries = [Color(primary).from_rec709_linear_to_scene_linear() for primary in np.eye(3)]
+    return np.round(primaries, 4).astype(np.float32)  # Blender rounds alike: Rec.709 in Rec.709 is not quite itself

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files of a render: where they lie, and writing the images of a view layer."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from itertools import chain, count
+from pathlib import Path
+
+import bpy
+
+from ..output.formats import FORMATS, numbered, without_extension, write_file
+from ..solver.scene import SceneError
+
+log = logging.getLogger(__name__)
+
+
+def check_paths(infrared) -> None:
+    """Raise SceneError if a path starts at the folder of the blend file ('//'), but the blend file was never saved.
+
+    Blender would then take the folder that it happened to be started in.
+    """
+    for path in (infrared.band_exr_path, infrared.group_exr_path, infrared.checkpoint_path):
+        if path.startswith("//") and not bpy.data.filepath:
+            raise SceneError(f"Save the file first: '{path}' starts at its folder")
+
+
+def layer_suffixes(layers: Iterable[str]) -> dict[str, str]:
+    """What is added to the names of each view layer's files, such as '_ViewLayer'; nothing if there is only one layer.
+
+    Suffixes are distinct even if the names of layers differ only in characters that file names cannot have (A.1 and
+    A_1), or in upper and lower case, which some disks do not tell apart.
+    """
+    suffixes = {}
+    for layer in dict.fromkeys(layers):
+        clean, taken = f"_{bpy.path.clean_name(layer)}", {each.lower() for each in suffixes.values()}
+        names = chain([clean], (f"{clean}_{number}" for number in count(2)))
+        suffixes[layer] = next(name for name in names if name.lower() not in taken)
+    return suffixes if len(suffixes) > 1 else dict.fromkeys(suffixes, "")
+
+
+def file_path(scene, suffix: str, animation: bool, file_format: str = "BAND_EXR") -> Path:
+    """File of this frame in a format (a key of FORMATS); suffix: of its view layer, see layer_suffixes."""
+    path = without_extension(scene.infrared.band_exr_path)
+    return _output_path(scene, path, FORMATS[file_format].ending, suffix, animation)
+
+
+def group_path(scene, suffix: str, animation: bool) -> Path:
+    """File of this frame's temperature groups; suffix: of its view layer, see layer_suffixes."""
+    return _output_path(scene, scene.infrared.group_exr_path, ".exr", suffix, animation)
+
+
+def checkpoint_path(scene, suffix: str, animation: bool) -> Path:
+    """File of this frame's finished passes; suffix: of its view layer, see layer_suffixes."""
+    return _output_path(scene, scene.infrared.checkpoint_path, ".npz", suffix, animation)
+
+
+def _output_path(scene, path: str, ending: str, suffix: str, animation: bool) -> Path:
+    """File of this frame: the path with '//' and '####' resolved, then the view layer's suffix, then the ending."""
+    file = numbered(bpy.path.abspath(path), ending, scene.frame_current, animation)
+    return file.with_name(f"{file.name.removesuffix(ending)}{suffix}{ending}")
+
+
+def write_layer(path: Path, layer: str, images: dict, file_format: str) -> None:
+    """Write a finished view layer. images: the fields of FrameImages. file_format: a key of FORMATS. Raises OSError."""
+    write_file(file_format, path, images)
+    log.info("%s: %s written to %s", layer, FORMATS[file_format].name, path)

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make the pictures of Blender's window in README, docs/tutorial.md, docs/viewport.md and docs/materials.md. Needs what
+shoot_panels.py needs, and xdotool:
+
+    blender --python tests/real_blender/launch.py -- docs.tools.shoot_windows NAME ...
+
+NAME: first, checks, tutorial, viewport; without one, all of them. Begin with Blender's own start-up file.
+"""
+
+import sys
+
+import bpy
+
+from docs.tools.paths import DEMO, TEMPLATE
+from docs.tools.screenshots import cropping, keep, screenshot
+from tests.real_blender.hands import area_of, press_real_esc, region_of
+from tests.real_blender.story import tell
+
+WHOLE = ("-resize", "75%", "+dither", "-colors", "128")
+PART = ("+dither", "-colors", "64")
+WIDTH = 340  # pixels of the Properties editor: enough for the longest name
+DRAWN = 1.5  # s in which Blender has drawn everything
+
+stats = []  # what Blender told of the render that runs, line by line
+
+
+def start_up():
+    """Blender's own start-up file."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    yield DRAWN
+    bpy.context.scene.render.engine = "INFRARED_PHOTONS"
+    yield from widen()
+
+
+def widen():
+    """Make the Properties editor WIDTH wide."""
+    properties = area_of("PROPERTIES")
+    delta = properties.width - WIDTH
+    bpy.ops.screen.area_move(x=properties.x - 1, y=properties.y + properties.height // 2, delta=delta)
+    yield 0.5
+
+
+def tab(context, down=0):
+    """Show a tab of the Properties editor, scrolled to its top and then down by so many pixels."""
+    area = area_of("PROPERTIES")
+    area.spaces.active.context = context
+    yield 0.5
+    for distance in (5000, -down):
+        with bpy.context.temp_override(area=area, region=region_of(area)):
+            bpy.ops.view2d.pan(deltay=distance)
+        area.tag_redraw()
+        yield DRAWN
+
+
+def first():
+    """README's first picture, after its steps, while it renders."""
+    yield from start_up()
+    scene, cube = bpy.context.scene, bpy.data.objects["Cube"]
+    bpy.ops.infrared.true_colours()
+    bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -1))
+    plane = bpy.context.object
+    cube["temperature"], plane["temperature"], scene.world["temperature"] = 330.0, 290.0, 250.0
+    cube.data.materials[0]["emissivity"] = "Granite"
+    dull = bpy.data.materials.new("Material.001")
+    dull["emissivity"], dull["specular"], dull["roughness"] = 0.6, 0.5, 0.2
+    plane.data.materials.append(dull)
+    scene.render.resolution_percentage = 25
+    bpy.context.preferences.view.render_display_type = "AREA"
+    yield from tab("RENDER")
+    bpy.app.handlers.render_stats.append(lambda text: stats.append(text))
+    bpy.ops.render.render("INVOKE_DEFAULT")
+    while not any("Pass 3" in str(line) for line in stats[-3:]):
+        yield 0.1
+    editor = area_of("IMAGE_EDITOR")
+    with bpy.context.temp_override(area=editor, region=region_of(editor)):
+        bpy.ops.image.view_all(fit_view=True)
+    yield DRAWN
+    keep(screenshot(), "first", *WHOLE)
+    press_real_esc()
+    while bpy.app.is_job_running("RENDER"):
+        yield 0.5
+
+
+def checks():
+    """The panel Checks with something of each kind."""
+    yield from start_up()
+    infrared = bpy.context.scene.infrared
+    infrared.wavelength_min = 3.0
+    bpy.data.objects["Light"]["temperature"] = -4.0
+    bpy.data.objects["Cube"].data.materials[0]["emissivity"] = "Granite"
+    yield from tab("RENDER", down=300)
+    keep(screenshot(), "checks", *cropping(region_of(area_of("PROPERTIES")), edge=0), *PART)
+
+
+def tutorial():
+    """The template's window with the cube, and two tabs."""
+    bpy.ops.wm.open_mainfile(filepath=str(TEMPLATE))
+    yield DRAWN
+    yield from widen()
+    cube = bpy.data.objects["Cube"]
+    for thing in bpy.context.scene.objects:
+        thing.select_set(thing == cube)
+    bpy.context.view_layer.objects.active = cube
+    area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
+    yield DRAWN  # the editor has the object's tabs once it was drawn
+    yield from tab("OBJECT", down=2000)
+    keep(screenshot(), "tutorial-object", *WHOLE)
+    for name, context in (("material", "MATERIAL"), ("settings", "RENDER")):
+        yield from tab(context)
+        keep(screenshot(), f"tutorial-{name}", *cropping(area_of("PROPERTIES"), edge=0), *PART)
+
+
+def viewport():
+    """The demo in a viewport in Rendered mode."""
+    yield from start_up()
+    bpy.ops.wm.open_mainfile(filepath=str(DEMO), load_ui=False)
+    yield DRAWN
+    space = area_of("VIEW_3D").spaces.active
+    space.region_3d.view_perspective, space.shading.type = "CAMERA", "RENDERED"
+    yield 150.0  # for a full pass, where others compute, too
+    keep(screenshot(), "viewport", *WHOLE)
+    space.shading.type = "SOLID"
+    yield DRAWN
+
+
+STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport)}
+
+
+def work():
+    """A generator that yields how many seconds to wait."""
+    for name in sys.argv[1:] or STORIES:
+        yield from STORIES[name]()
+
+
+if __name__ == "__main__":
+    bpy.context.preferences.view.show_splash = False
+    bpy.context.window.cursor_warp(2, 2)  # where it is over nothing that tells what it is
+    tell(work())

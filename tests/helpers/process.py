@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a process takes of the machine."""
+
+from pathlib import Path
+
+
+def resident(key: str) -> int:
+    """Bytes of memory that this process holds (VmRSS) or has held at most (VmHWM), by Linux's /proc."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split(f"{key}:")[1].split()[0]) * 1024
