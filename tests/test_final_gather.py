@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from addon.solver import Camera, Material, PointLight, Settings, SunLight, passes, render
 from addon.solver.camera import eye_paths
-from addon.solver.camera.final_gather import _WINDOW, Finals, choose_splits, share
+from addon.solver.camera.final_gather import _WINDOW, Finals, share
 from addon.solver.camera.rays import Rows
 from addon.solver.geometry.free_space import LEAST_FREE
 from addon.solver.geometry.surfaces import build_surfaces
@@ -19,7 +19,7 @@ from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning import preparation
 from addon.solver.planning.sheets import FALL
 from addon.solver.planning.splitting import noise_and_time, plan_splitting, ray_variance, spread_in
-from tests.helpers.paper_estimator import no_final_gathers, no_near_disks
+from tests.helpers.paper_estimator import no_final_gathers, no_near_disks, rays_everywhere
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
 pytestmark = pytest.mark.statistics
@@ -107,12 +107,6 @@ def test_floor_beside_a_mirror_is_exact():
     assert np.all(np.abs(value - truth) < student.ppf(1 - 5e-4 / 6, 15) * error + 0.003 * truth)
 
 
-def split_all(stage, estimate, pixels, bounce, gathers, free2, chosen=None):
-    """Every gather sends rays."""
-    choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen)
-    gathers.rays[:] = np.where(bounce.rays.final[gathers.ray], 0, 32)
-
-
 def corner(kind):
     """A corner of floor and walls with things in it that light it in every way there is."""
     if kind == "outside":
@@ -169,7 +163,7 @@ def test_final_gathers_and_photons_agree(kind, passes, monkeypatch):
     scene = corner(kind)
     settings = Settings(passes=passes, photons_per_pass=20_000, reference_temperature=290.0)
     results = []
-    for choose in (split_all, no_final_gathers):
+    for choose in (rays_everywhere, no_final_gathers):
         monkeypatch.setattr(eye_paths, "choose_splits", choose)
         results.append(mean_and_error(scene, settings))
     (gathered, gathered_error), (photons, photons_error) = results
@@ -379,7 +373,7 @@ def test_a_corner_is_not_blurred_by_what_rays_recall(caustic, monkeypatch):
     to be seen: without going on it is more than 4 of them.
     """
     scene = plate_against_a_wall(caustic)
-    monkeypatch.setattr(eye_paths, "choose_splits", split_all)
+    monkeypatch.setattr(eye_paths, "choose_splits", rays_everywhere)
 
     def rows(first, seeds):
         settings = Settings(passes=4, photons_per_pass=5000, pass_offset=first)
@@ -436,7 +430,7 @@ def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
     scene = dataclasses.replace(corner(kind), camera=look((1.0, 1.0, 1.4), (1.1, 0.9, 0.0), 64, 48, 0.3))
     settings = Settings(passes=1, photons_per_pass=20_000, reference_temperature=290.0)
     by_photons, (splitting, survey, reach2, neighbours, _) = variance_at(math.inf, scene, settings, monkeypatch)
-    monkeypatch.setattr(eye_paths, "choose_splits", split_all)
+    monkeypatch.setattr(eye_paths, "choose_splits", rays_everywhere)
     by_rays, _ = variance_at(1e-30, scene, settings, monkeypatch)  # no roulette on what rays recall
     pixels, cells = len(survey.block), survey.cells
     foreseen_by_photons, _ = noise_and_time(splitting, pixels, reach2, neighbours)

@@ -16,6 +16,7 @@ from unittest import mock
 
 import numpy as np
 
+from addon.solver.camera.final_gather import choose_splits
 from addon.solver.camera.gathers import NearDisks
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.photons.emission import emit
@@ -27,6 +28,12 @@ PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": F
 
 def no_final_gathers(*_):
     """Gathers that nobody has chosen ask photons."""
+
+
+def rays_everywhere(stage, estimate, pixels, bounce, gathers, *rest):
+    """The opposite, that tests and benchmarks set against it: every gather sends rays."""
+    choose_splits(stage, estimate, pixels, bounce, gathers, *rest)
+    gathers.rays[:] = np.where(bounce.rays.final[gathers.ray], 0, 32)
 
 
 def no_lamps(*arguments):
