@@ -21,7 +21,7 @@ from addon import solver  # noqa: E402
 from addon.reading.scene_reader import read_scene  # noqa: E402
 from addon.rendering import final_render  # noqa: E402
 from addon.solver import SceneError, Settings, memory  # noqa: E402
-from addon.solver.photons.emission import light_spectrum  # noqa: E402
+from addon.solver.photons.lights import light_spectrum  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.solver.physics.sensors import band_weights  # noqa: E402
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance  # noqa: E402

@@ -2,25 +2,26 @@
 """Final gathers: exact where photon disks would blur, the same mean as photons wherever they stand, well chosen."""
 
 import dataclasses
-import importlib
 import math
 
 import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from addon.solver import Camera, Material, PointLight, Settings, SunLight, render
-from addon.solver.camera.final_gather import _WINDOW, Finals, choose_splits, share
+from addon.solver import Camera, Material, PointLight, Settings, SunLight, passes, render
+from addon.solver.camera import eye_paths
+from addon.solver.camera.final_gather import _WINDOW, Finals, share
+from addon.solver.camera.rays import Rows
 from addon.solver.geometry.free_space import LEAST_FREE
 from addon.solver.geometry.surfaces import build_surfaces
 from addon.solver.image.tiles import TILE, tiles
 from addon.solver.physics.spectrum import band_radiance
+from addon.solver.planning import preparation
 from addon.solver.planning.sheets import FALL
 from addon.solver.planning.splitting import noise_and_time, plan_splitting, ray_variance, spread_in
-from tests.helpers.paper_estimator import no_near_disks
+from tests.helpers.paper_estimator import no_final_gathers, no_near_disks, rays_everywhere
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
-eye_paths, render_module = (importlib.import_module(f"addon.solver.{name}") for name in ("eye_paths", "render"))
 pytestmark = pytest.mark.statistics
 
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -106,18 +107,6 @@ def test_floor_beside_a_mirror_is_exact():
     assert np.all(np.abs(value - truth) < student.ppf(1 - 5e-4 / 6, 15) * error + 0.003 * truth)
 
 
-def split_all(*arguments):
-    """Every gather sends rays."""
-    choose_splits(*arguments)
-    rays, gathers = arguments[6:8]
-    gathers.rays[:] = np.where(rays.gathered[gathers.ray], 0, 32)
-    return int(gathers.rays.sum())
-
-
-def split_none(*_):
-    return 0
-
-
 def corner(kind):
     """A corner of floor and walls with things in it that light it in every way there is."""
     if kind == "outside":
@@ -174,7 +163,7 @@ def test_final_gathers_and_photons_agree(kind, passes, monkeypatch):
     scene = corner(kind)
     settings = Settings(passes=passes, photons_per_pass=20_000, reference_temperature=290.0)
     results = []
-    for choose in (split_all, split_none):
+    for choose in (rays_everywhere, no_final_gathers):
         monkeypatch.setattr(eye_paths, "choose_splits", choose)
         results.append(mean_and_error(scene, settings))
     (gathered, gathered_error), (photons, photons_error) = results
@@ -198,9 +187,9 @@ def test_rays_with_other_colours_keep_theirs(second, expected, monkeypatch):
     scene = make_scene(*parts, (GREY, *mirrors), camera, EDGES, material, world_temperature=250.0)
     choose, groups = eye_paths.choose_splits, []
 
-    def watch(*arguments):
-        groups.append(arguments[7].of)
-        return choose(*arguments)
+    def watch(stage, estimate, pixels, bounce, gathers, *rest):
+        groups.append(gathers.of)
+        choose(stage, estimate, pixels, bounce, gathers, *rest)
 
     monkeypatch.setattr(eye_paths, "choose_splits", watch)
     render(scene, Settings(passes=1, photons_per_pass=20_000))
@@ -213,19 +202,16 @@ def test_rays_go_out_where_walls_leave_no_room_for_photons(monkeypatch):
     """There a disk of photons that is not too small to hold any would reach behind the wall."""
     beside, choose = [], eye_paths.choose_splits
 
-    def watch(*arguments):
-        sent = choose(*arguments)
-        estimate, rays, gathers, free2 = arguments[2], *arguments[6:9]
+    def watch(stage, estimate, pixels, bounce, gathers, free2, chosen=None):
+        choose(stage, estimate, pixels, bounce, gathers, free2, chosen)
         for g, ray in enumerate(gathers.ray):
-            if not rays.gathered[ray] and free2[g] < np.float32(LEAST_FREE * estimate.reach2):
+            if not bounce.rays.final[ray] and free2[g] < np.float32(LEAST_FREE * estimate.reach2):
                 beside.append(gathers.rays[g])
-        assert sent == np.sum(gathers.rays)
-        return sent
 
     def plan(*arguments):
         return plan_splitting(*arguments)._replace(price=math.inf)  # in the open photons serve
 
-    monkeypatch.setattr(render_module, "plan_splitting", plan)
+    monkeypatch.setattr(preparation, "plan_splitting", plan)
     monkeypatch.setattr(eye_paths, "choose_splits", watch)
     floor, wall = quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), quad((0, 0, 0.5), (0, 2, 0), (0, 0, 0.5))
     *parts, material = join((*floor, 300.0, 0), (*wall, 320.0, 0))  # the floor goes on behind the wall
@@ -250,19 +236,19 @@ def test_neighbours_share_their_rays():
     rows, columns, count, bands, shrink2 = 7, 12, 400, 2, 0.5
     triangle = np.where(random.random(count) < 0.5, random.integers(0, 2, count), random.integers(2, 40, count))
     corners = surfaces.corners[triangle].astype(float)
-    place = corners.mean(axis=1)
-    code = (2 * triangle + (random.random(count) < 0.3)).astype(np.int32)
+    point = corners.mean(axis=1)
+    side_id = (2 * triangle + (random.random(count) < 0.3)).astype(np.int32)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True) * np.where(code % 2, -1, 1)[:, None]
-    place += random.uniform(-0.2, 0.2, place.shape)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True) * np.where(side_id % 2, -1, 1)[:, None]
+    point += random.uniform(-0.2, 0.2, point.shape)
     pixel = random.integers(0, rows * columns, count).astype(np.int32)
     rays = random.choice([16, 32, 128], count).astype(np.int32)
-    carried, factor = random.uniform(0.01, 1, count), random.uniform(0, 1, (count, bands)).astype(np.float32)
+    contribution, factor = random.uniform(0.01, 1, count), random.uniform(0, 1, (count, bands)).astype(np.float32)
     radius2, is_cut = random.uniform(0, 4, count), random.random(count) < 0.5
-    finals = Finals(pixel, place, code, rays, radius2, is_cut, rows * columns, carried, factor)
+    finals = Finals(pixel, point, side_id, rays, radius2, is_cut, rows * columns, contribution, factor)
     image = random.normal(size=(rows * columns + count, bands)).astype(np.float32)
-    sheet = surfaces.sheet[code >> 1, code & 1]
-    d2 = np.sum((place[:, None] - place) ** 2, axis=-1)
+    sheet = surfaces.sheet[side_id >> 1, side_id & 1]
+    d2 = np.sum((point[:, None] - point) ** 2, axis=-1)
     x, y = pixel % columns, pixel // columns
     near = (np.abs(x[:, None] - x) <= _WINDOW) & (np.abs(y[:, None] - y) <= _WINDOW) & (sheet[:, None] == sheet)
     closeness = rays / random.uniform(1, 50, count)
@@ -278,12 +264,13 @@ def test_neighbours_share_their_rays():
     alone = is_cut[:, None] & ~has_opposite & (weight > 0)
     assert alone.any() and np.any(np.count_nonzero(weight * ~alone, axis=1)[is_cut] > 1)
     weight = np.where(alone, 0.0, weight)
-    mean = weight @ (image[rows * columns :] / carried[:, None]) / weight.sum(axis=1, keepdims=True)
+    mean = weight @ (image[rows * columns :] / contribution[:, None]) / weight.sum(axis=1, keepdims=True)
     expected = image[: rows * columns].astype(float)
     np.add.at(expected, pixel, factor * mean)
     assert np.mean(np.count_nonzero(weight, axis=1) > 1) > 0.5  # most do share
     assert np.any((left > 0) & (left < 1) & (bend2 > 0))  # and some around a bend
-    share(surfaces, finals, shrink2, rows, columns, np.append(np.zeros(rows * columns), closeness), image)
+    closeness = np.append(np.zeros(rows * columns), closeness)
+    share(surfaces, finals, shrink2, (rows, columns), Rows(image, closeness))
     np.testing.assert_allclose(image[: rows * columns], expected, rtol=1e-5, atol=1e-5)
 
 
@@ -292,16 +279,16 @@ def test_tiles_cover_the_window_and_move():
     window's edges, where tiles begin and end with it."""
     x0, y0, x1, y1 = window = np.array([3, 5, 3 + 3 * TILE + 2, 5 + 2 * TILE + 7])
     height, width = y1 - y0, x1 - x0
-    places = []
+    within = []
     for index in range(40, 40 + TILE):
-        place, covered = np.zeros((height * width, 2), int), np.zeros(height * width, int)
+        position, covered = np.zeros((height * width, 2), int), np.zeros(height * width, int)
         for pixels in tiles(window, index, np.uint64(2**63 + 12345)):
             assert min(pixels.shape) > 0 and max(pixels.shape) <= TILE
             covered[pixels] += 1
-            place[pixels] = np.stack(np.indices(pixels.shape), axis=-1)
+            position[pixels] = np.stack(np.indices(pixels.shape), axis=-1)
         assert np.all(covered == 1)
-        places.append(place.reshape(height, width, 2)[TILE : height - TILE, TILE : width - TILE])
-    assert np.all(np.sort(places, axis=0) == np.arange(TILE)[:, None, None, None])
+        within.append(position.reshape(height, width, 2)[TILE : height - TILE, TILE : width - TILE])
+    assert np.all(np.sort(within, axis=0) == np.arange(TILE)[:, None, None, None])
     assert tiles(np.array([0, 0, 1, 1]), 7, np.uint64(5))[0].tolist() == [[0]]
 
 
@@ -317,7 +304,7 @@ def test_tiles_leave_no_steps(moving, monkeypatch):
         return tiles(window, 0, np.uint64(0))
 
     if not moving:
-        monkeypatch.setattr(render_module, "tiles", still)
+        monkeypatch.setattr(passes, "tiles", still)
     vertices, triangles = box((4.0, 4.0, 3.0))
     faces = np.repeat(np.arange(6), 2)
     kelvin, material = np.where(faces == 0, 400.0, 300.0), np.where(faces == 4, 0, 1)  # x = 0, z = 0
@@ -357,7 +344,7 @@ def test_rays_by_way_of_half_mirrors_beat_photons(monkeypatch):
         return math.sqrt(np.mean(images.var(axis=0, ddof=1)[mean > 0.5 * mean.max()]))
 
     default = spread()
-    monkeypatch.setattr(eye_paths, "choose_splits", split_none)
+    monkeypatch.setattr(eye_paths, "choose_splits", no_final_gathers)
     photons = spread()
     print(f"{default:.3f} W m-2 sr-1, by photons alone {photons:.3f}")
     assert default < photons
@@ -386,7 +373,7 @@ def test_a_corner_is_not_blurred_by_what_rays_recall(caustic, monkeypatch):
     to be seen: without going on it is more than 4 of them.
     """
     scene = plate_against_a_wall(caustic)
-    monkeypatch.setattr(eye_paths, "choose_splits", split_all)
+    monkeypatch.setattr(eye_paths, "choose_splits", rays_everywhere)
 
     def rows(first, seeds):
         settings = Settings(passes=4, photons_per_pass=5000, pass_offset=first)
@@ -406,14 +393,14 @@ def test_a_corner_is_not_blurred_by_what_rays_recall(caustic, monkeypatch):
 
 def variance_at(price, scene, settings, monkeypatch):
     """Variance between the pixels of 24 renders planned at this price of noise, in kelvins as splitting counts them;
-    and the plan: Splitting, Looks, and what plan_splitting got besides."""
+    and the plan: Splitting, Survey, and what plan_splitting got besides."""
     plans = []
 
-    def plan(sheets, looks, *rest):
-        plans.append((plan_splitting(sheets, looks, *rest)._replace(price=price), looks, *rest))
+    def plan(sheets, survey, *rest):
+        plans.append((plan_splitting(sheets, survey, *rest)._replace(price=price), survey, *rest))
         return plans[-1][0]
 
-    monkeypatch.setattr(render_module, "plan_splitting", plan)
+    monkeypatch.setattr(preparation, "plan_splitting", plan)
     images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(24)]
     return np.mean(np.var(images, axis=0, ddof=1).ravel() * plans[-1][1].sensitivity ** 2), plans[-1]
 
@@ -427,10 +414,10 @@ def test_noise_of_photons_is_foreseen_where_a_small_part_of_a_floor_is_lit(monke
     *parts, material = join((*floor, 293.0, 0), (*panel, 400.0, 1))
     camera = look((0, -0.8, 0.6), (0, 0, 0), 16, 16, 0.8)
     scene = make_scene(*parts, (GREY, BLACK), camera, EDGES, material, world_temperature=293.0)
-    found, (splitting, looks, reach2, neighbours, _) = variance_at(
+    found, (splitting, survey, reach2, neighbours, _) = variance_at(
         math.inf, scene, Settings(passes=1, reference_temperature=293.0), monkeypatch
     )
-    foreseen, _ = noise_and_time(splitting, len(looks.block), reach2, neighbours)
+    foreseen, _ = noise_and_time(splitting, len(survey.block), reach2, neighbours)
     print(f"foreseen over found {math.sqrt(foreseen / found):.2f}")
     assert 1.5**-2 < foreseen / found < 1.5**2
 
@@ -442,10 +429,10 @@ def test_noise_of_photons_and_of_rays_is_foreseen(kind, monkeypatch):
     """
     scene = dataclasses.replace(corner(kind), camera=look((1.0, 1.0, 1.4), (1.1, 0.9, 0.0), 64, 48, 0.3))
     settings = Settings(passes=1, photons_per_pass=20_000, reference_temperature=290.0)
-    by_photons, (splitting, looks, reach2, neighbours, _) = variance_at(math.inf, scene, settings, monkeypatch)
-    monkeypatch.setattr(eye_paths, "choose_splits", split_all)
+    by_photons, (splitting, survey, reach2, neighbours, _) = variance_at(math.inf, scene, settings, monkeypatch)
+    monkeypatch.setattr(eye_paths, "choose_splits", rays_everywhere)
     by_rays, _ = variance_at(1e-30, scene, settings, monkeypatch)  # no roulette on what rays recall
-    pixels, cells = len(looks.block), looks.cells
+    pixels, cells = len(survey.block), survey.cells
     foreseen_by_photons, _ = noise_and_time(splitting, pixels, reach2, neighbours)
     sheets, labels = splitting.sheets, cells.key % len(splitting.sheets.density)
     spreads = [spread_in(cells, cell) for cell in range(len(labels))]

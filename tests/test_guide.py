@@ -2,21 +2,23 @@
 """The guide of emissions: a probability density over the cube, drawn from exactly, that leaves the mean alone."""
 
 import dataclasses
-import importlib
 
 import numpy as np
 import pytest
 from numba import njit
 
 from addon.solver import Material, Settings, SunLight, render
-from addon.solver.geometry.eye import eye_paths
+from addon.solver.camera import eye_paths
+from addon.solver.geometry.interaction import Interaction
 from addon.solver.geometry.point_tree import empty_walk
 from addon.solver.photons.emission import chosen_numbers
-from addon.solver.photons.guide import CELLS, DIMENSIONS, _count, build_gather_places, build_guide, even_guide
+from addon.solver.photons.guide import CELLS, DIMENSIONS, _count, build_gather_tree, build_guide, even_guide
+from addon.solver.planning import preparation
+from addon.solver.planning.preparation import prepare
 from addon.solver.sampling.rng import PHOTONS, pass_key
+from tests.helpers.paper_estimator import no_final_gathers
 from tests.helpers.scenes import box, look, make_scene, mean_and_error
 
-solver = importlib.import_module("addon.solver.passes")  # `addon.solver.passes` is the function
 EDGES = np.array([8.0, 10.0, 12.0])
 BOX_LOW, BOX_HIGH = np.array([0.5, 0.25, 0.0, 0.5, 0.75]), np.array([0.75, 0.5, 0.25, 1.0, 1.0])  # 1/4^4/2 of the cube
 
@@ -139,19 +141,21 @@ def test_few_samples_do_not_break_it(count):
 def test_gathers_are_those_within_reach_that_face_the_same_way():
     """Their number, against a count of all pairs, through what a photon's score is: power times its root."""
     rng = np.random.default_rng(8)
-    place, facing = rng.random((2000, 3)), rng.normal(size=(2000, 3))
-    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
-    gathers = build_gather_places(place, facing, 0.04)
+    points, normals = rng.random((2000, 3)), rng.normal(size=(2000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    tree = build_gather_tree(points, normals, 0.04)
 
     @njit
-    def count(gathers, x, n):
-        return _count(gathers, x[0], x[1], x[2], n[0], n[1], n[2], empty_walk())
+    def count(tree, at):
+        return _count(tree, at, empty_walk())
 
     for _ in range(50):
         point, normal = rng.random(3), rng.normal(size=3)
         normal /= np.linalg.norm(normal)
-        near = np.sum((place - point) ** 2, axis=1) < 0.04
-        assert count(gathers, point, normal) == np.sum(near & (facing @ normal > 0.8))
+        near = np.sum((points - point) ** 2, axis=1) < 0.04
+        point, facing = tuple(point), tuple(normal)
+        at = Interaction(0, 0, point, facing, facing, 0, 0.2, 0.3, tuple(-normal), 1.0, 1.0)
+        assert count(tree, at) == np.sum(near & (normals @ normal > 0.8))
 
 
 # In a render
@@ -174,11 +178,11 @@ def dark_room(world=150.0, plain=10.0, lights=()):
 
 
 SUN = SunLight(np.array([0.3, 0.2, -1.0]), 1e6)  # W/m2, so that it outshines the room in these bands
-# the sun's photons need a place in a disk, those of the sky a place in the room and a direction from there
+# the sun's photons need a point of a disk, those of the sky one in the room and a direction from there
 SCENES = {"sky": dark_room, "sun": lambda: dark_room(290.0, 3.0, (SUN,))}
 
 
-def without_guide(tracer, surfaces, radiometry, emitters, *rest):
+def without_guide(tracer, stage, emitters, *_):
     return emitters
 
 
@@ -186,10 +190,10 @@ def without_guide(tracer, surfaces, radiometry, emitters, *rest):
 def test_guide_does_not_change_the_mean(name, monkeypatch):
     """With and without it, within 4 standard errors."""
     scene, settings = SCENES[name](), Settings(passes=96, photons_per_pass=10_000)
-    assert len(solver.prepare(scene, settings).emitters.guide.density) > 20
+    assert len(prepare(scene, settings).emitters.guide.density) > 20
     mean, error = mean_and_error(scene, settings)
-    monkeypatch.setattr(solver, "learn_guide", without_guide)
-    assert len(solver.prepare(scene, settings).emitters.guide.density) == 1
+    monkeypatch.setattr(preparation, "learn_guide", without_guide)
+    assert len(prepare(scene, settings).emitters.guide.density) == 1
     other, other_error = mean_and_error(scene, settings)
     print(f"{mean / other - 1:+.3%} +- {error / mean:.3%} guided, {other_error / mean:.3%} even")
     assert np.hypot(error, other_error) < 0.03 * mean
@@ -200,9 +204,9 @@ def test_guide_does_not_change_the_mean(name, monkeypatch):
 def test_guide_lowers_the_noise(name, factor, monkeypatch):
     """In the pixels, at equal photons and without rays in their place. Two numbers are learnt better than four."""
     scene, settings = SCENES[name](), Settings(passes=32, photons_per_pass=10_000)
-    monkeypatch.setattr(eye_paths, "choose_splits", lambda *_: 0)
+    monkeypatch.setattr(eye_paths, "choose_splits", no_final_gathers)
     guided = np.median(render(scene, settings).noise())
-    monkeypatch.setattr(solver, "learn_guide", without_guide)
+    monkeypatch.setattr(preparation, "learn_guide", without_guide)
     even = np.median(render(scene, settings).noise())
     print(f"{guided:.3f} K guided, {even:.3f} K even")
     assert guided < factor * even
@@ -211,13 +215,13 @@ def test_guide_lowers_the_noise(name, factor, monkeypatch):
 def test_guide_finds_what_few_photons_find():
     """One of 4000 photons of the sun finds the hole: there a guide is worth most."""
     scene = dark_room(290.0, 10.0, (SUN,))
-    assert len(solver.prepare(scene, Settings()).emitters.guide.density) > 1
+    assert len(prepare(scene, Settings()).emitters.guide.density) > 1
 
 
 def test_guide_depends_on_the_scene_alone():
     """Neither on the seed nor on the pass: passes rendered elsewhere belong to the same image."""
     guides = [
-        solver.prepare(dark_room(), settings).emitters.guide
+        prepare(dark_room(), settings).emitters.guide
         for settings in (Settings(), Settings(seed=5, passes=3, pass_offset=9, threads=1))
     ]
     for one, other in zip(*guides, strict=True):
@@ -246,4 +250,4 @@ def test_no_guide_in_a_closed_room():
     temperature = np.repeat([290.0, 300.0, 280.0, 290.0, 310.0, 290.0], 2)
     camera = look((0.2, 0.2, 1.3), (1.3, 1.3, 0.2), 12, 9, 0.7)
     scene = make_scene(vertices, triangles, temperature, [Material("grey", 0.5)], camera, EDGES)
-    assert len(solver.prepare(scene, Settings()).emitters.guide.density) == 1
+    assert len(prepare(scene, Settings()).emitters.guide.density) == 1

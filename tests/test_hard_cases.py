@@ -11,7 +11,6 @@ times the passes: only one of 137,000 misses twice, and there are some ninety he
 """
 
 import dataclasses
-import importlib
 import math
 
 import numpy as np
@@ -29,13 +28,13 @@ from addon.solver import (
     SunLight,
     render,
 )
-from addon.solver.geometry.surfaces import CLEAR, areas
-from addon.solver.photons.emission import light_spectrum
+from addon.solver.geometry.triangles import CLEAR, areas
+from addon.solver.photons.lights import light_spectrum
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance
+from addon.solver.planning import preparation
+from addon.solver.planning.preparation import prepare
 from tests.helpers import scenes
 from tests.helpers.scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
-
-solver = importlib.import_module("addon.solver.passes")  # the package has a function of that name
 
 EDGES = np.array([8.0, 9.0, 12.0])
 QUICK = Settings(passes=16, photons_per_pass=5000)
@@ -330,7 +329,9 @@ def test_a_thousand_bounces(settings, monkeypatch):
 
     4 %: one photon's time in the ball varies as much as its mean, so 1200 of them err by 3 %.
     """
-    monkeypatch.setattr(solver, "_PLAN_PHOTONS", 512)  # 8192 that plan the render would take longer than the passes
+    monkeypatch.setattr(
+        preparation, "_PLAN_PHOTONS", 512
+    )  # 8192 that plan the render would take longer than the passes
     scene, truth = diffuse_sphere(0.001, 0.001, 1)
     expect(scene, truth, precision=0.04, passes=8, photons_per_pass=150, **settings)
 
@@ -346,30 +347,30 @@ def test_photons_of_a_thousand_bounces_end(monkeypatch):
     Each bounce rounds it to float32 (6e-8 for each of two factors), at random: 7000 of them, as many as the longest way
     has, are off by sqrt(7000) of that, 1e-5. Some photons leave the outside, and are gone at once.
     """
-    monkeypatch.setattr(solver, "_PLAN_PHOTONS", 512)
+    monkeypatch.setattr(preparation, "_PLAN_PHOTONS", 512)
     emissivity, count = 0.001, 1100
     scene, _ = diffuse_sphere(emissivity, emissivity, 1)
-    model = solver.prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
-    emitted, drifts, hits, missed = [], [], [], []
+    model = prepare(scene, dataclasses.replace(QUICK, reference_subtraction=False))
+    emitted, drifts, met, missed = [], [], [], []
 
-    def on_hits(triangle, _u, _v, wave):
-        alive = len(triangle)
+    def on_hits(hits, wave):
+        alive = len(hits.triangle)
         if not emitted:
             emitted.append(wave.power.copy())
         relative = wave.power[:alive] / emitted[0][wave.photon[:alive]] - 1.0
         drifts.append(float(np.abs(relative).max()))
-        hits.append(np.count_nonzero(triangle >= 0))
-        missed.append(alive - hits[-1])
+        met.append(np.count_nonzero(hits.triangle >= 0))
+        missed.append(alive - met[-1])
 
     stored = sum(len(batch.surface) for batch in stored_photons(model, count, on_hits=on_hits))
-    count = hits[0]  # that start inside
+    count = met[0]  # that start inside
     error = math.sqrt((1.0 - emissivity) / count)  # relative
-    print(f"{sum(hits) / count:.0f} bounces +- {error:.1%}, {len(hits)} at most, power drifts by {max(drifts):.1e}")
+    print(f"{sum(met) / count:.0f} bounces +- {error:.1%}, {len(met)} at most, power drifts by {max(drifts):.1e}")
     assert np.all(emitted[0] > 0)
-    assert sum(missed[1:]) == 0 and stored == sum(hits) > 1_000_000
+    assert sum(missed[1:]) == 0 and stored == sum(met) > 1_000_000
     assert max(drifts) < 1e-4
-    assert abs(sum(hits) * emissivity / count - 1.0) < 3 * error
-    assert len(hits) < math.log(count / 1e-9) / emissivity
+    assert abs(sum(met) * emissivity / count - 1.0) < 3 * error
+    assert len(met) < math.log(count / 1e-9) / emissivity
 
 
 def one_band():
@@ -410,12 +411,13 @@ def test_error_where_one_band_reflects_all(settings):
 def test_weight_of_a_photon_is_bounded(roulette, bounded, settings):
     """The power roulette never lets a photon weigh more over all bands than it left with, but for what the limit of
     the survival adds, 1 / 4096 a bounce; with the paper's its weight quadruples at a bounce, once it is in one band."""
-    model = solver.prepare(one_band(), dataclasses.replace(QUICK, roulette=roulette, **settings))
+    model = prepare(one_band(), dataclasses.replace(QUICK, roulette=roulette, **settings))
     weights = []  # of photons, by number, as they leave, and later the growth of each that is left
 
-    def on_hits(triangle, _u, _v, wave):
-        weight = np.abs(wave.power[: len(triangle)].sum(axis=1, dtype=float))
-        weights.append(weight / weights[0][wave.photon[: len(triangle)]] if weights else weight)
+    def on_hits(hits, wave):
+        alive = len(hits.triangle)
+        weight = np.abs(wave.power[:alive].sum(axis=1, dtype=float))
+        weights.append(weight / weights[0][wave.photon[:alive]] if weights else weight)
 
     stored_photons(model, 20_000, on_hits=on_hits)
     growth = max(each.max() for each in weights[1:])
@@ -446,7 +448,7 @@ def test_room_in_which_nothing_absorbs(specular, settings):
 def test_room_in_which_nothing_absorbs_ends(specular, settings, monkeypatch):
     """With a lamp there is no steady state at all; between mirrors alone a camera path meets nothing that ends it. Both
     end by roulette, after 4096 bounces on average, and leave an image of finite numbers."""
-    monkeypatch.setattr(solver, "_PLAN_PHOTONS", 64)
+    monkeypatch.setattr(preparation, "_PLAN_PHOTONS", 64)
     scene = room(material=Material("perfect", 0.0, specular), lights=(PointLight(np.array([0.5, 0.4, 0.3]), 100.0),))
     scene = dataclasses.replace(scene, camera=look((0.8, 0.6, 0.4), (0.1, 0.1, 0.1), 2, 1))
     checked_render(scene, dataclasses.replace(QUICK, passes=2, photons_per_pass=20, **settings))
@@ -521,13 +523,13 @@ def test_size_of_a_furnished_room(size):
 
 
 @pytest.mark.parametrize(
-    "place", [(1e-6, 0.0), (1e6, 0.0), (1.0, np.array([1e6, -1e6, 1e6]))], ids=["1e-6", "1e6", "far"]
+    "moved", [(1e-6, 0.0), (1e6, 0.0), (1.0, np.array([1e6, -1e6, 1e6]))], ids=["1e-6", "1e6", "far"]
 )
-def test_place_of_a_furnished_room(place):
+def test_size_and_position_of_a_furnished_room(moved):
     """Other sizes, and 1e6 m from the origin: coordinates are rounded otherwise. Passes share their random numbers with
     those of the room as it is, so it is the spread of the differences that counts; most of them are rounding."""
     passes, other = (
-        pass_means(scene, dataclasses.replace(QUICK, passes=8)) for scene in (furnished(), furnished(*place))
+        pass_means(scene, dataclasses.replace(QUICK, passes=8)) for scene in (furnished(), furnished(*moved))
     )
     difference = (other - passes).sum(axis=1) / passes.sum(axis=1).mean()
     error = difference.std(ddof=1) / math.sqrt(len(difference))
@@ -810,8 +812,9 @@ def test_no_millionth_leaks_through_a_thin_wall(gap):
     """Rays that leak may be rare, and a picture takes few. So 3.1 million from all the walls of one room are looked at,
     from where the solver starts them: none meets the other room or nothing at all. Were it a millionth of them that
     did, the chance of that would be 5 % (rule of three)."""
-    m = solver.prepare(rooms(gap, False), QUICK)
-    corners, (normal, clear) = m.surfaces.corners.astype(float), np.split(m.surfaces.plane.astype(float), [3], axis=1)
+    m = prepare(rooms(gap, False), QUICK)
+    surfaces = m.stage.surfaces
+    corners, (normal, clear) = surfaces.corners.astype(float), np.split(surfaces.plane.astype(float), [3], axis=1)
     inwards = corners[12:].mean(axis=(0, 1)) - corners.mean(axis=1)
     normal *= np.sign(np.sum(normal * inwards, axis=1))[:, None]
     rng = np.random.default_rng(1)
@@ -821,14 +824,14 @@ def test_no_millionth_leaks_through_a_thin_wall(gap):
         direction = rng.normal(size=(len(t), 3))
         direction = normal[t] + direction / np.linalg.norm(direction, axis=1)[:, None]  # cosine distribution
         origin = np.einsum("ni,nij->nj", share, corners[t]) + clear[t] * normal[t]
-        met = m.tracer.trace(origin.astype(np.float32), direction.astype(np.float32))[0]
+        met = m.tracer.trace(origin.astype(np.float32), direction.astype(np.float32)).triangle
         assert met.min() >= 12
 
 
 @pytest.mark.parametrize("first", [400.0, 300.0])
 @pytest.mark.parametrize("seen_from", ["left", "right"])
 def test_walls_that_coincide(first, seen_from, caplog):
-    """Two rooms with a wall of each in one place: the log tells, and the wall of the first counts, on both sides."""
+    """Two rooms with a wall of each at one position: the log tells, and the wall of the first counts, on both sides."""
     scene = rooms(0.0, seen_from == "left", first, 700.0 - first, Material("black", 1.0), 0.3)
     film = checked_render(scene, dataclasses.replace(QUICK, passes=1))
     assert "2 triangles lie exactly on others and are left out" in caplog.text
@@ -875,8 +878,8 @@ def test_photons_that_could_never_be_stored_are_not_traced(emissivity, roughness
     scene = room(material=material, lights=(PointLight(np.array([0.5, 0.4, 0.3]), 100.0),))
     unlit = dataclasses.replace(scene, lights=())
     settings = dataclasses.replace(QUICK, reference_subtraction=False)
-    assert solver.prepare(unlit, settings).photons_per_pass == 0
-    assert (solver.prepare(scene, settings).photons_per_pass == 0) == (roughness == 0.0)
+    assert prepare(unlit, settings).photons_per_pass == 0
+    assert (prepare(scene, settings).photons_per_pass == 0) == (roughness == 0.0)
 
 
 def test_one_diffuse_wall_among_perfect_mirrors():
@@ -903,13 +906,13 @@ def test_camera_inside_an_object(settings):
 
 @pytest.mark.parametrize("settings", SUBTRACTION)
 @pytest.mark.parametrize(
-    "place", [(0.0, 0.4, 0.3), (0.0, 0.0, 0.0), (1e-9, 0.4, 0.3)], ids=["wall", "corner", "touching"]
+    "position", [(0.0, 0.4, 0.3), (0.0, 0.0, 0.0), (1e-9, 0.4, 0.3)], ids=["wall", "corner", "touching"]
 )
-def test_camera_on_a_surface(place, settings):
+def test_camera_on_a_surface(position, settings):
     """A ray that starts on a wall, or so near that float32 cannot tell, meets it at once, and from behind, as it goes
     into the room: what the outside emits, half of a blackbody, in every pixel. Outside is 0 K."""
     vertices, triangles = box((1.0, 0.8, 0.6))
-    scene = make_scene(vertices, triangles, 300.0, [GREY], look(place, (0.6, 0.5, 0.3), 8, 6), EDGES)
+    scene = make_scene(vertices, triangles, 300.0, [GREY], look(position, (0.6, 0.5, 0.3), 8, 6), EDGES)
     film = checked_render(scene, dataclasses.replace(QUICK, **settings))
     np.testing.assert_allclose(film.radiance(), 0.5 * black(EDGES, 300.0), rtol=ROUNDING)
 
@@ -1012,24 +1015,24 @@ def beam(power=1000.0, half=3.0):
 
 @pytest.mark.parametrize("settings", [*SUBTRACTION, WARM])
 def test_photons_that_coincide(settings):
-    """40 photons in one place, fewer than the neighbours of an estimate: their light is spread over the largest disk,
+    """40 photons at one point, fewer than the neighbours of an estimate: their light is spread over the largest disk,
     and all of it is there.
 
     With a reference of 300 K some are what the surroundings lack. So the beam is a bright one, to send most of them.
     """
     scene, truth = beam(1e9)
     settings = dataclasses.replace(QUICK, passes=128, photons_per_pass=40, **settings)
-    model = solver.prepare(scene, settings)
+    model = prepare(scene, settings)
     batches = stored_photons(model, 40)
-    places = np.concatenate([batch.position for batch in batches])
-    most = np.unique(places, axis=0, return_counts=True)[1].max()
-    assert most == len(places) == 40 or (settings.reference_temperature and 30 <= most <= 40)
+    points = np.concatenate([batch.position for batch in batches])
+    most = np.unique(points, axis=0, return_counts=True)[1].max()
+    assert most == len(points) == 40 or (settings.reference_temperature and 30 <= most <= 40)
     expect(scene, truth, settings, precision=0.01)
 
 
 @pytest.mark.parametrize("settings", [*SUBTRACTION, WARM])
 def test_more_photons_coincide_than_are_neighbours(settings):
-    """5000 in one place leave an estimate no disk of its own: their light is spread over the largest one, too."""
+    """5000 at one point leave an estimate no disk of its own: their light is spread over the largest one, too."""
     scene, truth = beam(1e9, 0.5)  # the largest disk has a radius of 0.375 m
     expect(scene, truth, QUICK, precision=0.015, passes=32, **settings)
 

@@ -8,15 +8,22 @@ import pytest
 from numba import njit
 
 from addon.solver import Material
-from addon.solver.camera.eye_paths import Estimate
+from addon.solver.camera.rays import Estimate
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.geometry.point_tree import empty_walk
 from addon.solver.geometry.surfaces import build_surfaces, unit_normal
-from addon.solver.photons.irradiance_cache import Places, build_irradiance_cache, cache_points, ray_ends, recalled
+from addon.solver.photons.irradiance_cache import (
+    VisiblePoints,
+    build_irradiance_cache,
+    cache_points,
+    ray_ends,
+    recalled,
+)
+from addon.solver.photons.photon_map import query_at
 from addon.solver.planning.sheets import dark_sheets
 from addon.solver.planning.splitting import Splitting
 from addon.solver.planning.survey import Cells
-from tests.helpers.photon_maps import photon_map, square, triangle_under
+from tests.helpers.photon_maps import photon_map, side_under, square
 from tests.helpers.scenes import box, join, look, make_scene
 
 EDGES = np.array([8.0, 12.0])
@@ -33,16 +40,17 @@ def choices(neighbours, reach2, shrink2):
 
 
 @njit
-def recall_all(cache, sheet, points, reach2):
+def recall_all(cache, surfaces, side_id, points, reach2):
     walk = empty_walk()
     index = np.empty(len(points), np.int64)
     for i in range(len(points)):
-        index[i] = recalled(cache, sheet, points[i, 0], points[i, 1], points[i, 2], 0.0, 0.0, 1.0, reach2, walk)
+        x, y, z = points[i]
+        index[i] = recalled(cache, query_at(surfaces, side_id, (x, y, z)), reach2, walk)
     return index
 
 
 def free(reach2):
-    return lambda place, code, first: unlimited(len(code), reach2)
+    return lambda point, side_id, first: unlimited(len(side_id), reach2)
 
 
 def scattered(rng, count):
@@ -59,11 +67,11 @@ def test_what_is_recalled_is_unbiased(mean_photons):
     ratios = []
     for _ in range(600):
         points = scattered(rng, rng.poisson(mean_photons))
-        built = photon_map(points, surfaces, 2 * triangle_under(points, 10))
-        place = scattered(rng, 64)
-        code = 2 * triangle_under(place, 10).astype(np.int32)
-        cache = build_irradiance_cache(built.photons, surfaces, estimate, place, code, free(estimate.reach2))
-        chosen = recall_all(cache, surfaces.sheet[0, 0], scattered(rng, 8), 1.0)
+        built = photon_map(points, surfaces, side_under(points, 10))
+        known = scattered(rng, 64)
+        known = known, side_under(known, 10).astype(np.int32)
+        cache = build_irradiance_cache(built.photons, surfaces, estimate, known, free(estimate.reach2))
+        chosen = recall_all(cache, surfaces, 0, scattered(rng, 8), 1.0)
         assert np.all(chosen >= 0)
         ratios.append(cache.value[chosen, 0].mean() / mean_photons)
     mean, error = np.mean(ratios), np.std(ratios, ddof=1) / math.sqrt(len(ratios))
@@ -75,19 +83,20 @@ def test_the_nearest_point_of_the_sheet_answers():
     """Brute force finds the same; beyond the reach, from the other side and on another sheet there is none."""
     rng = np.random.default_rng(5)
     surfaces = square()
-    place = scattered(rng, 300)
-    code = (2 * triangle_under(place, 1)).astype(np.int32)
-    built = photon_map(place, surfaces, code)
-    cache = build_irradiance_cache(built.photons, surfaces, choices(20, 0.01, 1.0), place, code, free(0.01))
+    point = scattered(rng, 300)
+    side_id = side_under(point, 1).astype(np.int32)
+    built = photon_map(point, surfaces, side_id)
+    cache = build_irradiance_cache(built.photons, surfaces, choices(20, 0.01, 1.0), (point, side_id), free(0.01))
     kept = np.swapaxes(cache.tree.leaves[:, :3], 1, 2).reshape(-1, 3)[:300]
     queries = scattered(rng, 200)
     distance2 = ((queries[:, None] - kept) ** 2).sum(axis=2)
-    front, back = surfaces.sheet[0]
-    assert np.array_equal(recall_all(cache, front, queries, 1.0), distance2.argmin(axis=1))
+    assert np.array_equal(recall_all(cache, surfaces, 0, queries, 1.0), distance2.argmin(axis=1))
     within = distance2.min(axis=1) < 1e-4
     assert 0 < within.sum() < 200
-    assert np.array_equal(recall_all(cache, front, queries, 1e-4) >= 0, within)
-    assert np.all(recall_all(cache, back, queries, 1.0) == -1)
+    assert np.array_equal(recall_all(cache, surfaces, 0, queries, 1e-4) >= 0, within)
+    assert np.all(recall_all(cache, surfaces, 1, queries, 1.0) == -1)
+    above = surfaces._replace(sheet=surfaces.sheet + 2)
+    assert np.all(recall_all(cache, above, 0, queries, 1.0) == -1)
 
 
 def test_points_come_closer_as_disks_shrink():
@@ -99,7 +108,7 @@ def test_points_come_closer_as_disks_shrink():
 
 def test_points_lie_where_rays_of_final_gathers_end():
     """From the middle of a cube's floor: the ceiling's share is its view factor, of a parallel square above, 4 times
-    that of a corner's (Howell, factor B-3 with X = Y = 1 / 2). Places that carry nothing send none. 4 standard errors.
+    that of a corner's (Howell, factor B-3 with X = Y = 1 / 2). Points that carry nothing send none. 4 standard errors.
     """
     vertices, triangles, kelvin, material = join((*box((1.0, 1.0, 1.0)), 300.0, 0))
     scene = make_scene(
@@ -107,16 +116,16 @@ def test_points_lie_where_rays_of_final_gathers_end():
     )
     surfaces, tracer, centre = build_surfaces(scene)
     floor = np.flatnonzero(np.all(surfaces.corners[:, :, 2] < -0.49, axis=1))[0]
-    inside = int(unit_normal(surfaces, floor, 0)[2] < 0)
-    place = np.array([(0.5, 0.5, 0.0), (0.5, 0.5, 1.0)]) - centre
-    facing, code = np.array([(0, 0, 1.0), (0, 0, 1.0)]), np.full(2, 2 * floor + inside, np.int32)
+    inside = int(unit_normal(surfaces, 2 * floor)[2] < 0)
+    point = np.array([(0.5, 0.5, 0.0), (0.5, 0.5, 1.0)]) - centre
+    normal, side_id = np.array([(0, 0, 1.0), (0, 0, 1.0)]), np.full(2, 2 * floor + inside, np.int32)
     total = 20_000
-    places = Places(place, facing, code, np.array([1.0, 1.0]))
-    found, at = ray_ends(tracer, surfaces, places, np.uint64(3), total)
+    visible = VisiblePoints(point, normal, side_id, np.array([1.0, 1.0]))
+    found, at = ray_ends(tracer, surfaces, visible, np.uint64(3), total)
     assert len(found) == len(at) == total
     share = np.mean(found[:, 2] > 0.49)
     x = 0.5
     root = math.sqrt(1 + x * x)
     expected = 4 * (x / root * math.atan(x / root) * 2) / (2 * math.pi)
     assert abs(share - expected) < 4 * math.sqrt(expected * (1 - expected) / total)
-    assert ray_ends(tracer, surfaces, places._replace(place=place[:0]), np.uint64(3), 100)[0].shape == (0, 3)
+    assert ray_ends(tracer, surfaces, visible._replace(point=point[:0]), np.uint64(3), 100)[0].shape == (0, 3)

@@ -6,7 +6,6 @@ standard errors of the mean (from the spread of the passes), which are themselve
 from linear over the 4 cm that the camera looks at.
 """
 
-import importlib
 import math
 from dataclasses import replace
 
@@ -14,13 +13,12 @@ import numpy as np
 import pytest
 
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
-from addon.solver.photons.emission import light_spectrum
+from addon.solver.photons.lights import light_spectrum
+from addon.solver.physics.lobes import ggx_albedo, interpolate_albedo
 from addon.solver.physics.spectrum import band_radiance
-from addon.solver.sampling.warps import interpolate_albedo, lobe_albedo
+from addon.solver.planning import lamps
+from addon.solver.planning.preparation import prepare
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
-
-prepare = importlib.import_module("addon.solver.passes").prepare  # `addon.solver.passes` is the function
-lamps = importlib.import_module("addon.solver.camera.lamps")
 
 pytestmark = pytest.mark.statistics
 
@@ -280,7 +278,7 @@ def test_lamp_emits_by_direction():
     towards = centre - spot
     distance = np.linalg.norm(towards)
     cosine = towards[0] / distance
-    albedo = interpolate_albedo(lobe_albedo(ROUGH.alpha, 128)[None], 0, cosine)
+    albedo = interpolate_albedo(ggx_albedo(ROUGH.alpha)[None], 0, cosine)
     emissivity = 0.1 + 0.9 * (1 - albedo)
     assert emissivity > 2 * 0.1
     solid_angle = 0.04**2 * cosine / distance**2
@@ -378,7 +376,7 @@ def test_lamps_do_not_change_the_mean(lights, monkeypatch):
     settings = Settings(passes=16, photons_per_pass=30_000)
     assert lamp_triangles(scene, None).size == 1280
     mean, error = mean_and_error(scene, settings)
-    monkeypatch.setattr(lamps, "_TOGETHER", 1e9)
+    monkeypatch.setattr(lamps, "_LEAST_OF_ALL", 1e9)
     assert lamp_triangles(scene, None).size == 0
     other, other_error = mean_and_error(scene, settings)
     print(f"{mean / other - 1:+.3%} +- {np.hypot(error, other_error) / mean:.3%}")

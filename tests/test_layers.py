@@ -9,7 +9,6 @@ import pytest
 from addon.solver import Film, Material, PointLight, Scene, SceneError, Settings, render
 from addon.solver.checkpoint import load, render_with_checkpoints
 from addon.solver.image.recombine import layered_image, read_series
-from addon.solver.passes import prepare
 from addon.solver.physics.layers import (
     LEAST_EXCESS,
     SINGLE,
@@ -22,6 +21,7 @@ from addon.solver.physics.layers import (
 )
 from addon.solver.physics.radiometry import build_radiometry
 from addon.solver.physics.spectrum import band_radiance
+from addon.solver.planning.preparation import prepare
 from tests.helpers.scenes import box, join, look, quad, sphere
 
 EDGES = np.array([3.0, 5.0, 8.0, 10.0, 14.0])
@@ -53,9 +53,9 @@ def ungrouped(scene):
     return dataclasses.replace(scene, groups=(), group=None, world_group=-1)
 
 
-def ball(radius, place):
+def ball(radius, centre):
     points, triangles = sphere(1, radius)
-    return points + place, triangles
+    return points + centre, triangles
 
 
 def room(size=(16, 12)):
@@ -168,7 +168,9 @@ def test_what_is_seen_directly_is_exact():
 def test_without_groups_there_is_one_layer():
     film = render(ungrouped(room()), QUICK)
     model = prepare(ungrouped(room()), QUICK)
-    assert to_json(film.layers) == to_json(SINGLE) and model.surfaces.layer.size == 0 and not model.optics.keep_layer
+    assert (
+        to_json(film.layers) == to_json(SINGLE) and model.stage.surfaces.layer.size == 0 and not model.optics.keep_layer
+    )
     assert film.layer_means().shape == (16 * 12, 4)
 
 

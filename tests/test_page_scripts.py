@@ -366,5 +366,7 @@ def test_variants_start_in_a_process_of_their_own(monkeypatch, tmp_path):
     monkeypatch.setattr(estimators, "measure", print)
     monkeypatch.setenv(estimators.FOLDER_VARIABLE, str(tmp_path))  # which `start` changes
     with estimators.start("no guide", tmp_path) as pool:
-        looked_up = pool.submit(eval, "__import__('importlib').import_module('addon.solver.passes')._ENOUGH")
+        looked_up = pool.submit(
+            eval, "__import__('importlib').import_module('addon.solver.planning.preparation')._ENOUGH"
+        )
         assert looked_up.result() == -1.0

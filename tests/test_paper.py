@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from addon.solver import Material, PointLight, Settings, render
-from addon.solver.photons.emission import light_spectrum
+from addon.solver.photons.lights import light_spectrum
 from docs.tools import measure_paper
 from docs.tools.paths import DOCS, ROOT
 from tests.helpers.paper_estimator import PAPER, papers_estimator

@@ -6,21 +6,23 @@ import pytest
 from numba import njit
 from scipy.spatial import cKDTree
 
-from addon.solver.geometry.surfaces import PATCH_LIMIT
+from addon.solver.geometry.area import NO_WALL
 from addon.solver.photons.photon_map import (
+    Disk,
     Photons,
     PhotonStore,
+    Query,
     _search,
     build_photon_map,
     gather,
     irradiance,
     neighbours_room,
 )
-from tests.helpers.photon_maps import Map, photon_map, square, surfaces_of, triangle_under
+from tests.helpers.photon_maps import Map, photon_map, side_under, square, surfaces_of, triangle_under
 from tests.helpers.scenes import box
 
-UP = (0.0, 0.0, 1.0)
-NO_WALL = np.zeros(3, np.float32)
+UP = (np.float32(0.0), np.float32(0.0), np.float32(1.0))
+DISK = Disk(neighbours=50, reach2=1.0, shrink2=1.0, wall=NO_WALL, only_caustic=False)
 
 
 @njit
@@ -29,8 +31,8 @@ def search_all(photon_map, k, points, normal, bound):
     room = neighbours_room(k)
     distance2, within = np.empty(len(points), np.float32), np.empty(len(points), np.int64)
     for i in range(len(points)):
-        x, y, z = points[i]
-        count, r2 = _search(photon_map, 0, k, x, y, z, normal[0], normal[1], normal[2], bound, room)
+        query = Query((points[i, 0], points[i, 1], points[i, 2]), normal, np.float32(0.0))
+        count, r2 = _search(photon_map, query, k, bound, room)
         distance2[i] = r2
         within[i] = 0
         for j in range(count):
@@ -39,61 +41,31 @@ def search_all(photon_map, k, points, normal, bound):
 
 
 @njit
-def gather_all(photon_map, surfaces, triangles, sides, points, walls, k, reach2, shrink2, guess):
-    """Number of photons and area of a gather at every point, each starting from the same guess."""
-    room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
+def gather_all(photon_map, surfaces, side_ids, points, walls, disk, guess):
+    """Number of photons and area of a gather at every point, each before its wall and starting from the same guess."""
+    room = neighbours_room(disk.neighbours)
     kept, area = np.empty(len(points), np.int64), np.empty(len(points))
     for i in range(len(points)):
         x, y, z = points[i]
-        kept[i], area[i], _ = gather(
-            photon_map,
-            surfaces,
-            triangles[i],
-            sides[i],
-            x,
-            y,
-            z,
-            walls[i],
-            k,
-            reach2,
-            shrink2,
-            False,
-            guess,
-            room,
-            patch,
-        )
+        wall = walls[i, 0], walls[i, 1], walls[i, 2]
+        cut = Disk(disk.neighbours, disk.reach2, disk.shrink2, wall, disk.only_caustic)
+        kept[i], area[i], _ = gather(photon_map, surfaces, side_ids[i], (x, y, z), cut, guess, room)
     return kept, area
 
 
-def gathers(built, triangles, points, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0, walls=NO_WALL):
+def gathers(built, side_ids, points, disk=DISK, guess=1.0, walls=NO_WALL):
+    """Number of photons and area of gathers at (n, 3) points on sides. walls: one for each, or for all."""
     points = np.atleast_2d(np.asarray(points, np.float32))
-    triangles = np.broadcast_to(np.asarray(triangles, np.int32), (len(points),))
-    sides = np.full(len(points), side, np.int32)
+    side_ids = np.broadcast_to(np.asarray(side_ids, np.int32), (len(points),))
     walls = np.ascontiguousarray(np.broadcast_to(np.asarray(walls, np.float32), (len(points), 3)))
-    return gather_all(built.photons, built.surfaces, triangles, sides, points, walls, k, reach2, shrink2, guess)
+    return gather_all(built.photons, built.surfaces, side_ids, points, walls, disk, guess)
 
 
-def gather_one(built, triangle, point, k=50, reach2=1.0, shrink2=1.0, guess=1.0, side=0, only_caustic=False):
+def gather_one(built, side_id, point, disk=DISK, guess=1.0):
     """Numbers (sorted) of the photons of one gather in the map's order, the area, and the next guess."""
-    room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
+    room = neighbours_room(disk.neighbours)
     x, y, z = (float(c) for c in point)
-    kept, area, following = gather(
-        built.photons,
-        built.surfaces,
-        triangle,
-        side,
-        x,
-        y,
-        z,
-        NO_WALL,
-        k,
-        reach2,
-        shrink2,
-        only_caustic,
-        guess,
-        room,
-        patch,
-    )
+    kept, area, following = gather(built.photons, built.surfaces, side_id, (x, y, z), disk, guess, room)
     return np.sort(room.index[:kept]), area, following
 
 
@@ -129,10 +101,10 @@ def test_nearest_are_those_of_a_kd_tree(name, k):
     points = SETS[name](rng).astype(np.float32)
     queries = np.concatenate((points[:50] + rng.normal(scale=0.01, size=points[:50].shape), rng.normal(size=(50, 3))))
     queries = queries.astype(np.float32)
-    bound = 4.0
+    bound = np.float32(4.0)
     built = photon_map(points, square())
     distance2, within = search_all(built.photons, k, queries, UP, bound)
-    tree = cKDTree(np.unique(points, axis=0))  # those in one place count as one
+    tree = cKDTree(np.unique(points, axis=0))  # those at one point count as one
     expected = np.minimum(tree.query(queries, [k])[0][:, 0] ** 2, bound)
     # three float32 differences, squared and summed: 6 roundings of 2^-24
     np.testing.assert_allclose(distance2, expected, rtol=6 * 2.0**-24)
@@ -156,15 +128,16 @@ def test_gather_lists_all_nearer_than_the_kth():
     rng = np.random.default_rng(13)
     points = rng.uniform(-0.5, 0.5, (3000, 3)) * (1, 1, 0)
     surfaces, k = square(), 40
-    built = photon_map(points, surfaces, 2 * triangle_under(points, 1))
+    built = photon_map(points, surfaces, side_under(points, 1))
     position = built.photons.photons.position
+    disk = DISK._replace(neighbours=k)
     for query in rng.uniform(-0.3, 0.3, (20, 3)) * (1, 1, 0):
-        triangle = triangle_under(query[None], 1)[0]
-        index, area, _ = gather_one(built, triangle, query.astype(np.float32), k)
+        side_id = side_under(query[None], 1)[0]
+        index, area, _ = gather_one(built, side_id, query.astype(np.float32), disk)
         distance, nearest = cKDTree(position).query(query.astype(np.float32), k)
         assert set(index) == set(nearest[:-1])  # the k-th bounds the disk and does not count
         assert area == pytest.approx(np.pi * distance[-1] ** 2, rel=1e-6)
-        shrunk, shrunk_area, _ = gather_one(built, triangle, query.astype(np.float32), k, shrink2=0.3)
+        shrunk, shrunk_area, _ = gather_one(built, side_id, query.astype(np.float32), disk._replace(shrink2=0.3))
         assert set(shrunk) == set(nearest[distance**2 < 0.3 * distance[-1] ** 2])
         assert shrunk_area == pytest.approx(0.3 * area, rel=1e-6)
 
@@ -172,25 +145,23 @@ def test_gather_lists_all_nearer_than_the_kth():
 def test_fewer_than_k_in_reach_all_count():
     points = np.array([(0.01 * i, 0.0, 0.0) for i in range(10)])
     built = photon_map(points, square())
-    index, area, _ = gather_one(built, 0, (0, 0, 0), k=50, reach2=0.055**2)
+    index, area, _ = gather_one(built, 0, (0, 0, 0), DISK._replace(reach2=0.055**2))
     assert len(index) == 6
     assert area == pytest.approx(np.pi * 0.055**2, rel=1e-6)
 
 
 def test_no_photons():
     built = photon_map(np.empty((0, 3)), square(), power=np.empty((0, 4), np.float32))
-    index, area, following = gather_one(built, 0, (0, 0, 0), reach2=0.04)
+    index, area, following = gather_one(built, 0, (0, 0, 0), DISK._replace(reach2=0.04))
     assert len(index) == 0 and area == pytest.approx(np.pi * 0.04, rel=1e-6) and following > 0
 
 
 def test_irradiance_is_power_over_area():
     rng = np.random.default_rng(14)
     points, power = rng.uniform(-0.1, 0.1, (30, 3)) * (1, 1, 0), rng.normal(size=(30, 3)).astype(np.float32)
-    built = photon_map(points, square(), 2 * triangle_under(points, 1), power)
-    room, patch = neighbours_room(50), np.empty(PATCH_LIMIT, np.int32)
-    kept, area, _ = gather(
-        built.photons, built.surfaces, 0, 0, 0.0, 0.0, 0.0, NO_WALL, 50, 0.16, 1.0, False, 0.16, room, patch
-    )
+    built = photon_map(points, square(), side_under(points, 1), power)
+    room = neighbours_room(50)
+    kept, area, _ = gather(built.photons, built.surfaces, 0, (0.0, 0.0, 0.0), DISK._replace(reach2=0.16), 0.16, room)
     out = np.empty(3)
     irradiance(built.photons, room, kept, area, out)
     np.testing.assert_allclose(out, power.sum(axis=0, dtype=float) / (np.pi * 0.16), rtol=1e-6)
@@ -202,10 +173,10 @@ def test_the_first_guess_changes_nothing(guess):
     points = clusters(rng, 3000) * (1, 1, 0)
     points = points[np.abs(points).max(axis=1) < 0.5]
     queries = np.concatenate((points[:50], rng.uniform(-0.5, 0.5, (50, 3)) * (1, 1, 0)))
-    built = photon_map(points, square(10), 2 * triangle_under(points, 10))
-    options = {"k": 50, "reach2": 0.05, "shrink2": 0.7}
-    expected = gathers(built, triangle_under(queries, 10), queries, guess=0.05, **options)
-    found = gathers(built, triangle_under(queries, 10), queries, guess=guess, **options)
+    built = photon_map(points, square(10), side_under(points, 10))
+    disk = DISK._replace(reach2=0.05, shrink2=0.7)
+    expected = gathers(built, side_under(queries, 10), queries, disk, guess=0.05)
+    found = gathers(built, side_under(queries, 10), queries, disk, guess=guess)
     assert np.array_equal(found[0], expected[0]) and np.array_equal(found[1], expected[1])
 
 
@@ -220,16 +191,16 @@ def test_photons_behind_a_thin_wall_do_not_count(thickness):
     if thickness:
         vertices = [(x, y, z) for z in (thickness / 2, -thickness / 2) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         triangles = np.array([(0, 1, 2), (0, 2, 3), (4, 6, 5), (4, 7, 6)], np.int32)
-        surfaces, front_code = surfaces_of(vertices, triangles), 2 * triangle_under(front, 1)
+        surfaces, front_side = surfaces_of(vertices, triangles), side_under(front, 1)
         front[:, 2], back[:, 2] = thickness / 2, -thickness / 2
-        back_code = 2 * np.where(triangle_under(back, 1) == 0, 2, 3)
+        back_side = 2 * np.where(triangle_under(back, 1) == 0, 2, 3)
     else:
         surfaces = square()
-        front_code, back_code = 2 * triangle_under(front, 1), 2 * triangle_under(back, 1) + 1
-    built = photon_map(np.concatenate((front, back)), surfaces, np.concatenate((front_code, back_code)))
-    index, area, _ = gather_one(built, 0, (0.1, -0.2, thickness / 2), k=50)
+        front_side, back_side = side_under(front, 1), side_under(back, 1) + 1
+    built = photon_map(np.concatenate((front, back)), surfaces, np.concatenate((front_side, back_side)))
+    index, area, _ = gather_one(built, 0, (0.1, -0.2, thickness / 2))
     assert len(index) == 49
-    assert not np.any(np.isin(built.photons.photons.surface[index], back_code))
+    assert not np.any(np.isin(built.photons.photons.surface[index], back_side))
     assert len(index) / area == pytest.approx(2000, rel=0.6)  # 4 standard errors of 50 photons: not both sides' 4000
 
 
@@ -244,7 +215,7 @@ def test_photons_round_the_corner_do_not_count():
     a, b, c = surfaces.corners[triangle].transpose(1, 0, 2)
     points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
     built = photon_map(points, surfaces, 2 * triangle)
-    index, area, _ = gather_one(built, 8, (0.0, 0.49, -0.5), k=100)
+    index, area, _ = gather_one(built, 2 * 8, (0.0, 0.49, -0.5), DISK._replace(neighbours=100))
     assert len(index) > 0
     assert np.all(np.isin(built.photons.photons.surface[index], (16, 18)))  # the floor's two triangles
     assert np.all(built.photons.photons.position[index, 2] == -0.5)
@@ -261,12 +232,13 @@ def density_ratio(region, cells, k, reach_share, shrink2, maps=1200, mean_photon
     rng = np.random.default_rng(18)
     surfaces = square(cells)
     reach2 = reach_share * k / (np.pi * mean_photons)
+    disk = DISK._replace(neighbours=k, reach2=reach2, shrink2=shrink2)
     ratios = []
     for _ in range(maps):
         points = rng.random((rng.poisson(mean_photons), 3)) * (1, 1, 0) - (0.5, 0.5, 0)
-        built = photon_map(points, surfaces, 2 * triangle_under(points, cells))
-        places = np.column_stack((region(rng, queries) - 0.5, np.zeros(queries)))
-        kept, area = gathers(built, triangle_under(places, cells), places, k, reach2, shrink2, reach2)
+        built = photon_map(points, surfaces, side_under(points, cells))
+        asked = np.column_stack((region(rng, queries) - 0.5, np.zeros(queries)))
+        kept, area = gathers(built, side_under(asked, cells), asked, disk, reach2)
         ratios.append(np.mean(kept / area) / mean_photons)
     return np.mean(ratios), np.std(ratios, ddof=1) / np.sqrt(maps)
 
@@ -302,8 +274,9 @@ def test_density_on_a_plate_much_smaller_than_the_disk(radius, cells):
     which count as a whole: hence the plate's middle, where those at the disk's rim are few against those inside."""
     rng = np.random.default_rng(7)
     points = rng.random((2000, 3)) * (1, 1, 0) - (0.5, 0.5, 0)
-    built = photon_map(points, square(cells), 2 * triangle_under(points, cells))
-    kept, area = gathers(built, triangle_under(np.zeros((1, 3)), cells), np.zeros(3), 4000, radius**2, 1.0, radius**2)
+    built = photon_map(points, square(cells), side_under(points, cells))
+    disk = DISK._replace(neighbours=4000, reach2=radius**2)
+    kept, area = gathers(built, side_under(np.zeros((1, 3)), cells), np.zeros(3), disk, radius**2)
     inside = np.count_nonzero(np.sum(points**2, axis=1) < radius**2)
     assert kept[0] == inside
     assert area[0] == pytest.approx(min(1.0, np.pi * radius**2), rel=1e-6 if radius >= 1.0 or cells == 1 else 0.1)
@@ -315,17 +288,15 @@ def test_density_beside_a_wall_is_that_of_this_side(beyond, cells):
     """A wall that crosses the square aslant; beyond it there are `beyond` times as many photons. 3 standard errors."""
     rng = np.random.default_rng(20)
     surfaces, normal, mean = square(cells), np.array((0.8, 0.6, 0.0)), 2000
-    reach2, ratios = 0.01, []
+    disk, ratios = DISK._replace(neighbours=20, reach2=0.01, shrink2=0.7), []
     for _ in range(400):
         points = rng.random((rng.poisson(3 * mean), 3)) * (1, 1, 0) - (0.5, 0.5, 0)
         kept = rng.random(len(points)) < np.where(points @ normal < 0, 1 / 3, beyond / 3)
-        built = photon_map(points[kept], surfaces, 2 * triangle_under(points[kept], cells))
+        built = photon_map(points[kept], surfaces, side_under(points[kept], cells))
         distance = rng.random((8, 1)) * 0.1  # some of these are further than the disk reaches
         along = rng.uniform(-0.2, 0.2, (8, 1)) * (-0.6, 0.8, 0.0)
-        places = along - distance * normal
-        kept, area = gathers(
-            built, triangle_under(places, cells), places, 20, reach2, 0.7, reach2, walls=normal / distance
-        )
+        asked = along - distance * normal
+        kept, area = gathers(built, side_under(asked, cells), asked, disk, disk.reach2, walls=normal / distance)
         ratios.append(np.mean(kept / area) / mean)
     error = np.std(ratios, ddof=1) / np.sqrt(len(ratios))
     print(f"density over truth {np.mean(ratios):.4f} +- {error:.4f}")
@@ -338,14 +309,15 @@ def test_density_between_walls_and_edges(region, cells):
     """Walls in any direction, of which some cut what the edges leave of a disk: the area is that of both. 3 standard
     errors."""
     rng = np.random.default_rng(21)
-    surfaces, mean, reach2, ratios = square(cells), 1000, 0.01, []
+    surfaces, mean, ratios = square(cells), 1000, []
+    disk = DISK._replace(neighbours=20, reach2=0.01, shrink2=0.7)
     for _ in range(400):
         points = rng.random((rng.poisson(mean), 3)) * (1, 1, 0) - (0.5, 0.5, 0)
-        built = photon_map(points, surfaces, 2 * triangle_under(points, cells))
-        places = np.column_stack((region(rng, 8) - 0.5, np.zeros(8)))
+        built = photon_map(points, surfaces, side_under(points, cells))
+        asked = np.column_stack((region(rng, 8) - 0.5, np.zeros(8)))
         angle = rng.uniform(0, 2 * np.pi, 8)
         walls = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(8))) / rng.uniform(0.005, 0.1, (8, 1))
-        kept, area = gathers(built, triangle_under(places, cells), places, 20, reach2, 0.7, reach2, walls=walls)
+        kept, area = gathers(built, side_under(asked, cells), asked, disk, disk.reach2, walls=walls)
         ratios.append(np.mean(kept / area) / mean)
     error = np.std(ratios, ddof=1) / np.sqrt(len(ratios))
     print(f"density over truth {np.mean(ratios):.4f} +- {error:.4f}")
@@ -363,24 +335,24 @@ def test_coincident_photons(count, query):
     power = np.arange(count, dtype=np.float32)[:, None]
     built = photon_map(np.tile((0.25, 0.1, 0.0), (count, 1)), square(), power=power)
     assert len(built.photons.photons.surface) == 1
-    kept, area, following = gather_one(built, 0, query, k=50, reach2=0.01)
+    kept, area, following = gather_one(built, 0, query, DISK._replace(reach2=0.01))
     assert len(kept) == 1 and area == pytest.approx(np.pi * 0.01, rel=1e-6)
     assert built.photons.photons.power[0, 0] == count * (count - 1) // 2
-    assert gather_one(built, 0, query, k=50, reach2=0.01, guess=following)[1] == area
+    assert gather_one(built, 0, query, DISK._replace(reach2=0.01), following)[1] == area
 
 
 def test_photons_that_coincide_on_other_sides_stay_apart():
     """Those of both sides, of two layers, and caustics and others; and in each, however they come, all become one."""
     rng = np.random.default_rng(19)
     n = 4000
-    codes, caustic, layer = rng.integers(0, 2, n).astype(np.int32), rng.random(n) < 0.5, rng.integers(0, 2, n)
-    order = np.lexsort((layer, caustic, codes))  # those that are alike lie together
-    codes, caustic, layer = codes[order], caustic[order], layer[order].astype(np.uint8)
+    side_ids, caustic, layer = rng.integers(0, 2, n).astype(np.int32), rng.random(n) < 0.5, rng.integers(0, 2, n)
+    order = np.lexsort((layer, caustic, side_ids))  # those that are alike lie together
+    side_ids, caustic, layer = side_ids[order], caustic[order], layer[order].astype(np.uint8)
     store = PhotonStore(1, True, True, True)
     power = rng.integers(1, 10, (n, 1)).astype(np.float32)
-    store.append(Photons(np.zeros((n, 3), np.float32), codes, power, np.zeros((n, 3), np.float32), caustic, layer))
+    store.append(Photons(np.zeros((n, 3), np.float32), side_ids, power, np.zeros((n, 3), np.float32), caustic, layer))
     photons = build_photon_map(store.photons, square()).photons
-    kinds = np.stack((codes, caustic, layer), 1)
+    kinds = np.stack((side_ids, caustic, layer), 1)
     expected = {tuple(kind): power[np.all(kinds == kind, axis=1)].sum() for kind in np.unique(kinds, axis=0)}
     found = zip(photons.surface, photons.caustic, photons.layer, strict=True)
     assert dict(zip(map(tuple, found), photons.power[:, 0], strict=True)) == expected
@@ -391,9 +363,9 @@ def test_photons_nearer_than_float32_resolves(count):
     """Around the point itself, from where all distances are nothing: a finite estimate, the second time as well."""
     points = np.random.default_rng(19).uniform(-1e-20, 1e-20, (count, 3)) * (1, 1, 0)
     built = photon_map(points, square())
-    _, area, following = gather_one(built, 0, (0, 0, 0), k=50, reach2=0.01)
+    _, area, following = gather_one(built, 0, (0, 0, 0), DISK._replace(reach2=0.01))
     assert np.isfinite(area) and area > 0
-    _, again, _ = gather_one(built, 0, (0, 0, 0), k=50, reach2=0.01, guess=following)
+    _, again, _ = gather_one(built, 0, (0, 0, 0), DISK._replace(reach2=0.01), following)
     assert again == area
 
 
@@ -401,14 +373,14 @@ def test_photons_nearer_than_float32_resolves(count):
 def test_nearer_photons_outlast_many_at_one_distance(ties):
     """More photons at exactly one distance than a search has room for must not push out the nearer ones.
 
-    They lie in one place, but each on another triangle, so they stay apart.
+    They lie at one point, but each on another triangle, so they stay apart.
     """
     cells = 23
     near = np.column_stack((0.03 + 0.001 * np.arange(10), np.full(10, 0.02), np.zeros(10)))
     points = np.concatenate((np.tile((-0.25, -0.125, 0.0), (ties, 1)), near))
-    codes = 2 * np.concatenate((np.arange(ties), triangle_under(near, cells)))
-    built = photon_map(points, square(cells), codes)
-    kept, _ = gathers(built, triangle_under(np.zeros((1, 3)), cells), [(0, 0, 0)], k=50, reach2=1.0)
+    side_ids = np.concatenate((2 * np.arange(ties), side_under(near, cells)))
+    built = photon_map(points, square(cells), side_ids)
+    kept, _ = gathers(built, side_under(np.zeros((1, 3)), cells), [(0, 0, 0)])
     assert kept[0] == 10
 
 
@@ -416,19 +388,19 @@ def test_nearer_photons_outlast_many_at_one_distance(ties):
 
 
 def test_result_depends_on_the_order_of_photons_alone():
-    """Not on how they come in batches, nor on what the store held before; equal Morton codes keep their order."""
+    """Not on how they come in batches, nor on what the store held before; equal Morton side_ids keep their order."""
     rng = np.random.default_rng(20)
     points = rng.uniform(-0.5, 0.5, (4000, 3)) * (1, 1, 0)
     points[:500] = points[500:1000]  # coincident pairs, whose power is added
     power = rng.normal(size=(4000, 2)).astype(np.float32)
-    codes = 2 * triangle_under(points, 1)
-    reference = photon_map(points, square(), codes, power)
+    side_ids = side_under(points, 1)
+    reference = photon_map(points, square(), side_ids, power)
     used = PhotonStore(2, False, False)
-    photon_map(points[:3000], square(), codes[:3000], power[:3000], store=used)
+    photon_map(points[:3000], square(), side_ids[:3000], power[:3000], store=used)
     used.clear()
     assert len(used.photons.surface) == 0
     for batches, store in ((7, None), (400, None), (7, used)):
-        built = photon_map(points, square(), codes, power, batches, store)
+        built = photon_map(points, square(), side_ids, power, batches, store)
         for array, expected in zip(built.photons.tree, reference.photons.tree, strict=True):
             assert np.array_equal(array, expected)
         for array, expected in zip(built.photons.photons, reference.photons.photons, strict=True):
@@ -440,26 +412,27 @@ def test_photons_stay_together():
     rng = np.random.default_rng(21)
     n = 1000
     points = (rng.uniform(-0.5, 0.5, (n, 3)) * (1, 1, 0)).astype(np.float32)
-    codes = (2 * triangle_under(points, 1)).astype(np.int32)
+    side_ids = side_under(points, 1).astype(np.int32)
     store = PhotonStore(1, True, True, True)
     for part in np.array_split(np.arange(n), 9):
         marks = part % 3 == 0, (part % 200).astype(np.uint8)
         number = part.astype(np.float32)[:, None]
-        store.append(Photons(points[part], codes[part], number, points[part, ::-1].copy(), *marks))
+        store.append(Photons(points[part], side_ids[part], number, points[part, ::-1].copy(), *marks))
     surfaces = square()
     photons = build_photon_map(store.photons, surfaces).photons
     order = photons.power[:, 0].astype(int)
     assert np.array_equal(np.sort(order), np.arange(n))
     assert np.array_equal(photons.position, points[order])
-    assert np.array_equal(photons.surface, codes[order])
+    assert np.array_equal(photons.surface, side_ids[order])
     assert np.array_equal(photons.incoming, points[order, ::-1])
     assert np.array_equal(photons.caustic, order % 3 == 0)
     assert np.array_equal(photons.layer, order % 200)
     # a gather of caustics alone lists the marked ones of the same disk
     built = Map(build_photon_map(store.photons, surfaces), surfaces)
-    place = (0.1, 0.05, 0.0)
-    every, area, _ = gather_one(built, int(triangle_under(np.array([place]), 1)[0]), place)
-    marked, same_area, _ = gather_one(built, int(triangle_under(np.array([place]), 1)[0]), place, only_caustic=True)
+    point = (0.1, 0.05, 0.0)
+    (side_id,) = side_under([point], 1)
+    every, area, _ = gather_one(built, side_id, point)
+    marked, same_area, _ = gather_one(built, side_id, point, DISK._replace(only_caustic=True))
     caustic = built.photons.photons.caustic
     assert same_area == area and 5 < len(marked) < len(every)
     assert np.array_equal(marked, every[caustic[every]])
@@ -472,5 +445,5 @@ def test_no_surface_before_a_wall_has_no_photons():
     point = (np.nextafter(rim, np.float32(1.0)), 0.1, 0.0)
     wall = (-1.0 / (0.25 * (float(point[0]) - 0.5)), 0.0, 0.0)  # a quarter of the way back to the rim
     built = photon_map(np.random.default_rng(0).uniform(-0.5, 0.5, (500, 3)) * (1, 1, 0), square())
-    kept, area = gathers(built, 0, point, k=10, walls=wall)
+    kept, area = gathers(built, 0, point, DISK._replace(neighbours=10), walls=wall)
     assert kept[0] == 0 and area[0] > 0

@@ -8,10 +8,10 @@ from addon.solver.geometry.point_tree import WIDTH, kd_order
 
 
 @pytest.mark.parametrize("count", [0, 1, WIDTH, WIDTH + 1, WIDTH**2, WIDTH**2 + 1, 5000])
-@pytest.mark.parametrize("places", [1, 3, 10**6])
-def test_every_point_has_one_place(count, places):
+@pytest.mark.parametrize("distinct", [1, 3, 10**6])
+def test_every_point_is_in_the_order_once(count, distinct):
     """Also where many or all points coincide."""
-    points = np.random.default_rng(1).integers(places, size=(count, 3)).astype(np.float32)
+    points = np.random.default_rng(1).integers(distinct, size=(count, 3)).astype(np.float32)
     given = points.copy()
     order = kd_order(points)
     assert np.array_equal(np.sort(order), np.arange(count))

@@ -5,7 +5,6 @@ How many: the profile in conftest.py.
 """
 
 import dataclasses
-import importlib
 import math
 from concurrent.futures import ThreadPoolExecutor
 
@@ -17,15 +16,16 @@ from numba import njit
 from scipy import stats
 
 from addon.solver import Material, Settings, render
-from addon.solver.geometry.surfaces import areas, unit_normal
-from addon.solver.photons.photon_map import PhotonStore
-from addon.solver.photons.wave import arrived
-from addon.solver.physics.radiometry import excess
+from addon.solver.geometry.interaction import emit_at
+from addon.solver.geometry.stage import Stage, fill_emission, reflectance_at
+from addon.solver.geometry.surfaces import unit_normal
+from addon.solver.geometry.triangles import areas
+from addon.solver.passes import Work, render_pass
+from addon.solver.photons.wave import arrive, has_arrived
+from addon.solver.physics.lobes import interpolate_albedo
 from addon.solver.physics.spectrum import band_radiance
-from addon.solver.sampling.warps import interpolate_albedo
+from addon.solver.planning.preparation import photon_store, prepare
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, sphere, stored_photons
-
-solver = importlib.import_module("addon.solver.passes")  # the package has a function of that name
 
 OVER = settings.get_profile("enclosures")
 PASSES = 16
@@ -103,58 +103,52 @@ def test_the_reference_does_not_change_the_mean(scene):
 
 
 @njit
-def lost(radiometry, material, cosine):
+def lost(lobes, material, cosine):
     """Share of the radiance of a blackbody that a surface emits, beside its emissivity, as its lobe loses it."""
-    albedo = interpolate_albedo(radiometry.albedo, material, cosine)
-    return radiometry.specular[material] * (1.0 - albedo) if radiometry.alpha[material] > 0.0 else 0.0
+    albedo = interpolate_albedo(lobes.albedo, material, cosine)
+    return lobes.specular[material] * (1.0 - albedo) if lobes.alpha[material] > 0.0 else 0.0
 
 
 @njit
-def absorb(surfaces, radiometry, inner, triangle, u, v, wave, absorbed):
-    """Add to absorbed (b,) the power, W, that the inner sides absorb of a wave whose rays meet triangles (n,)."""
-    for i in range(triangle.size):
-        t, _, _, dx, dy, dz = arrived(wave, i, triangle[i], u[i], v[i])
-        if t < 0:
+def absorb(stage, inner, hits, wave, absorbed):
+    """Add to absorbed (b,) the power, W, that the inner sides (t,) absorb of a wave."""
+    for i in range(hits.triangle.size):
+        if not has_arrived(wave, i, hits.triangle[i]):
             continue
-        nx, ny, nz = unit_normal(surfaces, t)
-        towards = dx * nx + dy * ny + dz * nz
-        if (towards > 0.0) != inner[t]:
+        at = arrive(stage.surfaces, hits, i, wave)
+        if at.side_id != inner[at.triangle]:
             continue
-        material = surfaces.material[t]
-        share = lost(radiometry, material, abs(towards))
+        share, reflectance = lost(stage.radiometry.lobes, at.material, at.cosine), reflectance_at(stage, at)
         for b in range(absorbed.size):
-            rho = radiometry.reflectance[material, b]
+            rho = reflectance[b]
             absorbed[b] += wave.power[i, b] * (1.0 - rho + rho * share)
 
 
 @njit
-def emitted_inwards(surfaces, radiometry, area):
+def emitted_inwards(stage, area):
     """(b,) power in excess of the reference that one side of every triangle emits, W: the mean over the squared sine of
     the angle, by 1000 steps."""
-    total, value = np.zeros(radiometry.reference.size), np.empty(radiometry.reference.size)
+    total, value = np.zeros(stage.radiometry.reference.size), np.empty(stage.radiometry.reference.size)
     for t in range(area.size):
         for step in range(1000):
             cosine = math.sqrt(1.0 - (step + 0.5) / 1000.0)
-            excess(radiometry, surfaces.material[t], float(surfaces.temperature[t, 0]), cosine, value)
+            fill_emission(stage, emit_at(stage.surfaces, 2 * t, 0.2, 0.3, cosine), value)
             for b in range(value.size):
                 total[b] += math.pi * area[t] * value[b] / 1000.0
     return total
 
 
 def inner_sides(surfaces):
-    """(t,) bool, whether the side of each triangle that faces the origin is its back."""
-    normals = np.array([unit_normal(surfaces, t) for t in range(len(surfaces.corners))])
-    return np.sum(normals * surfaces.corners.mean(axis=1), axis=1) > 0
+    """(t,) side_ids of the sides that face the origin."""
+    fronts = np.arange(0, 2 * len(surfaces.corners), 2)
+    normals = np.array([unit_normal(surfaces, front) for front in fronts])
+    return fronts + (np.sum(normals * surfaces.corners.mean(axis=1), axis=1) > 0)
 
 
 def absorbed_inside(model, key):
     """(b,) power that the inner sides absorb from the photons of a pass, W."""
-    inner, absorbed = inner_sides(model.surfaces), np.zeros(len(EDGES) - 1)
-
-    def on_hits(triangle, u, v, wave):
-        absorb(model.surfaces, model.radiometry, inner, triangle, u, v, wave, absorbed)
-
-    stored_photons(model, PHOTONS, key, on_hits)
+    inner, absorbed = inner_sides(model.stage.surfaces), np.zeros(len(EDGES) - 1)
+    stored_photons(model, PHOTONS, key, lambda hits, wave: absorb(model.stage, inner, hits, wave, absorbed))
     return absorbed
 
 
@@ -167,8 +161,8 @@ def test_enclosures_absorb_what_they_emit(scene, change):
 
     The standard error is below 0.25 %. Nothing of the deficit of the surroundings, outside, counts.
     """
-    model = solver.prepare(scene, dataclasses.replace(QUICK, photons_per_pass=PHOTONS, **change))
-    emitted = emitted_inwards(model.surfaces, model.radiometry, areas(model.surfaces.corners))
+    model = prepare(scene, dataclasses.replace(QUICK, photons_per_pass=PHOTONS, **change))
+    emitted = emitted_inwards(model.stage, areas(model.stage.surfaces.corners))
     absorbed = np.array([absorbed_inside(model, i) for i in range(PASSES)]) / emitted
     error = absorbed.std(axis=0, ddof=1) / np.sqrt(PASSES)
     print(f"deviation {absorbed.mean(axis=0) - 1.0}, standard error {error}")
@@ -190,20 +184,22 @@ def test_bands_are_alike(scene):
     the survivals that differ by that, none of so few photons is decided otherwise.
     """
     settings = dataclasses.replace(QUICK, reference_temperature=280.0)
-    model = solver.prepare(scene, settings)
+    model = prepare(scene, settings)
+    radiometry = swapped(model.stage.radiometry, "reflectance", "emission", "slope", "base", "reference")
+    lights = swapped(model.emitters.lights, "power")
     other = dataclasses.replace(
         model,
-        radiometry=swapped(model.radiometry, "reflectance", "emission", "slope", "base", "reference"),
-        emitters=swapped(model.emitters, "surroundings", "light_power"),
-        lamps=swapped(model.lamps, "light_power"),
+        stage=Stage(model.stage.surfaces, radiometry),
+        emitters=model.emitters._replace(surroundings=swapped(model.emitters.surroundings, "radiance"), lights=lights),
+        lamps=model.lamps._replace(lights=lights),
         optics=swapped(model.optics, "band_share"),
     )
     images = []
     with ThreadPoolExecutor(1) as pool:
         for m in (model, other):
             image, seen = np.zeros((24, 2), np.float32), np.zeros(24, np.float32)
-            store = PhotonStore(2, m.optics.keep_incoming, m.optics.keep_caustic)
-            assert solver.render_pass(m, settings, 0, store, image, seen, pool, lambda: False)
+            work = Work(photon_store(2, m.optics), pool, lambda: False)
+            assert render_pass(m, settings, 0, work, image, seen)
             images.append(image)
     assert np.ptp(images[0]) > 0
     np.testing.assert_allclose(images[0], images[1][:, ::-1], rtol=0, atol=1e-6 * np.abs(images[0]).max())

@@ -8,9 +8,9 @@ import pytest
 from numba import njit
 
 from addon.solver import Material
-from addon.solver.physics.radiometry import band_emissivity, build_radiometry, emission_range, excess
-from addon.solver.physics.spectrum import C2, band_radiance
-from addon.solver.sampling.warps import interpolate_albedo, sample_lobe
+from addon.solver.physics.lobes import interpolate_albedo, sample_ggx
+from addon.solver.physics.radiometry import build_radiometry, emission_range, excess
+from addon.solver.physics.spectrum import C2, band_emissivity, band_radiance
 
 EDGES = np.array([7.5, 8.0, 9.5, 9.6, 14.0])
 CURVE = np.array([[8.2, 0.9], [8.8, 0.2], [9.4, 0.7], [12.0, 0.05]])
@@ -57,9 +57,9 @@ def test_reflectance_is_one_minus_emissivity():
     for material in range(len(MATERIALS)):
         np.testing.assert_allclose(radiometry.reflectance[material], reflectance(material), atol=6e-8)
         np.testing.assert_allclose(subtracting.reflectance[material], reflectance(material, reference=340.0), atol=6e-8)
-    assert radiometry.specular.tolist() == pytest.approx([0, 0, 0, 1, 0.7, 0])
-    assert radiometry.alpha.tolist() == pytest.approx([0, 0, 0, 0, 0.36, 0])
-    assert np.all(radiometry.albedo[[0, 1, 2, 3, 5]] == 1)
+    assert radiometry.lobes.specular.tolist() == pytest.approx([0, 0, 0, 1, 0.7, 0])
+    assert radiometry.lobes.alpha.tolist() == pytest.approx([0, 0, 0, 0, 0.36, 0])
+    assert np.all(radiometry.lobes.albedo[[0, 1, 2, 3, 5]] == 1)
 
 
 def test_band_emissivity_where_the_band_holds_no_radiance():
@@ -168,7 +168,7 @@ def reflected(alpha, cosine, nodes):
     for i in range(nodes):
         g = 1.0 - (i + 0.5) / nodes
         for j in range(nodes):
-            total += 2.0 * g * sample_lobe(sine, 0.0, cosine, alpha, 1.0 - g * g, (j + 0.5) / nodes)[3]
+            total += 2.0 * g * sample_ggx((sine, 0.0, cosine), alpha, 1.0 - g * g, (j + 0.5) / nodes)[1]
     return total / (nodes * nodes)
 
 
@@ -176,7 +176,7 @@ def reflected(alpha, cosine, nodes):
 def test_what_a_lobe_does_not_reflect_it_emits(cosine):
     """Directional Kirchhoff: emissivity towards a direction and reflectance from there make 1, in every band."""
     radiometry = tables(weighting=300.0)
-    rho, share = reflectance(4), float(radiometry.specular[4])
+    rho, share = reflectance(4), float(radiometry.lobes.specular[4])
     emissivity = excess_of(radiometry, 4, 300.0, cosine) / band_radiance(EDGES, 300.0)
     albedo = rho * ((1 - share) + share * reflected(0.36, cosine, 400))
     np.testing.assert_allclose(emissivity + albedo, 1, rtol=0, atol=3e-4)  # quadrature of the albedo's table
@@ -186,7 +186,7 @@ def test_excess_of_a_rough_lobe():
     """eps(theta) = eps + rho specular (1 - albedo(theta)), with its own spectrum at each temperature."""
     reference, temperature, cosine = 310.0, 350.0, 0.3
     radiometry = tables(weighting=300.0, reference=reference)
-    lost = float(radiometry.specular[4]) * (1 - interpolate_albedo(radiometry.albedo, 4, cosine))
+    lost = float(radiometry.lobes.specular[4]) * (1 - interpolate_albedo(radiometry.lobes.albedo, 4, cosine))
     assert 0.05 < lost < 0.3
     body = emitted(4, temperature) - emitted(4, reference)
     black = band_radiance(EDGES, temperature) - band_radiance(EDGES, reference)

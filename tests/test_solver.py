@@ -2,7 +2,6 @@
 """The solver as a whole: passes, threads, roulettes, lights and lobes against closed forms."""
 
 import dataclasses
-import importlib
 import threading
 import time
 
@@ -20,10 +19,12 @@ from addon.solver import (
     SunLight,
     render,
 )
-from addon.solver.passes import prepare
-from addon.solver.photons.emission import light_spectrum
+from addon.solver.camera import eye_paths
+from addon.solver.photons.lights import light_spectrum
+from addon.solver.physics.lobes import evaluate_ggx
 from addon.solver.physics.spectrum import band_radiance
-from addon.solver.sampling.warps import lobe_brdf
+from addon.solver.planning.preparation import prepare
+from tests.helpers.paper_estimator import no_final_gathers
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, sphere
 
 EDGES = np.linspace(8.0, 12.0, 5)
@@ -80,8 +81,8 @@ def outdoors():
 
 def test_outdoors_has_lamps_and_open_sheets():
     """What the tests of determinism below rest on; test_guide.py has those with a guide."""
-    emitters = importlib.import_module("addon.solver.passes").prepare(outdoors(), QUICK).emitters
-    assert emitters.lamp.any() and emitters.open.any()
+    emitters = prepare(outdoors(), QUICK).emitters
+    assert emitters.lamp.any() and emitters.surroundings.open.any()
 
 
 LIT = {"room": lambda: room(lights=(PointLight(np.array([0.5, 1.5, 1.2]), 200.0),)), "outdoors": outdoors}
@@ -163,7 +164,7 @@ def test_many_small_maps_equal_one_big_map(monkeypatch):
     such pairs: the standard deviations of one pair differ by 0.3 % from chance alone. It is about photon maps, so no
     rays take the photons' place.
     """
-    monkeypatch.setattr(importlib.import_module("addon.solver.camera.eye_paths"), "choose_splits", lambda *_: 0)
+    monkeypatch.setattr(eye_paths, "choose_splits", no_final_gathers)
     walls, triangles = box((2.0, 2.0, 1.5))
     camera = look((1.0, 1.0, 1.4), (1.0, 1.0, 0.0), 32, 32, 0.6)  # the floor alone: the paper has no antialiasing
     # one hot wall, which is no lamp: all that the floor reflects is the photons' work
@@ -303,7 +304,7 @@ def test_light_in_a_rough_mirror():
     mean, error = mean_and_error(plane(camera, material, lights=(light,)), LIGHT_PASSES)
     to_light, to_eye = np.array([0, 1.5, 2.0]) / 2.5, np.array([0, -1, 2.0]) / 5**0.5
     irradiance = 1000.0 / (4 * np.pi * 6.25) * to_light[2] * light_spectrum(light, EDGES).sum()
-    truth = 0.5 * lobe_brdf(*to_light, *to_eye, 0.49) * irradiance
+    truth = 0.5 * evaluate_ggx(tuple(to_light), tuple(to_eye), 0.49) * irradiance
     assert error < 0.03 * truth
     assert abs(mean - truth) < 4 * error + 0.005 * truth  # 0.5 %: the lobe varies over the gather disk
 

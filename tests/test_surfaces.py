@@ -8,19 +8,13 @@ import pytest
 from numba import njit
 
 from addon.solver import Material, SceneError
-from addon.solver.geometry.surfaces import (
-    NO_WALL,
-    PATCH_LIMIT,
-    area_in_ball,
-    areas,
-    build_surfaces,
-    normal,
-    offset,
-    patch_in_ball,
-    point,
-    sheet_count,
-    temperature_at,
-)
+from addon.solver.geometry.area import NO_WALL, PATCH_LIMIT, Ball, area_in_ball, patch_in_ball
+from addon.solver.geometry.interaction import emit_at, leave
+from addon.solver.geometry.segments import empty_ray_batch
+from addon.solver.geometry.stage import Stage, temperature_at
+from addon.solver.geometry.surfaces import build_surfaces, sheet_count
+from addon.solver.geometry.triangles import areas, normal, point
+from addon.solver.physics.radiometry import grey_radiometry
 from addon.solver.sampling.warps import cosine_direction, to_world, triangle_point
 from tests.helpers.scenes import box, cylinder, join, look, make_scene, sphere
 
@@ -46,12 +40,12 @@ def points_on(corners, rng, count):
     return a + u * (b - a) + v * (c - a)
 
 
-def patch(surfaces, triangle, place, r2, side=0):
-    """Codes of the patch and its area."""
-    codes = np.empty(PATCH_LIMIT, np.int32)
-    x, y, z = (float(c) for c in place)
-    count, area = patch_in_ball(surfaces.corners, surfaces.neighbours, triangle, side, x, y, z, r2, NO_WALL, codes)
-    return codes[:count].tolist(), area
+def patch(surfaces, triangle, center, r2, side=0):
+    """Side_ids of the patch around a point of a side, and its area."""
+    side_ids = np.empty(PATCH_LIMIT, np.int32)
+    x, y, z = (float(c) for c in center)
+    count, area = patch_in_ball(surfaces, 2 * triangle + side, Ball((x, y, z), r2, NO_WALL), side_ids)
+    return side_ids[:count].tolist(), area
 
 
 # Triangles
@@ -65,25 +59,34 @@ def test_normal_area_and_points():
     length = np.linalg.norm(cross, axis=1)
     np.testing.assert_allclose(areas(corners), 0.5 * length, rtol=1e-12)
     for t in range(10):
-        np.testing.assert_allclose(normal(corners, t)[:3], cross[t] / length[t], atol=1e-12)
-        assert normal(corners, t)[3] == pytest.approx(length[t], rel=1e-12)
+        direction, double_area = normal(corners, t)
+        np.testing.assert_allclose(direction, cross[t] / length[t], atol=1e-12)
+        assert double_area == pytest.approx(length[t], rel=1e-12)
         np.testing.assert_allclose(point(corners, t, 0.2, 0.3), 0.5 * a[t] + 0.2 * b[t] + 0.3 * c[t], atol=1e-6)
-    assert normal(np.zeros((1, 3, 3), np.float32), 0) == (0, 0, 0, 0)  # no NaN from a triangle without area
+    assert normal(np.zeros((1, 3, 3), np.float32), 0) == ((0, 0, 0), 0)  # no NaN from a triangle without area
 
 
 def test_temperature_is_linear_between_the_corners():
-    corner = np.array([[300, 310, 330]], np.float32)
-    assert temperature_at(corner, 0, 0.0, 0.0) == 300
-    assert temperature_at(corner, 0, 1.0, 0.0) == 310
-    assert temperature_at(corner, 0, 0.25, 0.5) == pytest.approx(0.25 * 300 + 0.25 * 310 + 0.5 * 330)
-    assert temperature_at(np.array([[287]], np.float32), 0, 0.3, 0.3) == 287
+    surfaces, _, _ = build(RIGHT_TRIANGLE[0], [(0, 1, 2)])
+
+    def temperature(kelvin, u, v):
+        stage = Stage(
+            surfaces._replace(temperature=np.array([kelvin], np.float32)), grey_radiometry((Material(),), np.ones(1))
+        )
+        return temperature_at(stage, emit_at(surfaces, 0, u, v, 1.0))
+
+    corners = 300, 310, 330
+    assert temperature(corners, 0.0, 0.0) == 300
+    assert temperature(corners, 1.0, 0.0) == 310
+    assert temperature(corners, 0.25, 0.5) == pytest.approx(0.25 * 300 + 0.25 * 310 + 0.5 * 330)
+    assert temperature([287], 0.3, 0.3) == 287
 
 
 # Area inside a ball
 
 
 @pytest.mark.parametrize(
-    "place, r, expected",
+    "center, r, expected",
     [
         ((0.25, 0.25, 0), 0.1, math.pi * 0.01),  # a disk within the triangle
         ((0.5, 0, 0), 0.1, math.pi * 0.01 / 2),  # centre on an edge
@@ -99,10 +102,10 @@ def test_temperature_is_linear_between_the_corners():
         ((2, 0, 0), 1, 0),  # touches a corner
     ],
 )
-def test_area_in_ball(place, r, expected):
+def test_area_in_ball(center, r, expected):
     for corners in (RIGHT_TRIANGLE, RIGHT_TRIANGLE[:, ::-1].copy()):  # either winding
-        area = area_in_ball(corners, 0, *(float(c) for c in place), r * r, NO_WALL)
-        assert abs(area) == pytest.approx(expected, abs=1e-9)  # float64; places are exact to 1e-16
+        area = area_in_ball(corners, 0, Ball(tuple(float(c) for c in center), float(r * r), NO_WALL))
+        assert abs(area) == pytest.approx(expected, abs=1e-9)  # float64; points are exact to 1e-16
 
 
 def test_area_in_ball_adds_up():
@@ -114,7 +117,7 @@ def test_area_in_ball_adds_up():
         corners = np.array([(a, b, c), (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)], np.float32)
         x, y, z = (a + b + c) / 3 + rng.normal(size=3)
         r2 = rng.exponential(20.0)
-        whole, *parts = [area_in_ball(corners, t, x, y, z, r2, NO_WALL) for t in range(5)]
+        whole, *parts = [area_in_ball(corners, t, Ball((x, y, z), r2, NO_WALL)) for t in range(5)]
         assert whole == pytest.approx(sum(parts), abs=1e-9)
         assert -1e-9 <= whole <= areas(corners[:1])[0] + 1e-9
 
@@ -127,11 +130,12 @@ def test_area_in_ball_against_monte_carlo(nearest):
     towards = rng.normal(size=(200, 3))
     walls = towards / np.linalg.norm(towards, axis=1, keepdims=True) / (nearest * rng.random((200, 1)))
     walls = [tuple(wall) for wall in walls.astype(np.float32)]
-    share = np.array([area_in_ball(corners, t, *centre[t], r2[t], walls[t]) for t in range(200)]) / areas(corners)
+    balls = [Ball(*ball) for ball in zip(map(tuple, centre), r2, walls, strict=True)]
+    share = np.array([area_in_ball(corners, t, balls[t]) for t in range(200)]) / areas(corners)
     count = 20_000
-    places = points_on(corners, rng, count) - centre[:, None]
-    before = np.einsum("tij,tj->ti", places, np.array(walls)) <= 1
-    inside = np.mean((np.sum(places**2, axis=-1) < r2[:, None]) & before, axis=1)
+    ways = points_on(corners, rng, count) - centre[:, None]
+    before = np.einsum("tij,tj->ti", ways, np.array(walls)) <= 1
+    inside = np.mean((np.sum(ways**2, axis=-1) < r2[:, None]) & before, axis=1)
     cut = (share > 0.01) & (share < 0.99)  # binomial, nearly normal
     deviation = (inside[cut] - share[cut]) / np.sqrt(share[cut] * (1 - share[cut]) / count)
     assert cut.sum() > 50
@@ -149,9 +153,9 @@ def unit_box():
 
 def test_patch_on_a_box():
     surfaces, r = unit_box(), 0.1
-    floor, floor_codes = 8, [16, 18]  # triangles 8 and 9 are the floor, z = -0.5
+    floor, floor_sides = 8, [16, 18]  # triangles 8 and 9 are the floor, z = -0.5
     assert patch(surfaces, floor, (-0.3, 0.1, -0.5), r * r) == ([16], pytest.approx(math.pi * r * r))
-    for triangles, place, share in (
+    for triangles, center, share in (
         ((8, 9), (0.0, 0.0, -0.5), 1.0),  # on the diagonal that two triangles share
         ((8, 9), (-0.5, -0.5, -0.5), 0.25),  # in a corner of the face
         ((8, 9), (0.5, 0.5, -0.5), 0.25),
@@ -160,14 +164,14 @@ def test_patch_on_a_box():
     ):
         for triangle in triangles:
             for side in (0, 1):
-                codes, area = patch(surfaces, triangle, place, r * r, side)
-                assert set(codes) <= {code + side for code in floor_codes}
+                side_ids, area = patch(surfaces, triangle, center, r * r, side)
+                assert set(side_ids) <= {front + side for front in floor_sides}
                 assert area == pytest.approx(share * math.pi * r * r, rel=1e-6)  # float32 corners
 
 
 def test_patch_of_everything_has_all_its_area():
-    codes, area = patch(unit_box(), 8, (0.1, 0.1, -0.5), 100.0)
-    assert sorted(codes) == [16, 18] or codes == []  # a disk so large that the face counts as fine mesh
+    side_ids, area = patch(unit_box(), 8, (0.1, 0.1, -0.5), 100.0)
+    assert sorted(side_ids) == [16, 18] or side_ids == []  # a disk so large that the face counts as fine mesh
     assert area == pytest.approx(1.0) or area == pytest.approx(math.pi * 100)
 
 
@@ -186,8 +190,8 @@ def test_patch_crosses_edges_whatever_the_winding(name, side):
     surfaces, _, _ = build(np.array([*QUAD, QUAD[0], QUAD[2]], float), WINDINGS[name])
     flip = int("flipped" in name)
     assert surfaces.neighbours[0].tolist() == [-1, -1, 2 + flip]
-    codes, area = patch(surfaces, 0, (0.1, -0.05, 0.0), 0.25, side)
-    assert codes == [side, 2 + (side ^ flip)]  # the second triangle's side that faces the same way
+    side_ids, area = patch(surfaces, 0, (0.1, -0.05, 0.0), 0.25, side)
+    assert side_ids == [side, 2 + (side ^ flip)]  # the second triangle's side that faces the same way
     assert area == pytest.approx(math.pi * 0.25, rel=1e-6)
 
 
@@ -199,8 +203,8 @@ def test_patch_ends_at_a_sharp_edge(bend, joined):
     surfaces, _, _ = build(np.array(vertices), [(0, 1, 2), (1, 0, 3)])
     a, b = surfaces.corners[0, :2]
     middle = 0.5 * (a + b)
-    codes, area = patch(surfaces, 0, middle, 0.01)
-    assert codes == ([0, 2] if joined else [0])
+    side_ids, area = patch(surfaces, 0, middle, 0.01)
+    assert side_ids == ([0, 2] if joined else [0])
     assert area == pytest.approx(math.pi * 0.01 * (1.0 if joined else 0.5), rel=1e-5)
 
 
@@ -208,17 +212,17 @@ def test_edge_of_three_faces_is_a_border():
     vertices = [(0, -1, 0), (0, 1, 0), (-2, 0, 0), (2, 0, 0.01), (2, 0, 0.5)]
     surfaces, _, _ = build(np.array(vertices), [(0, 1, 2), (1, 0, 3), (1, 0, 4)])
     assert np.all(surfaces.neighbours == -1)
-    codes, area = patch(surfaces, 0, 0.5 * (surfaces.corners[0, 0] + surfaces.corners[0, 1]), 0.01)
-    assert codes == [0] and area == pytest.approx(math.pi * 0.01 / 2, rel=1e-5)
+    side_ids, area = patch(surfaces, 0, 0.5 * (surfaces.corners[0, 0] + surfaces.corners[0, 1]), 0.01)
+    assert side_ids == [0] and area == pytest.approx(math.pi * 0.01 / 2, rel=1e-5)
 
 
 def test_fine_mesh_counts_as_plane():
     vertices, triangles = sphere(4)
     surfaces, _, _ = build(vertices, triangles)
-    place = surfaces.corners[7].mean(axis=0)
-    assert patch(surfaces, 7, place, 0.25) == ([], pytest.approx(math.pi * 0.25))
-    codes, area = patch(surfaces, 7, place, 0.01)
-    assert 1 < len(codes) <= PATCH_LIMIT
+    center = surfaces.corners[7].mean(axis=0)
+    assert patch(surfaces, 7, center, 0.25) == ([], pytest.approx(math.pi * 0.25))
+    side_ids, area = patch(surfaces, 7, center, 0.01)
+    assert 1 < len(side_ids) <= PATCH_LIMIT
     assert area == pytest.approx(
         math.pi * 0.01, rel=0.01
     )  # of a sphere of radius 1, a ball holds pi r^2 of its surface
@@ -233,8 +237,8 @@ def test_adjacency_is_mutual_on_a_closed_mesh():
     surfaces, _, _ = build(vertices, triangles)
     assert np.all(surfaces.neighbours >= 0)
     for t in range(len(triangles)):
-        for code in surfaces.neighbours[t]:
-            other, flip = divmod(int(code), 2)
+        for neighbour in surfaces.neighbours[t]:
+            other, flip = divmod(int(neighbour), 2)
             assert 2 * t + flip in surfaces.neighbours[other]
             assert flip == ((t % 3 == 0) != (other % 3 == 0))
 
@@ -293,7 +297,7 @@ def test_of_triangles_that_coincide_the_first_counts(caplog):
     assert [record.getMessage() for record in caplog.records] == ["5 triangles lie exactly on others and are left out"]
 
 
-@pytest.mark.parametrize("corners", [(0, 2, 2), (0, 4, 2)])  # two corners in one place; all three in one line
+@pytest.mark.parametrize("corners", [(0, 2, 2), (0, 4, 2)])  # two corners at one point; all three in one line
 def test_faces_without_area_do_not_cut_a_sheet(corners):
     surfaces, _, _ = build([*QUAD, (0, 0, 0)], [(0, 1, 2), (0, 2, 3), corners])
     assert surfaces.sheet.tolist() == [[0, 1], [0, 1]]
@@ -326,26 +330,19 @@ def test_moebius_strip_has_one_side():
 
 
 @njit
-def leave(corners, triangles, sides, random, steepness, origin, direction):
-    """Rays from random points of sides of triangles, as photons and camera paths start; steepness 0 is tangential."""
-    for i in range(triangles.size):
-        t = triangles[i]
-        nx, ny, nz, _ = normal(corners, t)
-        if sides[i] == 1:
-            nx, ny, nz = -nx, -ny, -nz
+def leave_all(surfaces, side_ids, random, steepness, rays):
+    """Rays from random points of sides, as photons and camera paths start; steepness 0 is tangential."""
+    for i in range(side_ids.size):
         u, v = triangle_point(random[i, 0], random[i, 1])
-        x, y, z = point(corners, t, u, v)
-        clear = offset(corners, t)
-        lx, ly, lz = cosine_direction(random[i, 2], random[i, 3])
-        dx, dy, dz = to_world(lx, ly, lz * steepness, nx, ny, nz)
-        origin[i, 0], origin[i, 1], origin[i, 2] = x + clear * nx, y + clear * ny, z + clear * nz
-        direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
+        at = emit_at(surfaces, side_ids[i], u, v, 1.0)
+        x, y, z = cosine_direction(random[i, 2], random[i, 3])
+        leave(surfaces, at.side_id, at.point, to_world((x, y, z * steepness), at.normal), rays, i)
 
 
-def start_rays(surfaces, triangles, sides, rng, steepness=1.0):
-    origin, direction = np.empty((2, len(triangles), 3), np.float32)
-    leave(surfaces.corners, triangles, sides, rng.random((len(triangles), 4)), steepness, origin, direction)
-    return origin, direction
+def start_rays(surfaces, side_ids, rng, steepness=1.0):
+    rays = empty_ray_batch(len(side_ids))
+    leave_all(surfaces, side_ids, rng.random((len(side_ids), 4)), steepness, rays)
+    return rays
 
 
 def scattered_triangles(rng, count, aspect):
@@ -372,9 +369,8 @@ def test_rays_do_not_meet_the_surface_they_leave(scale, shift, steepness, aspect
     corners = (scattered_triangles(rng, 200, aspect) + shift) * scale
     surfaces, tracer, _ = build(corners.reshape(-1, 3), np.arange(600).reshape(-1, 3))
     start = np.repeat(np.arange(200), 500)
-    origin, direction = start_rays(surfaces, start, np.arange(start.size) % 2, rng, steepness)
-    hit, _, _ = tracer.trace(origin, direction)
-    assert np.count_nonzero(hit == start) == 0
+    rays = start_rays(surfaces, 2 * start + np.arange(start.size) % 2, rng, steepness)
+    assert np.count_nonzero(tracer.trace(*rays).triangle == start) == 0
 
 
 def test_small_objects_far_apart():
@@ -384,9 +380,8 @@ def test_small_objects_far_apart():
         np.concatenate((vertices - 1000.0, vertices + 1000.0)), np.concatenate((triangles, triangles + 8))
     )
     start = np.repeat(np.arange(24), 5000)
-    origin, direction = start_rays(surfaces, start, np.arange(start.size) % 2, np.random.default_rng(5))
-    hit, _, _ = tracer.trace(origin, direction)
-    assert np.count_nonzero(hit == start) == 0
+    rays = start_rays(surfaces, 2 * start + np.arange(start.size) % 2, np.random.default_rng(5))
+    assert np.count_nonzero(tracer.trace(*rays).triangle == start) == 0
 
 
 @pytest.mark.parametrize("scale", [1e-5, 1.0, 1e5])
@@ -400,26 +395,30 @@ def test_closed_box_lets_no_ray_escape(scale):
     inside = rng.uniform(0.01, 0.99, (200_000, 3)) * size
     origin = ((inside @ rotation + 10) * scale - centre).astype(np.float32)
     direction = rng.normal(size=origin.shape).astype(np.float32)
-    assert np.all(tracer.trace(origin, direction)[0] >= 0)
+    assert np.all(tracer.trace(origin, direction).triangle >= 0)
     a, b = rng.integers(0, 3, (2, len(origin)))
     triangle = rng.integers(0, 12, len(origin))
     along = rng.integers(0, 5, (len(origin), 1)) / 4  # corners, middles and quarters of edges and diagonals
     target = surfaces.corners[triangle, a] * (1 - along) + surfaces.corners[triangle, b] * along
-    assert np.all(tracer.trace(origin, (target - origin).astype(np.float32))[0] >= 0)
+    assert np.all(tracer.trace(origin, (target - origin).astype(np.float32)).triangle >= 0)
+
+
+def inner_sides(surfaces):
+    """(m,) int64, which side of each triangle of a convex body around the origin is the inner one."""
+    centroid = surfaces.corners.mean(axis=1)
+    return np.array([np.dot(normal(surfaces.corners, t)[0], centroid[t]) > 0 for t in range(len(centroid))], np.int64)
 
 
 def test_paths_stay_in_a_closed_room():
     """Bounce after bounce off the walls of a sphere: nothing leaks, at grazing angles neither."""
     vertices, triangles = sphere(3)
     surfaces, tracer, _ = build(vertices, triangles)
-    centroid = surfaces.corners.mean(axis=1)
-    outward = [np.dot(normal(surfaces.corners, t)[:3], centroid[t]) > 0 for t in range(len(triangles))]
-    inner = np.array(outward, np.int64)  # the side that faces the centre
+    inner = inner_sides(surfaces)
     rng = np.random.default_rng(7)
     triangle = np.repeat(np.arange(len(triangles)), 100)
     for steepness in (1.0, 1e-3, 1.0, 1e-2):
-        origin, direction = start_rays(surfaces, triangle, inner[triangle], rng, steepness)
-        triangle = tracer.trace(origin, direction)[0].astype(np.int64)
+        rays = start_rays(surfaces, 2 * triangle + inner[triangle], rng, steepness)
+        triangle = tracer.trace(*rays).triangle.astype(np.int64)
         assert np.all(triangle >= 0)
 
 
@@ -431,15 +430,12 @@ def test_paths_stay_in_a_long_pipe(length, steepness):
     vertices, triangles = cylinder(32, 1e-3, length)
     vertices -= (0.0, 0.0, 0.5 * length)
     surfaces, tracer, _ = build(vertices @ random_rotation(rng), triangles)
-    centroid = surfaces.corners.mean(axis=1)
-    inner = np.array(
-        [np.dot(normal(surfaces.corners, t)[:3], centroid[t]) > 0 for t in range(len(triangles))], np.int64
-    )
+    inner = inner_sides(surfaces)
     start = rng.integers(0, 64, 100_000)  # on the sides
-    origin, direction = start_rays(surfaces, start, inner[start], rng, steepness)
-    hit, _, _ = tracer.trace(origin, direction)
+    rays = start_rays(surfaces, 2 * start + inner[start], rng, steepness)
+    hit = tracer.trace(*rays).triangle
     assert np.all(hit >= 0)
-    assert np.all((np.sum(direction * surfaces.plane[hit, :3], axis=1) > 0) == inner[hit])
+    assert np.all((np.sum(rays.direction * surfaces.plane[hit, :3], axis=1) > 0) == inner[hit])
 
 
 def test_trace_returns_the_nearest_hit_within_reach():
@@ -448,6 +444,7 @@ def test_trace_returns_the_nearest_hit_within_reach():
     surfaces, tracer, centre = build(vertices, [(0, 3, 6), (1, 4, 7), (2, 5, 8)])
     origin = np.tile(np.float32(np.array([0.5, 0.25, 5.0]) - centre), (3, 1))
     direction = np.array([(0, 0, -1), (0, 0, -1), (0, 0, 1)], np.float32)
-    triangle, u, v = tracer.trace(origin, direction, np.array([1e30, 3.5, 1e30], np.float32))
-    assert triangle.tolist() == [2, -1, -1]
-    np.testing.assert_allclose(point(surfaces.corners, 2, u[0], v[0]), np.array([0.5, 0.25, 1.0]) - centre, atol=1e-6)
+    hits = tracer.trace(origin, direction, np.array([1e30, 3.5, 1e30], np.float32))
+    assert hits.triangle.tolist() == [2, -1, -1]
+    met = point(surfaces.corners, 2, hits.u[0], hits.v[0])
+    np.testing.assert_allclose(met, np.array([0.5, 0.25, 1.0]) - centre, atol=1e-6)

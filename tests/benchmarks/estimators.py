@@ -29,25 +29,22 @@ from pathlib import Path
 import numpy as np
 
 from addon.solver import Settings, render
-from addon.solver.camera.final_gather import choose_splits
 from addon.solver.geometry.point_tree import morton_order
 from addon.solver.system.kernel_cache import FOLDER_VARIABLE
 from docs.tools.pages import MADE_AT
 from tests.benchmarks.speed_scenes import SCENES
 from tests.benchmarks.speed_vs_error import load_reference, user_cache
-from tests.helpers.paper_estimator import by_power_alone, no_final_gathers, no_near_disks, no_walls
+from tests.helpers.paper_estimator import (
+    by_power_alone,
+    no_final_gathers,
+    no_near_disks,
+    no_walls,
+    rays_everywhere,
+)
 
 WALLS = {  # K, see the scenes
     "room": 292.5, "ring": 288.0, "cavity": 300.0, "engine": 304.0, "street": 277.0, "office": 291.0, "bay": 305.0,
 }  # fmt: skip
-
-
-def split_all(*arguments):
-    """Every gather sends rays."""
-    choose_splits(*arguments)
-    rays, gathers = arguments[6:8]
-    gathers.rays[:] = np.where(rays.gathered[gathers.ray], 0, 32)
-    return int(gathers.rays.sum())
 
 
 def camera_samples(count):
@@ -64,17 +61,17 @@ VARIANTS = {
     "16 camera rays": camera_samples(16),
     "64 camera rays": camera_samples(64),
     "16 to 64 camera rays": {"planning.antialiasing.FEWEST": 16},
-    "no lamps": {"camera.lamps._TOGETHER": 1e9},
+    "no lamps": {"planning.lamps._LEAST_OF_ALL": 1e9},
     "everything a lamp": {
-        "camera.lamps._MOST": 10**6,
-        "camera.lamps._COMPACT": 1e9,
-        "camera.lamps._MATTERS": 0.0,
-        "camera.lamps._TOGETHER": -1.0,
+        "planning.lamps._MOST": 10**6,
+        "planning.lamps._COMPACT": 1e9,
+        "planning.lamps._LEAST_SHARE": 0.0,
+        "planning.lamps._LEAST_OF_ALL": -1.0,
     },
-    "1 lamp candidate": {"camera.lamps.CANDIDATES": 1, "camera.eye_paths.CANDIDATES": 1},
-    "lamps in mesh order": {"camera.lamps.morton_order": lambda points: np.arange(len(points))},
+    "1 lamp candidate": {"camera.shadow_rays.CANDIDATES": 1, "camera.reflection.CANDIDATES": 1},
+    "lamps in mesh order": {"planning.lamps.morton_order": lambda points: np.arange(len(points))},
     "no final gathers": {"camera.eye_paths.choose_splits": no_final_gathers},
-    "32 rays everywhere": {"camera.eye_paths.choose_splits": split_all},
+    "32 rays everywhere": {"camera.eye_paths.choose_splits": rays_everywhere},
     "rays not shared": {"planning.splitting._SHARING": 1e-12},
     "at most 64 rays": {"planning.splitting._MOST": 64},
     "spread of each block": {"planning.survey._PRIOR": 4.0},
@@ -86,11 +83,11 @@ VARIANTS = {
     "a quarter of the cache": {"photons.irradiance_cache._SHARE": 1.0 / 64.0},
     "cache in Morton order": {"photons.irradiance_cache.kd_order": morton_order},
     "4 times the cache": {"photons.irradiance_cache._SHARE": 1.0 / 4.0},
-    "no roulette on gathers": {"camera.eye_paths._LITTLE": 1e-30},
+    "no roulette on gathers": {"camera.gathers._LITTLE": 1e-30},
     "no sky rays": {"planning.pilot._OPEN": 2.0},
     "sky rays everywhere": _OPEN,
-    "no guide": {"passes._ENOUGH": -1.0},
-    "guide always": {"passes._ENOUGH": 2.0, "passes._WORTHWHILE": 0.0},
+    "no guide": {"planning.preparation._ENOUGH": -1.0},
+    "guide always": {"planning.preparation._ENOUGH": 2.0, "planning.preparation._WORTHWHILE": 0.0},
     "emission by power alone": {"planning.pilot._density": by_power_alone},
     "no feelers": {"camera.eye_paths.free_space": no_walls, "passes.free_space": no_walls},
     "20 neighbours": {"neighbours": 20},

@@ -17,29 +17,31 @@ from unittest.mock import patch
 import numpy as np
 from numba import njit
 
-from addon.solver import Settings, passes
-from addon.solver.geometry.surfaces import SAME_SURFACE, put_ray
+from addon.solver import Settings
+from addon.solver.geometry.interaction import leave
+from addon.solver.geometry.mesh import SAME_SURFACE
+from addon.solver.geometry.segments import empty_ray_batch
+from addon.solver.planning import preparation
 from addon.solver.planning.sheets import _radiance
+from addon.solver.sampling.vectors import vector
 from addon.solver.sampling.warps import cosine_direction, to_world
 from tests.benchmarks.speed_scenes import SCENES
 
 CELLS = 8  # on each side of the square of directions
 TRUTH = 64  # rays on each side that tell the truth
-TESTED = 300  # places
+TESTED = 300  # points
 EVENLY = 0.5  # share of the rays
 
 
 @njit
-def start_rays(surfaces, code, place, facing, jitter, origin, direction):
-    """Rays (side * side) from a place, one in each stratum. jitter: (side, side, 2) in [0, 1)."""
+def start_rays(surfaces, pilot, i, jitter, rays):
+    """Rays (side * side) from point i of the pilot, one in each stratum. jitter: (side, side, 2) in [0, 1)."""
     side = len(jitter)
-    for i in range(side):
-        for j in range(side):
-            x, y, z = cosine_direction((i + jitter[i, j, 0]) / side, (j + jitter[i, j, 1]) / side)
-            nx, ny, nz = facing
-            dx, dy, dz = to_world(x, y, z, nx, ny, nz)
-            px, py, pz = place
-            put_ray(surfaces, code >> 1, px, py, pz, nx, ny, nz, dx, dy, dz, origin, direction, i * side + j)
+    for row in range(side):
+        for column in range(side):
+            u, v = (row + jitter[row, column, 0]) / side, (column + jitter[row, column, 1]) / side
+            direction = to_world(cosine_direction(u, v), vector(pilot.normal, i))
+            leave(surfaces, pilot.side_id[i], vector(pilot.point, i), direction, rays, row * side + column)
 
 
 def gains(name: str, points: int, rays: int) -> tuple[float, float]:
@@ -53,31 +55,30 @@ def gains(name: str, points: int, rays: int) -> tuple[float, float]:
         pilots.append(original(*inputs))
         return pilots[0]
 
-    original = passes.explore
-    with patch.object(passes, "explore", explore):
-        model = passes.prepare(SCENES[name](), Settings())
-    (pilot,), surfaces, random = pilots, model.surfaces, np.random.default_rng(0)
-    radiance = np.append(_radiance(surfaces, model.radiometry), model.emitters.surroundings.sum())
+    original = preparation.explore
+    with patch.object(preparation, "explore", explore):
+        model = preparation.prepare(SCENES[name](), Settings())
+    (pilot,), surfaces, random = pilots, model.stage.surfaces, np.random.default_rng(0)
+    radiance = np.append(_radiance(model.stage), model.emitters.surroundings.radiance.sum())
 
-    def look(place: int, side: int) -> np.ndarray:
-        """(CELLS^2, n) radiance that rays meet, by cell."""
-        origin, direction = np.empty((2, side * side, 3), np.float32)
-        jitter = random.random((side, side, 2))
-        start_rays(surfaces, pilot.code[place], pilot.place[place], pilot.facing[place], jitter, origin, direction)
-        met, _, _ = model.tracer.trace(origin, direction, np.full(side * side, 1e37, np.float32))
+    def look(i: int, side: int) -> np.ndarray:
+        """(CELLS^2, n) radiance that rays from point i of the pilot meet, by cell."""
+        rays = empty_ray_batch(side * side)
+        start_rays(surfaces, pilot, i, random.random((side, side, 2)), rays)
+        met = model.tracer.trace(*rays).triangle
         cells = radiance[met].reshape(CELLS, side // CELLS, CELLS, side // CELLS)
         return cells.transpose(0, 2, 1, 3).reshape(CELLS * CELLS, -1)
 
-    order = random.permutation(len(pilot.place))
+    order = random.permutation(len(pilot.point))
     tested, learning = order[:TESTED], order[TESTED:][:points]
-    learnt = np.array([np.sqrt(np.mean(look(place, round(rays**0.5)) ** 2, axis=1)) for place in learning])
-    sheet = surfaces.sheet[pilot.code >> 1, pilot.code & 1]
+    learnt = np.array([np.sqrt(np.mean(look(i, round(rays**0.5)) ** 2, axis=1)) for i in learning])
+    sheet = surfaces.sheet[pilot.side_id >> 1, pilot.side_id & 1]
     even = guided = best = 0.0
-    for place in tested:
-        variance, worth = look(place, TRUTH).var(axis=1), pilot.carried[place] ** 2
-        distance = np.linalg.norm(pilot.place[learning] - pilot.place[place], axis=1)
-        alike = pilot.facing[learning] @ pilot.facing[place] > SAME_SURFACE
-        distance[~(alike & (sheet[learning] == sheet[place]))] = np.inf
+    for i in tested:
+        variance, worth = look(i, TRUTH).var(axis=1), pilot.throughput[i] ** 2
+        distance = np.linalg.norm(pilot.point[learning] - pilot.point[i], axis=1)
+        alike = pilot.normal[learning] @ pilot.normal[i] > SAME_SURFACE
+        distance[~(alike & (sheet[learning] == sheet[i]))] = np.inf
         nearest, density = distance.argmin(), np.ones(CELLS * CELLS)
         if distance[nearest] < np.inf and learnt[nearest].any():
             density = EVENLY + (1.0 - EVENLY) * learnt[nearest] / learnt[nearest].mean()

@@ -20,11 +20,16 @@ from numba import njit
 from scipy.spatial import cKDTree
 
 from addon.solver import Material, Settings
+from addon.solver.geometry.area import NO_WALL
 from addon.solver.geometry.eye import empty_eye_rays, eye_rays
-from addon.solver.geometry.surfaces import PATCH_LIMIT, Surfaces, build_surfaces, normal, point
-from addon.solver.passes import PHOTON_CHUNK, prepare
-from addon.solver.photons.photon_map import Photons, PhotonStore, build_photon_map, gather, neighbours_room
+from addon.solver.geometry.interaction import interact
+from addon.solver.geometry.segments import RayBatch
+from addon.solver.geometry.surfaces import Surfaces, build_surfaces
+from addon.solver.passes import PHOTON_CHUNK
+from addon.solver.photons.emission import Batch
+from addon.solver.photons.photon_map import Disk, Photons, PhotonStore, build_photon_map, gather, neighbours_room
 from addon.solver.photons.transport import trace_photons
+from addon.solver.planning.preparation import prepare
 from addon.solver.sampling.rng import CAMERA, PHOTONS, pass_key
 from tests.benchmarks.throughput import room, seconds
 from tests.helpers.scenes import look, make_scene
@@ -41,39 +46,33 @@ TREES = {
 
 
 class Case(NamedTuple):
-    """Photons and the points at which they are gathered: triangle (q,), side (q,), place (q, 3) float32."""
+    """Photons and the points at which they are gathered: side_id (q,) int32, point (q, 3) float32."""
 
     name: str
     photons: Photons
     surfaces: Surfaces
     reach2: float
-    triangle: np.ndarray
-    side: np.ndarray
-    place: np.ndarray
+    side_id: np.ndarray
+    point: np.ndarray
 
 
 @njit
-def hit_points(surfaces, triangle, u, v, direction):
-    """Place and side of every hit."""
-    place, side = np.empty((triangle.size, 3), np.float32), np.zeros(triangle.size, np.int32)
-    for i in range(triangle.size):
-        place[i] = point(surfaces.corners, triangle[i], u[i], v[i])
-        nx, ny, nz, _ = normal(surfaces.corners, triangle[i])
-        if direction[i, 0] * nx + direction[i, 1] * ny + direction[i, 2] * nz > 0.0:
-            side[i] = 1
-    return place, side
+def hit_points(surfaces, hits, rays):
+    """Side and point of every hit."""
+    side_id, point = np.empty(hits.triangle.size, np.int32), np.empty((hits.triangle.size, 3), np.float32)
+    for i in range(hits.triangle.size):
+        at = interact(surfaces, hits, i, rays)
+        side_id[i], point[i] = at.side_id, at.point
+    return side_id, point
 
 
 @njit(nogil=True)
-def gather_all(photon_map, surfaces, triangle, side, place, k, reach2):
+def gather_all(photon_map, surfaces, side_id, point, disk):
     """Sum over the points of photons per area, so that no work is left out."""
-    room, patch = neighbours_room(k), np.empty(PATCH_LIMIT, np.int32)
-    guess, density, no_wall = reach2, 0.0, np.zeros(3, np.float32)
-    for i in range(triangle.size):
-        kept, area, guess = gather(
-            photon_map, surfaces, triangle[i], side[i], place[i, 0], place[i, 1], place[i, 2],
-            no_wall, k, reach2, 1.0, False, guess, room, patch,
-        )  # fmt: skip
+    room, guess, density = neighbours_room(disk.neighbours), disk.reach2, 0.0
+    for i in range(side_id.size):
+        x, y, z = point[i]
+        kept, area, guess = gather(photon_map, surfaces, side_id[i], (x, y, z), disk, guess, room)
         density += kept / area
     return density
 
@@ -83,18 +82,16 @@ def room_case(count):
     m = prepare(room(BANDS), Settings(photons_per_pass=count, neighbours=NEIGHBOURS))
     store, key = PhotonStore(BANDS, False, False), pass_key(0, 0, PHOTONS)
     for first in range(0, count, PHOTON_CHUNK):
-        for batch in trace_photons(
-            m.tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first,
-            min(PHOTON_CHUNK, count - first), count, lambda: False,
-        ):  # fmt: skip
-            store.append(batch)
+        batch = Batch(key, first, min(PHOTON_CHUNK, count - first), count)
+        for stored in trace_photons(m.tracer, m.stage, m.emitters, m.optics, batch):
+            store.append(stored)
     pixels = WIDTH * HEIGHT
     origin, direction, reach = empty_eye_rays(pixels)
     once = np.ones(pixels, np.uint8)
     eye_rays(m.eye, pass_key(0, 0, CAMERA), 0, once, np.arange(pixels), origin, direction, reach)
-    triangle, u, v = m.tracer.trace(origin, direction, reach)
-    place, side = hit_points(m.surfaces, triangle, u, v, direction)
-    return Case("room", store.photons, m.surfaces, m.reach2, triangle, side, place)
+    hits = m.tracer.trace(origin, direction, reach)
+    side_id, point = hit_points(m.stage.surfaces, hits, RayBatch(origin, direction))
+    return Case("room", store.photons, m.stage.surfaces, m.reach2, side_id, point)
 
 
 def caustic_case(count):
@@ -116,54 +113,42 @@ def caustic_case(count):
     scene = make_scene(corners, triangles, 300.0, [Material()], look((0, 0, 2), (0, 0, 0)), [8.0, 12.0])
     surfaces, _, _ = build_surfaces(scene)
     grid = np.stack(np.meshgrid(np.linspace(-0.49, 0.49, WIDTH), np.linspace(-0.49, 0.49, HEIGHT // 2)), axis=-1)
-    place = np.zeros((WIDTH * HEIGHT, 3), np.float32)
-    place[: WIDTH * HEIGHT // 2, :2] = grid.reshape(-1, 2)
+    point = np.zeros((WIDTH * HEIGHT, 3), np.float32)
+    point[: WIDTH * HEIGHT // 2, :2] = grid.reshape(-1, 2)
     near = position[rng.integers(count, size=WIDTH * HEIGHT // 2)]
-    place[WIDTH * HEIGHT // 2 :] = near[np.lexsort((near[:, 0], (near[:, 1] * HEIGHT).round()))]
+    point[WIDTH * HEIGHT // 2 :] = near[np.lexsort((near[:, 0], (near[:, 1] * HEIGHT).round()))]
     photons = Photons(
         position, 2 * (position[:, 1] > position[:, 0]).astype(np.int32), np.ones((count, BANDS), np.float32),
         np.empty((0, 3), np.float32), np.empty(0, bool), np.empty(0, np.uint8),
     )  # fmt: skip
-    return Case(
-        "caustic",
-        photons,
-        surfaces,
-        9 * NEIGHBOURS / (math.pi * count),
-        (place[:, 1] > place[:, 0]).astype(np.int32),
-        np.zeros(len(place), np.int32),
-        place,
-    )
+    side_id = 2 * (point[:, 1] > point[:, 0]).astype(np.int32)
+    return Case("caustic", photons, surfaces, 9 * NEIGHBOURS / (math.pi * count), side_id, point)
 
 
 def measure(case):
     """Best seconds to build and to query, for ours and for each kd-tree."""
     times = {name: [] for name in ("ours", *TREES)}
     position = case.photons.position.copy()  # before ours sorts them
-    reach = math.sqrt(case.reach2)
+    disk, reach = Disk(NEIGHBOURS, case.reach2, 1.0, NO_WALL, False), math.sqrt(case.reach2)
     for _ in range(REPETITIONS):
         photons = Photons(*(array.copy() for array in case.photons))
         build, photon_map = seconds(lambda p=photons: build_photon_map(p, case.surfaces))
-        query, _ = seconds(
-            lambda m=photon_map: gather_all(
-                m, case.surfaces, case.triangle, case.side, case.place, NEIGHBOURS, case.reach2
-            )
-        )
+        query, _ = seconds(lambda m=photon_map: gather_all(m, case.surfaces, case.side_id, case.point, disk))
         times["ours"].append((build, query))
         for name, options in TREES.items():
             build, tree = seconds(lambda o=options: cKDTree(position, **o))
-            query, _ = seconds(lambda t=tree: t.query(case.place, NEIGHBOURS, distance_upper_bound=reach, workers=1))
+            query, _ = seconds(lambda t=tree: t.query(case.point, NEIGHBOURS, distance_upper_bound=reach, workers=1))
             times[name].append((build, query))
     return {name: np.min(spent, axis=0) for name, spent in times.items()}
 
 
 def shuffled(case):
     """The same points in random order, as after a rough reflection: the last disk says nothing of the next."""
-    order = np.random.default_rng(1).permutation(len(case.place))
+    order = np.random.default_rng(1).permutation(len(case.point))
     return case._replace(
         name=case.name + " with points in random order",
-        triangle=case.triangle[order],
-        side=case.side[order],
-        place=case.place[order],
+        side_id=case.side_id[order],
+        point=case.point[order],
     )
 
 

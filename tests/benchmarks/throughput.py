@@ -20,12 +20,15 @@ import numpy as np
 
 from addon.solver import Material, Settings
 from addon.solver.camera import eye_paths
-from addon.solver.camera.eye_paths import Estimate, render_pixels
-from addon.solver.camera.lamps import lamp_points
+from addon.solver.camera.eye_paths import CameraPass, render_pixels
+from addon.solver.camera.rays import Estimate
+from addon.solver.camera.shadow_rays import Lighting, lamp_points
 from addon.solver.image.tiles import tiles
-from addon.solver.passes import PHOTON_CHUNK, cache_irradiance, prepare
+from addon.solver.passes import PHOTON_CHUNK, Work, cache_irradiance
+from addon.solver.photons.emission import Batch
 from addon.solver.photons.photon_map import PhotonStore, build_photon_map
 from addon.solver.photons.transport import trace_photons
+from addon.solver.planning.preparation import prepare
 from addon.solver.sampling.rng import CAMERA, LAMPS, PHOTONS, pass_key
 from tests.helpers.scenes import box, look, make_scene, sphere
 
@@ -58,6 +61,12 @@ def room(bands=16):
     return make_scene(vertices, triangles, temperature, materials, camera, np.linspace(7.5, 14, bands + 1), material)
 
 
+def is_of_camera_rays(bounce, asking):
+    """Whether what asks photons are gathers of camera rays, and not ends of final gathers."""
+    rays = asking.gathers.ray
+    return not asking.are_ends and len(rays) > 0 and not bounce.rays.final[rays[0]]
+
+
 def seconds(function):
     start = time.perf_counter()
     result = function()
@@ -70,15 +79,12 @@ def main():
     model = prepare(scene, settings)
     key = pass_key(0, 0, PHOTONS)
     camera_keys = (pass_key(0, 2**32 - 1, CAMERA), pass_key(0, 0, CAMERA))
-    shining = lamp_points(model.lamps, model.surfaces, pass_key(0, 0, LAMPS))
+    shining = lamp_points(model.lamps, model.stage.surfaces, pass_key(0, 0, LAMPS))
     firsts = range(0, PHOTONS_PER_PASS, PHOTON_CHUNK)
 
     def trace_chunk(first, tracer=model.tracer):
-        count = min(PHOTON_CHUNK, PHOTONS_PER_PASS - first)
-        m = model
-        return list(
-            trace_photons(tracer, m.surfaces, m.radiometry, m.emitters, m.optics, key, first, count, PHOTONS_PER_PASS)
-        )
+        batch = Batch(key, first, min(PHOTON_CHUNK, PHOTONS_PER_PASS - first), PHOTONS_PER_PASS)
+        return list(trace_photons(tracer, model.stage, model.emitters, model.optics, batch))
 
     recorder = Recorder(model.tracer)
     chunks = []
@@ -94,6 +100,7 @@ def main():
 
     with ThreadPoolExecutor(threads) as pool:
         store = PhotonStore(16, False, False)
+        work = Work(store, pool, lambda: False)
         times = {"trace": [], "embree": [], "index": [], "gather": [], "cache": [], "camera": [], "final gathers": []}
         for _ in range(REPETITIONS):
             store.clear()
@@ -105,38 +112,50 @@ def main():
 
             times["trace"].append(seconds(trace)[0])
             times["embree"].append(seconds(lambda: list(pool.map(embree_chunk, chunks)))[0])
-            spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.surfaces, pool.map))
+            spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.stage.surfaces, pool.map))
             times["index"].append(spent)
             photons_alone = model.splitting._replace(price=math.inf)
             estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False, photons_alone)
-            spent, cache = seconds(
-                lambda p=photon_map, e=estimate: cache_irradiance(model, p, e, camera_keys[1], pool, lambda: False)
-            )
+            spent, cache = seconds(lambda p=photon_map, e=estimate: cache_irradiance(model, p, e, camera_keys[1], work))
             times["cache"].append(spent)
 
-            def camera(pixels, photon_map=photon_map, cache=cache, estimate=estimate):
-                m = model
-                render_pixels(
-                    m.tracer, m.surfaces, m.radiometry, m.emitters, m.lamps, shining, m.eye, m.samples, photon_map,
-                    cache, estimate, camera_keys, 0, pixels, m.weights.astype(np.float32), lambda: False,
-                )  # fmt: skip
+            shared = CameraPass(
+                tracer=model.tracer,
+                stage=model.stage,
+                lighting=Lighting(model.emitters.surroundings, model.lamps, shining),
+                eye=model.eye,
+                samples=model.samples,
+                photon_map=photon_map,
+                cache=cache,
+                estimate=estimate,
+                keys=camera_keys,
+                index=0,
+                weights=model.weights.astype(np.float32),
+            )
+
+            def camera(pixels, shared=shared):
+                render_pixels(shared, pixels, lambda: False)
 
             pixels = tiles(model.eye.window, 0, camera_keys[0])
-            gathers, reflect, choose = [], eye_paths.reflect, eye_paths.choose_splits
-            eye_paths.reflect = lambda *arguments, kept=gathers: kept.append(arguments)
+            reflected, reflect = [], eye_paths.reflect
+            eye_paths.reflect = lambda *arguments, kept=reflected: kept.append(arguments)
             times["camera"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
-            chosen = [a for a in gathers if not a[4] and len(a[9].ray) and not a[8].gathered[a[9].ray[0]]]
-            times["gather"].append(seconds(lambda g=chosen, r=reflect: list(pool.map(lambda call: r(*call), g)))[0])
-            asked = sum(len(a[9].ray) for a in chosen)
-            sent = []
+            asked = [a for a in reflected if is_of_camera_rays(*a[3:5])]
+            times["gather"].append(seconds(lambda g=asked, r=reflect: list(pool.map(lambda call: r(*call), g)))[0])
+            gathers = sum(len(asking.gathers.ray) for *_, asking, _ in asked)
+            sent, choose, opened = [], eye_paths.choose_splits, eye_paths.open_finals
 
-            def planned(surfaces, radiometry, estimate, *rest, kept=sent, choose=choose):
-                kept.append(choose(surfaces, radiometry, estimate._replace(splitting=model.splitting), *rest))
-                return kept[-1]
+            def planned(stage, estimate, *rest, choose=choose):
+                choose(stage, estimate._replace(splitting=model.splitting), *rest)
 
-            eye_paths.choose_splits = planned
+            def counted(*arguments, kept=sent, opened=opened):
+                finals = opened(*arguments)
+                kept.append(int(finals.rays.sum()))
+                return finals
+
+            eye_paths.choose_splits, eye_paths.open_finals = planned, counted
             times["final gathers"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
-            eye_paths.reflect, eye_paths.choose_splits = reflect, choose
+            eye_paths.reflect, eye_paths.choose_splits, eye_paths.open_finals = reflect, choose, opened
     best = {name: min(values[1:]) for name, values in times.items()}
     print(f"{threads} threads, {rays} rays, {store.count} photons stored, {settings.neighbours} neighbours")
     print("  ".join(f"{name} {1e3 * value:.1f} ms" for name, value in best.items()))
@@ -148,8 +167,8 @@ def main():
     ray = (best["final gathers"] - best["camera"]) / sum(sent)
     photon = (best["trace"] + best["index"]) / PHOTONS_PER_PASS
     print(
-        f"in the time of one of {sum(sent)} rays of final gathers: a gather {best['gather'] / asked / ray:.1f}, its "
-        f"camera rays {best['camera'] / asked / ray:.1f}, a photon {photon / ray:.1f}"
+        f"in the time of one of {sum(sent)} rays of final gathers: a gather {best['gather'] / gathers / ray:.1f}, its "
+        f"camera rays {best['camera'] / gathers / ray:.1f}, a photon {photon / ray:.1f}"
     )
 
 

@@ -16,16 +16,24 @@ from unittest import mock
 
 import numpy as np
 
-from addon.solver.camera.lamps import build_lamps
+from addon.solver.camera.final_gather import choose_splits
+from addon.solver.camera.gathers import NearDisks
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.photons.emission import emit
+from addon.solver.planning.lamps import build_lamps
 from addon.solver.planning.pilot import DEFENSIVE
 
 PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}  # of Settings
 
 
 def no_final_gathers(*_):
-    return 0
+    """Gathers that nobody has chosen ask photons."""
+
+
+def rays_everywhere(stage, estimate, pixels, bounce, gathers, *rest):
+    """The opposite, that tests and benchmarks set against it: every gather sends rays."""
+    choose_splits(stage, estimate, pixels, bounce, gathers, *rest)
+    gathers.rays[:] = np.where(bounce.rays.final[gathers.ray], 0, 32)
 
 
 def no_lamps(*arguments):
@@ -41,18 +49,18 @@ def emit_all(*arguments):
     wave.direct[:] = False
 
 
-def by_power_alone(count, sheet, area, matters):
-    """Every side that matters emits by its power alone."""
-    return np.where(matters, 1.0, DEFENSIVE)
+def by_power_alone(count, sheet, area, reachable):
+    """Every reachable side emits by its power alone."""
+    return np.where(reachable, 1.0, DEFENSIVE)
 
 
-def no_walls(tracer, surfaces, reach2, place, code, turns, felt=None):
-    return unlimited(len(place), reach2)
+def no_walls(tracer, surfaces, reach2, point, *_):
+    return unlimited(len(point), reach2)
 
 
 def no_near_disks(estimate):
     """All ends of rays recall, however near they are to where the ray starts."""
-    return np.empty(0), 0.0
+    return NearDisks(np.empty(0), 0.0)
 
 
 def any_reach(area, pilot, photons, neighbours):
@@ -64,14 +72,14 @@ def any_reach(area, pilot, photons, neighbours):
 PHOTONS_ALONE = {
     "camera.eye_paths.choose_splits": no_final_gathers,
     "passes.cache_points": lambda *_: 1,  # nobody asks the irradiance cache then
-    "passes.build_lamps": no_lamps,
+    "planning.preparation.build_lamps": no_lamps,
     "photons.transport.emit": emit_all,
     "planning.pilot._OPEN": 1.0,  # no rays to the surroundings
 }
 PAPERS_ESTIMATOR = PHOTONS_ALONE | {
-    "passes.learn_guide": lambda tracer, surfaces, radiometry, emitters, *_: emitters,
+    "planning.preparation.learn_guide": lambda tracer, stage, emitters, *_: emitters,
     "planning.pilot._density": by_power_alone,
-    "passes.gather_reach": any_reach,
+    "planning.preparation.gather_reach": any_reach,
     "camera.eye_paths.free_space": no_walls,
 }
 
@@ -82,8 +90,7 @@ def changed(changes: dict[str, object]) -> Iterator[None]:
     with ExitStack() as stack:
         for target, value in changes.items():
             module, _, name = target.rpartition(".")
-            module = importlib.import_module(f"addon.solver.{module}")
-            stack.enter_context(mock.patch.object(module, name, value))
+            stack.enter_context(mock.patch.object(importlib.import_module(f"addon.solver.{module}"), name, value))
         yield
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Photon maps of points on simple surfaces."""
+"""Photon maps of points on a square that is cut as finely as a test wants, and on other simple surfaces."""
 
 from typing import NamedTuple
 
@@ -35,10 +35,15 @@ def square(cells=1):
 
 def triangle_under(points, cells):
     """Index (n,) of the triangle of square(cells) that holds each point."""
-    place = np.clip((points[:, :2] + 0.5) * cells, 0, cells * (1 - 1e-12))
-    i, j = place.astype(int).T
-    upper = place[:, 1] - j > place[:, 0] - i
+    scaled = np.clip((points[:, :2] + 0.5) * cells, 0, cells * (1 - 1e-12))
+    i, j = scaled.astype(int).T
+    upper = scaled[:, 1] - j > scaled[:, 0] - i
     return 2 * (j * cells + i) + upper
+
+
+def side_under(points, cells):
+    """Side_id (n,) of the front of square(cells) that each point lies on."""
+    return 2 * triangle_under(np.asarray(points), cells)
 
 
 class Map(NamedTuple):
@@ -48,13 +53,13 @@ class Map(NamedTuple):
     surfaces: Surfaces
 
 
-def photon_map(points, surfaces, codes=0, power=None, batches=1, store=None):
-    """Map of photons at (n, 3) points on triangle sides `codes`, stored in so many batches of about equal size."""
+def photon_map(points, surfaces, side_ids=0, power=None, batches=1, store=None):
+    """Map of photons at (n, 3) points on sides, stored in so many batches of about equal size."""
     n = len(points)
     position = np.asarray(points, np.float32).reshape(n, 3)
-    codes = np.broadcast_to(np.asarray(codes, np.int32), (n,))
+    side_ids = np.broadcast_to(np.asarray(side_ids, np.int32), (n,))
     power = np.ones((n, 1), np.float32) if power is None else power
     store = store or PhotonStore(power.shape[1], False, False)
     for part in np.array_split(np.arange(n), batches):
-        store.append(Photons(position[part], codes[part], power[part], *UNMARKED))
+        store.append(Photons(position[part], side_ids[part], power[part], *UNMARKED))
     return Map(build_photon_map(store.photons, surfaces), surfaces)

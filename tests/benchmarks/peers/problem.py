@@ -73,14 +73,14 @@ def build_problem(scene, reference: float = 0.0) -> Problem:
     linearity: emission is e(T) - eps B(T0) and offset B(T0).
     """
     from addon.solver import Settings
-    from addon.solver.passes import prepare
     from addon.solver.physics.spectrum import band_radiance
+    from addon.solver.planning.preparation import prepare
 
     bad = [m.name for m in scene.materials if m.specular not in (0.0, 1.0) or (m.specular and m.roughness)]
     if bad or scene.lights or scene.temperature.ndim > 1:
         raise ValueError(f"Only diffuse and mirror materials, emitting geometry and one temperature a triangle: {bad}")
     edges = scene.band_edges
-    reflectance = prepare(scene, Settings(threads=2)).radiometry.reflectance.astype(float)
+    reflectance = prepare(scene, Settings(threads=2)).stage.radiometry.reflectance.astype(float)
     pairs = np.column_stack((scene.material, scene.temperature))
     parts, part = np.unique(pairs, axis=0, return_inverse=True)
     material = parts[:, 0].astype(int)
