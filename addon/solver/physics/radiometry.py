@@ -114,7 +114,7 @@ def grey_radiometry(materials: tuple[Material, ...], emissivity: np.ndarray) -> 
     """
     nothing = np.zeros((len(materials) + 1, 2, 1))
     return Radiometry(
-        reflectance=(1.0 - emissivity)[:, None].astype(np.float32),
+        reflectance=(1.0 - emissivity)[:, None],
         stores=np.full(len(materials), ALL, np.uint8),
         lobes=build_lobe_table(materials),
         emission=nothing,
