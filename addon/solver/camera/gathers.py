@@ -126,10 +126,8 @@ def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
         if stored_at(stage, at) == NONE:
             continue
         asks_sky = surroundings.open[at.triangle, side] and not bounce.near[i]
-        if rays.final[i] and not (
-            lamps.power > 0.0 or asks_sky
-        ):  # what it reflects is recalled, or another ray brings it
-            continue
+        if rays.final[i] and not (lamps.power > 0.0 or asks_sky):
+            continue  # what it reflects is recalled, or another ray brings it
         carried = largest_throughput(throughput, reflectance_at(stage, at))
         if carried == 0.0:
             continue
