@@ -33,7 +33,8 @@ def njit(**options) -> Callable:
 # order of every sum, is the same in every thread.
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
-KERNEL = {"cache": True, "nogil": True, "_nrt": False}
+# No kernel is handed on as a C function, so none gets the wrapper for that, which takes time to compile and to load.
+KERNEL = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "_nrt": False}
 FAST_KERNEL = KERNEL | {"fastmath": FAST}
 
 # Of small functions that many kernels call: LLVM puts them into each. Numba's own inlining would infer their types anew
