@@ -16,17 +16,16 @@ way, six standard deviations: one that is far better should be stored.
 """
 
 import dataclasses
-import importlib
 from unittest import mock
 
 import numpy as np
 import pytest
 
 from addon.solver import Settings, render
-from addon.solver.geometry.surfaces import Tracer
+from addon.solver.geometry.segments import Tracer
+from addon.solver.planning import preparation
 from tests.benchmarks.speed_scenes import SCENES
 
-passes = importlib.import_module("addon.solver.passes")
 WIDTH, HEIGHT = 64, 48
 SETTINGS = Settings(passes=16, photons_per_pass=25_000)
 KEPT = 0.98  # of the pixels
@@ -69,13 +68,13 @@ def test_error_and_rays_together_are_as_small_as_they_were(name):
 
 def test_a_wrong_price_is_seen(monkeypatch):
     """With ten times the price there are two thirds of the rays, and the figure is three quarters higher."""
-    plan = passes.plan_splitting
+    plan = preparation.plan_splitting
 
     def dearer(*arguments):
         splitting = plan(*arguments)
         return splitting._replace(price=10.0 * splitting.price)
 
-    monkeypatch.setattr(passes, "plan_splitting", dearer)
+    monkeypatch.setattr(preparation, "plan_splitting", dearer)
     assert figure("office") > (1.0 + TOLERANCE) * STORED["office"]
 
 

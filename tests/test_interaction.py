@@ -48,13 +48,13 @@ def points_at(surfaces, triangle, uv):
 
 
 @njit
-def interactions(surfaces, hits, rays):
+def interactions(surfaces, hits, direction):
     """Integers (n, 3): triangle, side_id, material; vectors (n, 4, 3): point, both normals, incoming; numbers (n, 4):
     u, v, cosine, distance."""
     integers, vectors = np.empty((len(hits.triangle), 3), np.int64), np.empty((len(hits.triangle), 4, 3))
     numbers = np.empty((len(hits.triangle), 4))
     for i in range(len(hits.triangle)):
-        at = interact(surfaces, hits, i, rays)
+        at = interact(surfaces, hits, i, direction)
         integers[i] = at.triangle, at.side_id, at.material
         vectors[i, 0], vectors[i, 1], vectors[i, 2], vectors[i, 3] = at.point, at.normal, at.shading_normal, at.incoming
         numbers[i, 0], numbers[i, 1], numbers[i, 2], numbers[i, 3] = at.u, at.v, at.cosine, at.distance
@@ -79,7 +79,7 @@ def test_rays_from_both_sides(tilted):
         (target - distance[:, None] * way).astype(np.float32), (length[:, None] * way).astype(np.float32)
     )  # fmt: skip
     hits = tracer.trace(*rays)
-    integers, vectors, numbers = interactions(surfaces, hits, rays)
+    integers, vectors, numbers = interactions(surfaces, hits, rays.direction)
     met = hits.triangle == aimed
     assert met.sum() > 0.5 * aimed.size and 0.2 < np.mean(slope[met] > 0) < 0.8
     (triangle, side_id, material), (point, normal, shading, incoming) = integers[met].T, vectors[met].swapaxes(0, 1)

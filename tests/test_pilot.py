@@ -14,8 +14,10 @@ import pytest
 
 from addon.solver import Material
 from addon.solver.geometry.eye import build_eye
-from addon.solver.geometry.surfaces import Surfaces, areas, build_surfaces, centroids, scene_radius
-from addon.solver.physics.radiometry import typical_emissivity
+from addon.solver.geometry.stage import Stage
+from addon.solver.geometry.surfaces import Surfaces, build_surfaces
+from addon.solver.geometry.triangles import areas, centroids, scene_radius
+from addon.solver.physics.radiometry import grey_radiometry, typical_emissivity
 from addon.solver.planning.pilot import _LEAST_DENSITY, _LEAST_ERROR, DEFENSIVE, Pilot, explore
 from tests.helpers.scenes import box, join, look, make_scene, quad
 
@@ -46,10 +48,9 @@ def explored(parts, camera, materials=(GREY, BLACK, MIRROR)):
     surfaces, tracer, centre = build_surfaces(scene)
     area = areas(surfaces.corners)
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
-    specular = np.array([each.specular for each in materials])
-    is_mirror = np.array([each.alpha == 0.0 for each in materials])
+    stage = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1)))
     eye = build_eye(scene.camera, centre, scene_radius(surfaces.corners))
-    pilot = explore(surfaces, tracer, eye, 1.0 - emissivity.mean(axis=1), specular, is_mirror, area)
+    pilot = explore(stage, tracer, eye, area)
     return Explored(pilot, surfaces, centre, area)
 
 
@@ -103,7 +104,7 @@ def test_what_a_partition_hides_does_not_matter():
     near = np.all(seen.surfaces.corners[..., 0] + seen.centre[0] < 1 + 1e-6, axis=1)
     expected = seen.faces(EYE) & near[:, None]
     assert expected.sum() == 12  # triangles of six walls
-    np.testing.assert_array_equal(seen.pilot.matters, expected)
+    np.testing.assert_array_equal(seen.pilot.reachable, expected)
     assert np.all(seen.pilot.weight[~expected] == DEFENSIVE) and np.all(seen.pilot.arrival[~expected] == DEFENSIVE)
     assert seen.pilot.weight[expected].min() >= _LEAST_DENSITY
     assert not seen.pilot.importance[~near].any()
@@ -112,7 +113,7 @@ def test_what_a_partition_hides_does_not_matter():
 def test_a_gap_in_the_partition_lets_the_next_room_matter():
     seen = explored(two_rooms(gap=0.2), INTO_THE_NEAR_ROOM)
     inside = seen.faces(EYE) | seen.faces((1.6, 0.5, 0.6))
-    np.testing.assert_array_equal(seen.pilot.matters, inside)
+    np.testing.assert_array_equal(seen.pilot.reachable, inside)
     assert inside.sum() == 2 * 10 + 4  # both sides of the partition
 
 
@@ -121,7 +122,7 @@ def test_what_no_path_meets_matters_if_it_sees_what_matters():
     tiny = quad((0.5, 0, 3), (5e-4, 0, 0), (0, 5e-4, 0))
     seen = explored(((*quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), 0), (*tiny, 0)), NADIR)
     assert not np.any(seen.pilot.met >= 2)  # the ground has two triangles
-    np.testing.assert_array_equal(seen.pilot.matters, seen.faces((0.5, 0.0, 1.0)))
+    np.testing.assert_array_equal(seen.pilot.reachable, seen.faces((0.5, 0.0, 1.0)))
 
 
 # How much they matter -------------------------------------------------------------------------------------------------
@@ -203,11 +204,11 @@ def test_a_mirror_is_passed_and_takes_its_share():
     camera = look((2, 0, 1), (0, 0, 1), tangent=1e-3)
     seen = explored(((*ground, 0), (*mirror, 2)), camera)
     pilot = seen.pilot
-    np.testing.assert_allclose(pilot.carried, 0.6 * 0.5, rtol=1e-6)
-    assert len(pilot.place) == PATHS
-    np.testing.assert_allclose(pilot.place + seen.centre, np.zeros((PATHS, 3)), atol=4e-3)  # 1e-3 of 3 m of way
-    np.testing.assert_allclose(pilot.facing, np.broadcast_to((0, 0, 1), (PATHS, 3)), atol=1e-6)
-    assert set(pilot.code >> 1) <= {0, 1} and seen.faces((0, 0, 1))[pilot.code >> 1, pilot.code & 1].all()
+    np.testing.assert_allclose(pilot.throughput, 0.6 * 0.5, rtol=1e-6)
+    assert len(pilot.point) == PATHS
+    np.testing.assert_allclose(pilot.point + seen.centre, np.zeros((PATHS, 3)), atol=4e-3)  # 1e-3 of 3 m of way
+    np.testing.assert_allclose(pilot.normal, np.broadcast_to((0, 0, 1), (PATHS, 3)), atol=1e-6)
+    assert set(pilot.side_id >> 1) <= {0, 1} and seen.faces((0, 0, 1))[pilot.side_id >> 1, pilot.side_id & 1].all()
     # all leave the mirror for the ground
     labels = seen.surfaces.sheet[2:][seen.faces((2, 0, 1))[2:]]
     assert np.count_nonzero(np.isin(pilot.left[:PATHS], labels)) == PATHS and set(pilot.met[:PATHS]) <= {0, 1}
@@ -223,4 +224,4 @@ def test_view_is_the_width_of_the_picture_where_it_meets_the_scene(distance):
 def test_a_camera_that_sees_nothing_needs_nothing():
     seen = explored([(*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 0)], look((0, 0, 1), (0, 0, 2)))
     assert seen.pilot.view == math.inf and seen.pilot.openness == 0.0
-    assert not seen.pilot.matters.any() and not seen.pilot.importance.any() and len(seen.pilot.place) == 0
+    assert not seen.pilot.reachable.any() and not seen.pilot.importance.any() and len(seen.pilot.point) == 0

@@ -61,7 +61,7 @@ def hit_points(surfaces, hits, rays):
     """Side and point of every hit."""
     side_id, point = np.empty(hits.triangle.size, np.int32), np.empty((hits.triangle.size, 3), np.float32)
     for i in range(hits.triangle.size):
-        at = interact(surfaces, hits, i, rays)
+        at = interact(surfaces, hits, i, rays.direction)
         side_id[i], point[i] = at.side_id, at.point
     return side_id, point
 
