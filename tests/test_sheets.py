@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is foreseen of the noise of each sheet, against hand-made trials and rays whose truth one can compute.
+
+Where few photons came, sheets are drawn to the mean of all that matter, which is worth PRIOR photons; with N hits that
+is PRIOR / N of the value at most. All hits lie on one sheet in most tests: its own mean is that of all, so nothing is
+drawn anywhere.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from addon.solver import Material
+from addon.solver.geometry.surfaces import Surfaces, Tracer, areas, build_surfaces, centroids, sheet_count
+from addon.solver.physics.radiometry import Radiometry, build_radiometry, emission_range
+from addon.solver.physics.spectrum import band_radiance
+from addon.solver.planning.pilot import Pilot
+from addon.solver.planning.sheets import _OF_RAYS, _PRIOR, FALL, Trial, measure_sheets
+from addon.solver.sampling.low_discrepancy import lattice_point
+from addon.solver.sampling.rng import PILOT, pass_key
+from addon.solver.sampling.warps import cosine_direction
+from tests.helpers.scenes import join, look, make_scene, quad, sphere
+
+EDGES = np.array([8.0, 10.0, 12.0])
+REFERENCE, HOT = 300.0, 400.0  # K
+EMITTED = float(np.sum(band_radiance(EDGES, HOT) - band_radiance(EDGES, REFERENCE)))  # W m-2 sr-1 in excess, by black
+TRIAL, PASS = 1000, 20_000  # photons
+REACH2, NEIGHBOURS = 0.04, 50  # m2
+
+
+class World(NamedTuple):
+    """The triangles of a scene, and the centre that was subtracted."""
+
+    surfaces: Surfaces
+    tracer: Tracer
+    radiometry: Radiometry
+    centre: np.ndarray
+
+    def upper(self):
+        """(t, 2) bool, sides that face upwards."""
+        height = self.surfaces.plane[:, 2]
+        return np.column_stack((height > 0, height < 0))
+
+    def code(self, triangle):
+        """2 t + side, of the upper side of a triangle."""
+        return 2 * triangle + int(self.upper()[triangle, 1])
+
+    def label(self, triangle, below=0):
+        """Of the sheet that the upper side of a triangle belongs to, or of that below it."""
+        return int(self.surfaces.sheet.ravel()[self.code(triangle) ^ below])
+
+    def at(self, place):
+        """The code of the upper side of the ground, triangles 0 and 1, at a place of the scene."""
+        return next(self.code(t) for t in (0, 1) if is_in(self.surfaces.corners[t], np.array(place) - self.centre))
+
+
+def is_in(corners, place):
+    """Whether a place lies in a level triangle, or on its edge."""
+    a, b, c = corners[:, :2]
+    u, v = np.linalg.solve(np.column_stack((b - a, c - a)), place[:2] - a)
+    return min(u, v, 1 - u - v) >= -1e-6
+
+
+def world_of(*parts):
+    """Of black parts (vertices, triangles, kelvin)."""
+    vertices, triangles, temperature, material = join(*((*part, 0) for part in parts))
+    scene = make_scene(
+        vertices, triangles, temperature, (Material("black", 1.0),), look((0, 0, 9), (0, 0, 0)), EDGES, material
+    )
+    surfaces, tracer, centre = build_surfaces(scene)
+    radiometry = build_radiometry(scene.materials, EDGES, emission_range(surfaces.temperature), HOT, REFERENCE)
+    return World(surfaces, tracer, radiometry, centre)
+
+
+def no_hits():
+    return Trial(TRIAL, np.zeros((0, 3), np.float32), np.zeros(0, np.int32), np.zeros(0), np.zeros(0, bool))
+
+
+def hits(world, code, power, place=None, caustic=False):
+    """A trial in which these sides (n,) got these powers (n,), W, at places of the scene (n, 3)."""
+    code = np.asarray(code, np.int32)
+    place = np.zeros((len(code), 3)) if place is None else np.asarray(place) - world.centre
+    power = np.broadcast_to(np.asarray(power, float), code.shape)
+    return Trial(TRIAL, place.astype(np.float32), code, power, np.broadcast_to(caustic, code.shape))
+
+
+def measured(world, trial=None, matters=True, place=(), code=(), left=(), met=(), sky=0.0, shines=()):
+    """The Sheets of a trial and of a pilot: sides that matter, where paths gather, and what rays from which sheet met.
+
+    place: (n, 3) in the scene, code (n,): where paths gather; their sides face upwards. sky: W m-2 sr-1, excess of the
+    surroundings. shines: codes of lamps.
+    """
+    lamps = np.zeros((len(world.surfaces.corners), 2), bool)
+    lamps.ravel()[list(shines)] = True
+    place = np.reshape(place, (-1, 3)) - world.centre
+    pilot = Pilot(*[None] * len(Pilot._fields))._replace(
+        matters=np.broadcast_to(matters, lamps.shape),
+        place=place,
+        facing=np.tile((0.0, 0.0, 1.0), (len(place), 1)),
+        code=np.asarray(code, np.int32),
+        left=np.asarray(left, np.int32),
+        met=np.asarray(met, np.int32),
+    )
+    surroundings = np.full(len(EDGES) - 1, sky / (len(EDGES) - 1))
+    return measure_sheets(
+        world.surfaces, world.tracer, world.radiometry, surroundings, lamps, pilot, trial or no_hits(),
+        areas(world.surfaces.corners), REACH2, NEIGHBOURS, PASS, pass_key(0, 11, PILOT),
+    )  # fmt: skip
+
+
+GROUND = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))  # 4 m2
+BESIDE = quad((4, 0, 0), (0.5, 0, 0), (0, 0.5, 0))  # 1 m2
+
+
+@pytest.fixture
+def ground():
+    return world_of((*GROUND, REFERENCE))
+
+
+@pytest.fixture
+def two():
+    """The ground and a smaller one beside it, that cannot see each other."""
+    return world_of((*GROUND, REFERENCE), (*BESIDE, REFERENCE))
+
+
+# What photons say -----------------------------------------------------------------------------------------------------
+
+
+def test_density_is_photons_of_a_pass_per_area(ground):
+    """100 of the trial's 1000 photons came: 2000 of a pass on 4 m2. It is the upper side alone that matters."""
+    sheets = measured(ground, hits(ground, np.repeat([ground.code(0), ground.code(1)], 50), 1.0), ground.upper())
+    assert sheets.density[ground.label(0)] == pytest.approx(100 * PASS / TRIAL / 4.0)
+    # the lower side got none: as dense as what matters, but for what it says itself, no hit on 4 m2
+    drawn = _PRIOR / (4.0 + _PRIOR / (100 / 4.0))
+    assert sheets.density[ground.label(0, below=1)] == pytest.approx(drawn * PASS / TRIAL)
+
+
+def test_densities_of_two_sheets_are_their_own(two):
+    """300 hits on 4 m2 and 600 on 1 m2, and PRIOR more on as much as these have of their mean, 900 on 5 m2."""
+    code = np.concatenate((np.full(300, two.code(0)), np.full(600, two.code(2))))
+    density = measured(two, hits(two, code, 1.0), two.upper()).density * TRIAL / PASS
+    for triangle, count, area in ((0, 300, 4.0), (2, 600, 1.0)):
+        drawn = (count + _PRIOR) / (area + _PRIOR / (900 / 5.0))
+        assert density[two.label(triangle)] == pytest.approx(drawn)
+        assert drawn == pytest.approx(count / area, rel=0.05)
+
+
+def test_reflected_and_lit_are_irradiance_over_pi(ground):
+    """On a perfect reflector; signs count in what is reflected alone."""
+    irradiance = 7.0  # W m-2
+    code = np.full(100, ground.code(0))
+    power = np.where(np.arange(100) < 75, 1.0, -1.0) * irradiance * 4.0 / 50  # W: +75 and -25 are 50
+    sheets = measured(ground, hits(ground, code, power), ground.upper())
+    label = ground.label(0)
+    assert sheets.reflected[label] == pytest.approx(irradiance / math.pi)
+    assert sheets.lit[label] == pytest.approx(2 * irradiance / math.pi)
+
+
+def test_photon_noise_is_the_variance_of_photons_in_a_disk(ground):
+    """Of so many passes with Poisson numbers of photons, the radiance that a disk's photons say is reflected.
+
+    The variance of a variance from n passes is 2 / n of its square, and that of Poisson numbers of photons, and of the
+    hits that foresee it, adds their fourth moment: 4 standard deviations of both.
+    """
+    rng = np.random.default_rng(1)
+    strength = rng.uniform(0.5, 2.0, 2000) * rng.choice((-1, 1), 2000)
+    sheets = measured(ground, hits(ground, np.full(2000, ground.code(0)), strength), ground.upper())
+    foreseen = sheets.photon_noise[ground.label(0)]
+    disk, passes = 0.02, 4000  # m2
+    mean = 2000 * PASS / TRIAL * disk / 4.0  # photons of a pass in the disk
+    said = [
+        rng.choice(strength, rng.poisson(mean)).sum() * TRIAL / PASS / (math.pi * disk) for _ in range(passes)
+    ]  # W m-2 sr-1
+    assert foreseen / disk == pytest.approx(np.var(said), rel=4 * math.sqrt(2 / passes + 1 / 2000))
+
+
+def test_disk_holds_the_neighbours_or_ends_at_its_reach(ground):
+    """In the middle of the ground: all of the largest disk is there, and it takes less for so many photons."""
+    place = (0.25, 0.1, 0.0)
+    whole = math.pi * REACH2
+    for count in (10, 1000):
+        trial = hits(ground, np.full(count, ground.code(0)), 1.0)
+        sheets = measured(ground, trial, ground.upper(), place=[place], code=[ground.at(place)])
+        label, density = ground.label(0), count * PASS / TRIAL / 4.0
+        assert sheets.span[label] == pytest.approx(whole, rel=1e-6)
+        assert sheets.disk[label] == pytest.approx(min(whole, NEIGHBOURS / density), rel=1e-6)
+    assert NEIGHBOURS / density < whole < NEIGHBOURS / (10 * PASS / TRIAL / 4.0)  # both were met
+
+
+@pytest.mark.parametrize(
+    "place, share",
+    [((0.0, 0.2, 0.0), 1.0), ((1.0, 0.1, 0.0), 1 / 2), ((0.9, -1.0, 0.0), None), ((1.0, 1.0, 0.0), 1 / 4)],
+)
+def test_span_is_what_lies_on_the_sheet(ground, place, share):
+    """The largest disk around a place in the middle, at an edge, near a corner and in one."""
+    radius = math.sqrt(REACH2)
+    if share is None:  # half a disk less what is beyond x = 1, half a segment
+        angle = math.acos(0.1 / radius)
+        share = 1 / 2 - (angle - 0.5 * math.sin(2 * angle)) / (2 * math.pi)
+    sheets = measured(ground, place=[place], code=[ground.at(place)])
+    assert sheets.span[ground.label(0)] == pytest.approx(share * math.pi * REACH2, rel=1e-5)
+
+
+def test_caustics_are_counted_apart(ground):
+    """Within reach of a place they are so many hits whatever is chosen; none of them is noise of what is chosen."""
+    place = np.array((0.2, 0.1, 0.0))
+    near, far = np.tile(place + (0.05, 0, 0), (30, 1)), np.tile(place + (0.5, 0, 0), (30, 1))
+    code = np.full(60, ground.code(0))
+    trial = hits(ground, code, 2.0, np.concatenate((near, far)), caustic=True)
+    sheets = measured(ground, trial, place=[place], code=code[:1])
+    label, square = ground.label(0), (2.0 / math.pi) ** 2 * TRIAL / PASS
+    largest, gathered = math.pi * REACH2, NEIGHBOURS * TRIAL / PASS / 30  # share of those near that are gathered
+    assert sheets.caustic_noise[label] == pytest.approx(30 * square / largest**2 / gathered)
+    assert sheets.photon_noise[label] == 0.0 and sheets.reflected[label] == pytest.approx(60 * 2.0 / 4.0 / math.pi)
+    plain = measured(ground, trial._replace(caustic=np.zeros(60, bool)), place=[place], code=code[:1])
+    assert plain.caustic_noise[label] == 0.0 and plain.photon_noise[label] > 0.0
+
+
+# What rays meet -------------------------------------------------------------------------------------------------------
+
+
+def half_hot():
+    """The ground through the middle of a black sphere, one half of which is hot."""
+    points, triangles = sphere(3)
+    is_hot = points[triangles].mean(axis=1)[:, 0] > 0
+    ground = quad((0, 0, 0), (1.2, 0, 0), (0, 1.2, 0))
+    return world_of((*ground, REFERENCE), (points, triangles[is_hot], HOT), (points, triangles[~is_hot], REFERENCE))
+
+
+def rays_from(world, place, count=4096, seed=0):
+    """Triangles (count,) that cosine-distributed rays from a place on the ground meet, -1 for none."""
+    numbers = np.random.default_rng(seed).random((count, 2))
+    direction = np.array([cosine_direction(*pair) for pair in numbers], np.float32)
+    origin = np.tile(np.asarray(place) - world.centre + (0, 0, 1e-4), (count, 1)).astype(np.float32)
+    return world.tracer.trace(origin, direction)[0]
+
+
+def test_ray_noise_of_a_half_hot_hemisphere():
+    """Half of the rays meet what is EMITTED and half nothing: the variance is EMITTED^2 / 4, and little less if not
+    quite half of them do."""
+    world = half_hot()
+    met = rays_from(world, (0, 0, 0))
+    assert met.min() >= 2  # all meet the sphere
+    share = np.mean(centroids(world.surfaces.corners)[met, 0] + world.centre[0] > 0)
+    assert abs(share - 0.5) < 4 * 0.5 / math.sqrt(len(met))
+    label = world.label(0)
+    noise = measured(world, left=np.full(len(met), label), met=met).ray_noise[label]
+    assert noise == pytest.approx(EMITTED**2 / 4, rel=4 * (4 * 0.25 / len(met)) + 1e-4)  # and the table of emission
+
+
+@pytest.mark.parametrize("sky", [0.0, 0.7 * EMITTED, -2.0])
+def test_ray_noise_counts_the_sky(sky):
+    """A quarter of the rays of one sheet meet something hot, the others the sky; all of the other sheet's meet the sky.
+    Their means and variances are drawn to those of all rays by PRIOR of these."""
+    world = world_of((*GROUND, REFERENCE), (*BESIDE, HOT))
+    one, other = world.label(0), world.label(2)
+    met = np.where(np.arange(800) < 100, 2, -1)
+    left = np.where(np.arange(800) < 400, one, other)
+    noise = measured(world, left=left, met=met, sky=sky).ray_noise / (EMITTED - sky) ** 2
+    share = _PRIOR / (400 + _PRIOR)
+    shift = share / 8  # of the mean: both differ by 1/8 from that of all rays
+    of_all = 1 / 8 * 7 / 8
+    for label, own in ((one, 1 / 4 * 3 / 4), (other, 0.0)):
+        expected = (1 - share) * (own + shift**2) + share * of_all
+        assert noise[label] == pytest.approx(expected, rel=1e-4)  # of the table of emission
+
+
+def test_lamps_are_left_to_shadow_rays():
+    """Rays that meet one bring nothing from it: without the only hot thing nothing is uncertain."""
+    world = half_hot()
+    met = rays_from(world, (0, 0, 0))
+    hot = np.flatnonzero(world.surfaces.temperature[:, 0] == HOT)
+    label = world.label(0)
+    left = np.full(len(met), label)
+    assert measured(world, left=left, met=met, shines=2 * hot).ray_noise[label] == 0.0
+    assert measured(world, left=left, met=met, shines=2 * hot[: len(hot) // 2]).ray_noise[label] > 0.1 * EMITTED**2
+
+
+def half_hot_lattices(places, shifts):
+    """Variance of the share of a lattice's rays that meet the hot half of the sphere, from places on the ground (n, 2),
+    over that of random rays: from so many lattices of each place, each shifted at random."""
+    shifts = np.random.default_rng(4).random((len(places) * shifts, 2))
+    points = [lattice_point(ray, _OF_RAYS, *shift) for shift in shifts for ray in range(_OF_RAYS)]
+    direction = np.array([cosine_direction(*point) for point in points]).reshape(len(places), -1, 3)
+    along = np.einsum("ik,ijk->ij", places, direction[..., :2])
+    distance = -along + np.sqrt(along**2 + 1 - np.sum(places**2, axis=1)[:, None])
+    hot = places[:, :1] + distance * direction[..., 0] > 0
+    shares = hot.reshape(len(places), -1, _OF_RAYS).mean(axis=2)
+    share = shares.mean(axis=1)
+    return shares.var(axis=1, ddof=1).mean() / (share * (1 - share) / _OF_RAYS).mean()
+
+
+def test_evenness_is_how_much_less_noisy_a_lattice_is():
+    """Where one half of what is around is hot, against a count of rays (the ground's own frame is the world's). Where
+    each ray meets something else there is nothing to gain.
+
+    Some 500 places are tried: the mean of as many squares, which are as spread as those of normal numbers, is known to
+    the root of 2 / 500.
+    """
+    world, most, tolerance = half_hot(), _OF_RAYS ** (FALL - 1), 4 * math.sqrt(2 / 500)
+    places = np.random.default_rng(2).uniform(-0.5, 0.5, (1000, 2))
+    on_ground = np.column_stack((places, np.zeros(len(places))))
+    code = [world.at(each) for each in on_ground]
+    edge = measured(world, place=on_ground, code=code).evenness
+    expected = half_hot_lattices(places, 20)
+    assert edge / most == pytest.approx(expected, rel=tolerance) and expected < 0.5
+    points, triangles = sphere(4)
+    kelvin = np.random.default_rng(3).choice((REFERENCE, HOT), len(triangles))
+    parts = [(points, triangles[kelvin == each], each) for each in (REFERENCE, HOT)]
+    speckled = world_of((*quad((0, 0, 0), (1.2, 0, 0), (0, 1.2, 0)), REFERENCE), *parts)
+    fine = measured(speckled, place=on_ground, code=code).evenness
+    # a patch of the sphere holds less than a thousandth of the hemisphere, a stratum a sixteenth
+    assert fine == pytest.approx(most, rel=tolerance)
+
+
+def test_nothing_known_is_nothing_foreseen(ground):
+    """Neither hits nor rays: no number is invented, and none fails."""
+    sheets = measured(ground)
+    assert all(len(value) == sheet_count(ground.surfaces) for value in sheets[:-1])
+    for name in ("photon_noise", "ray_noise", "reflected", "lit", "caustic_noise"):
+        assert not getattr(sheets, name).any()
+    assert np.all(np.isfinite(sheets.density)) and np.all(sheets.span == pytest.approx(math.pi * REACH2))
