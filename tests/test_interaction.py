@@ -55,7 +55,7 @@ def interactions(surfaces, hits, direction):
     numbers = np.empty((len(hits.triangle), 4))
     for i in range(len(hits.triangle)):
         at = interact(surfaces, hits, i, direction)
-        integers[i] = at.triangle, at.side_id, at.material
+        integers[i, 0], integers[i, 1], integers[i, 2] = at.triangle, at.side_id, at.material
         vectors[i, 0], vectors[i, 1], vectors[i, 2], vectors[i, 3] = at.point, at.normal, at.shading_normal, at.incoming
         numbers[i, 0], numbers[i, 1], numbers[i, 2], numbers[i, 3] = at.u, at.v, at.cosine, at.distance
     return integers, vectors, numbers

@@ -13,13 +13,17 @@ import numpy as np
 import pytest
 
 from addon.solver import Material
-from addon.solver.geometry.surfaces import Surfaces, Tracer, areas, build_surfaces, centroids, sheet_count
-from addon.solver.physics.radiometry import Radiometry, build_radiometry, emission_range
+from addon.solver.geometry.segments import Tracer
+from addon.solver.geometry.stage import Stage
+from addon.solver.geometry.surfaces import build_surfaces, sheet_count
+from addon.solver.geometry.triangles import areas, centroids
+from addon.solver.photons.emission import Surroundings
+from addon.solver.physics.radiometry import build_radiometry, emission_range
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning.pilot import Pilot
-from addon.solver.planning.sheets import _OF_RAYS, _PRIOR, FALL, Trial, measure_sheets
+from addon.solver.planning.sheets import _LATTICE_RAYS, _PRIOR, FALL, Excess, Gathering, Trial, measure_sheets
 from addon.solver.sampling.low_discrepancy import lattice_point
-from addon.solver.sampling.rng import PILOT, pass_key
+from addon.solver.sampling.rng import PILOT, SHEETS, pass_key
 from addon.solver.sampling.warps import cosine_direction
 from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
@@ -33,33 +37,36 @@ REACH2, NEIGHBOURS = 0.04, 50  # m2
 class World(NamedTuple):
     """The triangles of a scene, and the centre that was subtracted."""
 
-    surfaces: Surfaces
+    stage: Stage
     tracer: Tracer
-    radiometry: Radiometry
     centre: np.ndarray
+
+    @property
+    def surfaces(self):
+        return self.stage.surfaces
 
     def upper(self):
         """(t, 2) bool, sides that face upwards."""
         height = self.surfaces.plane[:, 2]
         return np.column_stack((height > 0, height < 0))
 
-    def code(self, triangle):
+    def side_id(self, triangle):
         """2 t + side, of the upper side of a triangle."""
         return 2 * triangle + int(self.upper()[triangle, 1])
 
     def label(self, triangle, below=0):
         """Of the sheet that the upper side of a triangle belongs to, or of that below it."""
-        return int(self.surfaces.sheet.ravel()[self.code(triangle) ^ below])
+        return int(self.surfaces.sheet.ravel()[self.side_id(triangle) ^ below])
 
-    def at(self, place):
-        """The code of the upper side of the ground, triangles 0 and 1, at a place of the scene."""
-        return next(self.code(t) for t in (0, 1) if is_in(self.surfaces.corners[t], np.array(place) - self.centre))
+    def at(self, point):
+        """The side_id of the upper side of the ground, triangles 0 and 1, at a point of the scene."""
+        return next(self.side_id(t) for t in (0, 1) if is_in(self.surfaces.corners[t], np.array(point) - self.centre))
 
 
-def is_in(corners, place):
-    """Whether a place lies in a level triangle, or on its edge."""
+def is_in(corners, point):
+    """Whether a point lies in a level triangle, or on its edge."""
     a, b, c = corners[:, :2]
-    u, v = np.linalg.solve(np.column_stack((b - a, c - a)), place[:2] - a)
+    u, v = np.linalg.solve(np.column_stack((b - a, c - a)), point[:2] - a)
     return min(u, v, 1 - u - v) >= -1e-6
 
 
@@ -71,43 +78,43 @@ def world_of(*parts):
     )
     surfaces, tracer, centre = build_surfaces(scene)
     radiometry = build_radiometry(scene.materials, EDGES, emission_range(surfaces.temperature), HOT, REFERENCE)
-    return World(surfaces, tracer, radiometry, centre)
+    return World(Stage(surfaces, radiometry), tracer, centre)
 
 
 def no_hits():
     return Trial(TRIAL, np.zeros((0, 3), np.float32), np.zeros(0, np.int32), np.zeros(0), np.zeros(0, bool))
 
 
-def hits(world, code, power, place=None, caustic=False):
-    """A trial in which these sides (n,) got these powers (n,), W, at places of the scene (n, 3)."""
-    code = np.asarray(code, np.int32)
-    place = np.zeros((len(code), 3)) if place is None else np.asarray(place) - world.centre
-    power = np.broadcast_to(np.asarray(power, float), code.shape)
-    return Trial(TRIAL, place.astype(np.float32), code, power, np.broadcast_to(caustic, code.shape))
+def hits(world, side_id, power, point=None, caustic=False):
+    """A trial in which these sides (n,) got these powers (n,), W, at points of the scene (n, 3)."""
+    side_id = np.asarray(side_id, np.int32)
+    point = np.zeros((len(side_id), 3)) if point is None else np.asarray(point) - world.centre
+    power = np.broadcast_to(np.asarray(power, float), side_id.shape)
+    return Trial(TRIAL, point.astype(np.float32), side_id, power, np.broadcast_to(caustic, side_id.shape))
 
 
-def measured(world, trial=None, matters=True, place=(), code=(), left=(), met=(), sky=0.0, shines=()):
-    """The Sheets of a trial and of a pilot: sides that matter, where paths gather, and what rays from which sheet met.
+def measured(world, trial=None, sky=0.0, shines=(), **found):
+    """The Sheets of a trial and of what a pilot found.
 
-    place: (n, 3) in the scene, code (n,): where paths gather; their sides face upwards. sky: W m-2 sr-1, excess of the
-    surroundings. shines: codes of lamps.
+    sky: W m-2 sr-1, excess of the surroundings. shines: side_ids of lamps. found: the pilot's reachable sides, all if
+    there is nothing else; point (n, 3) in the scene and side_id (n,), where paths gather, facing upwards; left and met,
+    from which sheets rays went and what they met.
     """
     lamps = np.zeros((len(world.surfaces.corners), 2), bool)
     lamps.ravel()[list(shines)] = True
-    place = np.reshape(place, (-1, 3)) - world.centre
+    point = np.reshape(found.get("point", ()), (-1, 3)) - world.centre
+    sides = {name: np.asarray(found.get(name, ()), np.int32) for name in ("side_id", "left", "met")}
     pilot = Pilot(*[None] * len(Pilot._fields))._replace(
-        matters=np.broadcast_to(matters, lamps.shape),
-        place=place,
-        facing=np.tile((0.0, 0.0, 1.0), (len(place), 1)),
-        code=np.asarray(code, np.int32),
-        left=np.asarray(left, np.int32),
-        met=np.asarray(met, np.int32),
+        reachable=np.broadcast_to(found.get("reachable", True), lamps.shape),
+        point=point,
+        normal=np.tile((0.0, 0.0, 1.0), (len(point), 1)),
+        **sides,
     )
     surroundings = np.full(len(EDGES) - 1, sky / (len(EDGES) - 1))
-    return measure_sheets(
-        world.surfaces, world.tracer, world.radiometry, surroundings, lamps, pilot, trial or no_hits(),
-        areas(world.surfaces.corners), REACH2, NEIGHBOURS, PASS, pass_key(0, 11, PILOT),
-    )  # fmt: skip
+    excess = Excess(Surroundings(surroundings, 0, np.zeros_like(lamps)), lamps)
+    gathering = Gathering(REACH2, NEIGHBOURS, PASS)
+    area, key = areas(world.surfaces.corners), pass_key(0, SHEETS, PILOT)
+    return measure_sheets(world.stage, world.tracer, excess, pilot, trial or no_hits(), area, gathering, key)
 
 
 GROUND = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))  # 4 m2
@@ -129,18 +136,19 @@ def two():
 
 
 def test_density_is_photons_of_a_pass_per_area(ground):
-    """100 of the trial's 1000 photons came: 2000 of a pass on 4 m2. It is the upper side alone that matters."""
-    sheets = measured(ground, hits(ground, np.repeat([ground.code(0), ground.code(1)], 50), 1.0), ground.upper())
+    """100 of the trial's 1000 photons came: 2000 of a pass on 4 m2. The upper side alone is reachable."""
+    trial = hits(ground, np.repeat([ground.side_id(0), ground.side_id(1)], 50), 1.0)
+    sheets = measured(ground, trial, reachable=ground.upper())
     assert sheets.density[ground.label(0)] == pytest.approx(100 * PASS / TRIAL / 4.0)
-    # the lower side got none: as dense as what matters, but for what it says itself, no hit on 4 m2
+    # the lower side got none: as dense as what is reachable, but for what it says itself, no hit on 4 m2
     drawn = _PRIOR / (4.0 + _PRIOR / (100 / 4.0))
     assert sheets.density[ground.label(0, below=1)] == pytest.approx(drawn * PASS / TRIAL)
 
 
 def test_densities_of_two_sheets_are_their_own(two):
     """300 hits on 4 m2 and 600 on 1 m2, and PRIOR more on as much as these have of their mean, 900 on 5 m2."""
-    code = np.concatenate((np.full(300, two.code(0)), np.full(600, two.code(2))))
-    density = measured(two, hits(two, code, 1.0), two.upper()).density * TRIAL / PASS
+    side_id = np.concatenate((np.full(300, two.side_id(0)), np.full(600, two.side_id(2))))
+    density = measured(two, hits(two, side_id, 1.0), reachable=two.upper()).density * TRIAL / PASS
     for triangle, count, area in ((0, 300, 4.0), (2, 600, 1.0)):
         drawn = (count + _PRIOR) / (area + _PRIOR / (900 / 5.0))
         assert density[two.label(triangle)] == pytest.approx(drawn)
@@ -150,9 +158,9 @@ def test_densities_of_two_sheets_are_their_own(two):
 def test_reflected_and_lit_are_irradiance_over_pi(ground):
     """On a perfect reflector; signs count in what is reflected alone."""
     irradiance = 7.0  # W m-2
-    code = np.full(100, ground.code(0))
+    side_id = np.full(100, ground.side_id(0))
     power = np.where(np.arange(100) < 75, 1.0, -1.0) * irradiance * 4.0 / 50  # W: +75 and -25 are 50
-    sheets = measured(ground, hits(ground, code, power), ground.upper())
+    sheets = measured(ground, hits(ground, side_id, power), reachable=ground.upper())
     label = ground.label(0)
     assert sheets.reflected[label] == pytest.approx(irradiance / math.pi)
     assert sheets.lit[label] == pytest.approx(2 * irradiance / math.pi)
@@ -166,7 +174,7 @@ def test_photon_noise_is_the_variance_of_photons_in_a_disk(ground):
     """
     rng = np.random.default_rng(1)
     strength = rng.uniform(0.5, 2.0, 2000) * rng.choice((-1, 1), 2000)
-    sheets = measured(ground, hits(ground, np.full(2000, ground.code(0)), strength), ground.upper())
+    sheets = measured(ground, hits(ground, np.full(2000, ground.side_id(0)), strength), reachable=ground.upper())
     foreseen = sheets.photon_noise[ground.label(0)]
     disk, passes = 0.02, 4000  # m2
     mean = 2000 * PASS / TRIAL * disk / 4.0  # photons of a pass in the disk
@@ -178,11 +186,11 @@ def test_photon_noise_is_the_variance_of_photons_in_a_disk(ground):
 
 def test_disk_holds_the_neighbours_or_ends_at_its_reach(ground):
     """In the middle of the ground: all of the largest disk is there, and it takes less for so many photons."""
-    place = (0.25, 0.1, 0.0)
+    point = (0.25, 0.1, 0.0)
     whole = math.pi * REACH2
     for count in (10, 1000):
-        trial = hits(ground, np.full(count, ground.code(0)), 1.0)
-        sheets = measured(ground, trial, ground.upper(), place=[place], code=[ground.at(place)])
+        trial = hits(ground, np.full(count, ground.side_id(0)), 1.0)
+        sheets = measured(ground, trial, reachable=ground.upper(), point=[point], side_id=[ground.at(point)])
         label, density = ground.label(0), count * PASS / TRIAL / 4.0
         assert sheets.span[label] == pytest.approx(whole, rel=1e-6)
         assert sheets.disk[label] == pytest.approx(min(whole, NEIGHBOURS / density), rel=1e-6)
@@ -190,31 +198,31 @@ def test_disk_holds_the_neighbours_or_ends_at_its_reach(ground):
 
 
 @pytest.mark.parametrize(
-    "place, share",
+    "point, share",
     [((0.0, 0.2, 0.0), 1.0), ((1.0, 0.1, 0.0), 1 / 2), ((0.9, -1.0, 0.0), None), ((1.0, 1.0, 0.0), 1 / 4)],
 )
-def test_span_is_what_lies_on_the_sheet(ground, place, share):
-    """The largest disk around a place in the middle, at an edge, near a corner and in one."""
+def test_span_is_what_lies_on_the_sheet(ground, point, share):
+    """The largest disk around a point in the middle, at an edge, near a corner and in one."""
     radius = math.sqrt(REACH2)
     if share is None:  # half a disk less what is beyond x = 1, half a segment
         angle = math.acos(0.1 / radius)
         share = 1 / 2 - (angle - 0.5 * math.sin(2 * angle)) / (2 * math.pi)
-    sheets = measured(ground, place=[place], code=[ground.at(place)])
+    sheets = measured(ground, point=[point], side_id=[ground.at(point)])
     assert sheets.span[ground.label(0)] == pytest.approx(share * math.pi * REACH2, rel=1e-5)
 
 
 def test_caustics_are_counted_apart(ground):
-    """Within reach of a place they are so many hits whatever is chosen; none of them is noise of what is chosen."""
-    place = np.array((0.2, 0.1, 0.0))
-    near, far = np.tile(place + (0.05, 0, 0), (30, 1)), np.tile(place + (0.5, 0, 0), (30, 1))
-    code = np.full(60, ground.code(0))
-    trial = hits(ground, code, 2.0, np.concatenate((near, far)), caustic=True)
-    sheets = measured(ground, trial, place=[place], code=code[:1])
+    """Within reach of a point they are so many hits whatever is chosen; none of them is noise of what is chosen."""
+    point = np.array((0.2, 0.1, 0.0))
+    near, far = np.tile(point + (0.05, 0, 0), (30, 1)), np.tile(point + (0.5, 0, 0), (30, 1))
+    side_id = np.full(60, ground.side_id(0))
+    trial = hits(ground, side_id, 2.0, np.concatenate((near, far)), caustic=True)
+    sheets = measured(ground, trial, point=[point], side_id=side_id[:1])
     label, square = ground.label(0), (2.0 / math.pi) ** 2 * TRIAL / PASS
     largest, gathered = math.pi * REACH2, NEIGHBOURS * TRIAL / PASS / 30  # share of those near that are gathered
     assert sheets.caustic_noise[label] == pytest.approx(30 * square / largest**2 / gathered)
     assert sheets.photon_noise[label] == 0.0 and sheets.reflected[label] == pytest.approx(60 * 2.0 / 4.0 / math.pi)
-    plain = measured(ground, trial._replace(caustic=np.zeros(60, bool)), place=[place], code=code[:1])
+    plain = measured(ground, trial._replace(caustic=np.zeros(60, bool)), point=[point], side_id=side_id[:1])
     assert plain.caustic_noise[label] == 0.0 and plain.photon_noise[label] > 0.0
 
 
@@ -229,11 +237,11 @@ def half_hot():
     return world_of((*ground, REFERENCE), (points, triangles[is_hot], HOT), (points, triangles[~is_hot], REFERENCE))
 
 
-def rays_from(world, place, count=4096, seed=0):
-    """Triangles (count,) that cosine-distributed rays from a place on the ground meet, -1 for none."""
+def rays_from(world, point, count=4096, seed=0):
+    """Triangles (count,) that cosine-distributed rays from a point on the ground meet, -1 for none."""
     numbers = np.random.default_rng(seed).random((count, 2))
     direction = np.array([cosine_direction(*pair) for pair in numbers], np.float32)
-    origin = np.tile(np.asarray(place) - world.centre + (0, 0, 1e-4), (count, 1)).astype(np.float32)
+    origin = np.tile(np.asarray(point) - world.centre + (0, 0, 1e-4), (count, 1)).astype(np.float32)
     return world.tracer.trace(origin, direction)[0]
 
 
@@ -278,39 +286,39 @@ def test_lamps_are_left_to_shadow_rays():
     assert measured(world, left=left, met=met, shines=2 * hot[: len(hot) // 2]).ray_noise[label] > 0.1 * EMITTED**2
 
 
-def half_hot_lattices(places, shifts):
-    """Variance of the share of a lattice's rays that meet the hot half of the sphere, from places on the ground (n, 2),
-    over that of random rays: from so many lattices of each place, each shifted at random."""
-    shifts = np.random.default_rng(4).random((len(places) * shifts, 2))
-    points = [lattice_point(ray, _OF_RAYS, *shift) for shift in shifts for ray in range(_OF_RAYS)]
-    direction = np.array([cosine_direction(*point) for point in points]).reshape(len(places), -1, 3)
-    along = np.einsum("ik,ijk->ij", places, direction[..., :2])
-    distance = -along + np.sqrt(along**2 + 1 - np.sum(places**2, axis=1)[:, None])
-    hot = places[:, :1] + distance * direction[..., 0] > 0
-    shares = hot.reshape(len(places), -1, _OF_RAYS).mean(axis=2)
+def half_hot_lattices(points, shifts):
+    """Variance of the share of a lattice's rays that meet the hot half of the sphere, from points on the ground (n, 2),
+    over that of random rays: from so many lattices of each point, each shifted at random."""
+    shifts = np.random.default_rng(4).random((len(points) * shifts, 2))
+    numbers = [lattice_point(ray, _LATTICE_RAYS, *shift) for shift in shifts for ray in range(_LATTICE_RAYS)]
+    direction = np.array([cosine_direction(*pair) for pair in numbers]).reshape(len(points), -1, 3)
+    along = np.einsum("ik,ijk->ij", points, direction[..., :2])
+    distance = -along + np.sqrt(along**2 + 1 - np.sum(points**2, axis=1)[:, None])
+    hot = points[:, :1] + distance * direction[..., 0] > 0
+    shares = hot.reshape(len(points), -1, _LATTICE_RAYS).mean(axis=2)
     share = shares.mean(axis=1)
-    return shares.var(axis=1, ddof=1).mean() / (share * (1 - share) / _OF_RAYS).mean()
+    return shares.var(axis=1, ddof=1).mean() / (share * (1 - share) / _LATTICE_RAYS).mean()
 
 
 def test_evenness_is_how_much_less_noisy_a_lattice_is():
     """Where one half of what is around is hot, against a count of rays (the ground's own frame is the world's). Where
     each ray meets something else there is nothing to gain.
 
-    Some 500 places are tried: the mean of as many squares, which are as spread as those of normal numbers, is known to
+    Some 500 points are tried: the mean of as many squares, which are as spread as those of normal numbers, is known to
     the root of 2 / 500.
     """
-    world, most, tolerance = half_hot(), _OF_RAYS ** (FALL - 1), 4 * math.sqrt(2 / 500)
-    places = np.random.default_rng(2).uniform(-0.5, 0.5, (1000, 2))
-    on_ground = np.column_stack((places, np.zeros(len(places))))
-    code = [world.at(each) for each in on_ground]
-    edge = measured(world, place=on_ground, code=code).evenness
-    expected = half_hot_lattices(places, 20)
+    world, most, tolerance = half_hot(), _LATTICE_RAYS ** (FALL - 1), 4 * math.sqrt(2 / 500)
+    points = np.random.default_rng(2).uniform(-0.5, 0.5, (1000, 2))
+    on_ground = np.column_stack((points, np.zeros(len(points))))
+    side_id = [world.at(each) for each in on_ground]
+    edge = measured(world, point=on_ground, side_id=side_id).evenness
+    expected = half_hot_lattices(points, 20)
     assert edge / most == pytest.approx(expected, rel=tolerance) and expected < 0.5
     points, triangles = sphere(4)
     kelvin = np.random.default_rng(3).choice((REFERENCE, HOT), len(triangles))
     parts = [(points, triangles[kelvin == each], each) for each in (REFERENCE, HOT)]
     speckled = world_of((*quad((0, 0, 0), (1.2, 0, 0), (0, 1.2, 0)), REFERENCE), *parts)
-    fine = measured(speckled, place=on_ground, code=code).evenness
+    fine = measured(speckled, point=on_ground, side_id=side_id).evenness
     # a patch of the sphere holds less than a thousandth of the hemisphere, a stratum a sixteenth
     assert fine == pytest.approx(most, rel=tolerance)
 
