@@ -136,9 +136,7 @@ def _measure_photons(surfaces, pilot, trial, area, squares, photons):
     hit, strength = _sheets_of(surfaces, trial.side_id), np.abs(trial.power)
     # where few photons or none arrived, as on small parts, a sheet is taken to be like all other reachable sheets
     near = pilot.reachable[trial.side_id >> 1, trial.side_id & 1]
-    other = (
-        _PRIOR * float((area[:, None] * pilot.reachable).sum()) / max(1, near.sum())
-    )  # m2, for _PRIOR hits
+    other = _PRIOR * float((area[:, None] * pilot.reachable).sum()) / max(1, near.sum())  # m2, area of _PRIOR hits
     mean_square = float((squares * near * ~trial.caustic).sum()) / max(1, near.sum())
     mean_strength = float((strength * near).sum()) / max(1, near.sum())
     return (

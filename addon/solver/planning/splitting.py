@@ -26,9 +26,7 @@ _GATHER = 6.0  # of an estimate from k photons
 _CAMERA = 0.75  # of a camera ray
 _FIXED = 4.0  # of a pixel, however many rays it sends
 _PHOTON = 2.0  # of a photon, traced and sorted, and its share of the cache
-_RECALL = (
-    1.6  # of recalling irradiance; more than measured, as neighbouring pixels share the noise of its roulette
-)
+_RECALL = 1.6  # of recalling irradiance; more than measured, as neighbouring pixels share the noise of its roulette
 _FEWEST, _MOST = min(LATTICES), max(LATTICES)  # rays of a final gather
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over the area of the photons' disk
 NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to what the rays meet: about 5 % of change
