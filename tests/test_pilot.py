@@ -203,7 +203,7 @@ def test_a_mirror_is_passed_and_takes_its_share():
     camera = look((2, 0, 1), (0, 0, 1), tangent=1e-3)
     seen = explored(((*ground, 0), (*mirror, 2)), camera)
     pilot = seen.pilot
-    np.testing.assert_allclose(pilot.throughput, 0.6 * 0.5, rtol=1e-6)
+    np.testing.assert_allclose(pilot.carried, 0.6 * 0.5, rtol=1e-6)
     assert len(pilot.place) == PATHS
     np.testing.assert_allclose(pilot.place + seen.centre, np.zeros((PATHS, 3)), atol=4e-3)  # 1e-3 of 3 m of way
     np.testing.assert_allclose(pilot.facing, np.broadcast_to((0, 0, 1), (PATHS, 3)), atol=1e-6)
