@@ -121,8 +121,7 @@ def available_memory(root: Path = Path("/")) -> int | None:
 
 
 def _left_in_group(folder: Path) -> int | None:
-    """Bytes left of the memory limit of a control group (version 2), None without a limit. Cached files count as
-    free."""
+    """Bytes left of the memory limit of a control group (version 2), None without a limit. Cached files are free."""
     try:
         limit, used = (int((folder / f"memory.{name}").read_text()) for name in ("max", "current"))
         counts = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())

@@ -110,8 +110,7 @@ def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
 
 
 def _is_checked(passes: int) -> bool:
-    """Whether the noise is checked after so many passes: first after 8, then ever more rarely, as a check takes
-    time."""
+    """Whether the noise is checked after so many passes: first after 8, then ever more rarely, as it takes time."""
     check = 8
     while check < passes:
         check = math.ceil(1.1 * check)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Free space around points on surfaces: how wide a disk of photons may be before it reaches a wall, and where the wall
-is.
+"""Free space around points on surfaces: how wide a disk of photons may be before it reaches a wall.
 
 A disk that reached beyond a wall would count light from the other side of the wall, and close to other surfaces light
 changes quickly (Ward's harmonic distance says the same). So short rays along the surface, the feelers, look for other

@@ -64,8 +64,7 @@ def find_neighbours(triangles, first):
 
 @njit(cache=True, nogil=True)
 def _edge_keys(triangles, first):
-    """(3 m,) uint64 keys of edges; number 3 t + i runs from corner i to i + 1. A key holds both vertices, in few
-    bits."""
+    """(3 m,) uint64 keys of edges; number 3 t + i runs from corner i to i + 1. A key holds both vertices."""
     bits = 1
     while first.size >> bits > 0:
         bits += 1

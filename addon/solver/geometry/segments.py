@@ -61,8 +61,7 @@ class Tracer:
         return Hits(hits["primID"], hits["u"], hits["v"], hits["tfar"])
 
     def visible(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing within their reach; see
-        `trace`."""
+        """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""
         return self.trace(origin, direction, reach).triangle < 0
 
 

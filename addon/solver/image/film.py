@@ -238,8 +238,7 @@ class Film:
 
 
 def _joined(ranges: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
-    """Film.ranges in order, without empty ranges, adjacent ranges joined. Raises ValueError if two hold the same
-    pass."""
+    """Film.ranges in order, without empty ranges, adjacent ranges joined. Raises ValueError if two share a pass."""
     joined = []
     for seed, first, stop in sorted(each for each in ranges if each[1] < each[2]):
         last_seed, begin, end = joined[-1] if joined else (None, 0, 0)

@@ -139,8 +139,7 @@ def _cut(samples, squares, density, low, size, mass):
 
 
 class GatherTree(NamedTuple):
-    """Points where camera paths gather: a tree, whose leaves hold positions and normals. radius2: squared radius,
-    m2."""
+    """Points where camera paths gather: a tree, whose leaves hold positions and normals. radius2: m2."""
 
     tree: PointTree
     radius2: float

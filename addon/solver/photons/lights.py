@@ -69,8 +69,7 @@ def light_totals(lights: LightTable) -> np.ndarray:
 
 
 def _flux(light: Light) -> float:
-    """Power, W; of a sun W m-2 across each direction from which it shines, most of which meet a plane facing it
-    aslant."""
+    """Power, W; of a sun W m-2 across each direction from which it shines."""
     if isinstance(light, SunLight):
         mean_cosine = 0.5 * (1.0 + math.cos(0.5 * light.angle))
         return light.irradiance / mean_cosine

@@ -135,8 +135,7 @@ def _reflected_share(optics, power, rho):
 
 @njit(**FAST_INLINED)
 def _store(optics, at, straight, wave, i, stored, kept):
-    """Store photon i of the wave at an Interaction as number `kept`. straight: whether it comes straight from a
-    light."""
+    """Store photon i of the wave at an Interaction as number `kept`. straight: whether straight from a light."""
     put_vector(at.point, stored.position, kept)
     stored.surface[kept] = at.side_id
     for b in range(stored.power.shape[1]):

@@ -15,8 +15,7 @@ _MEAN = 32.0  # camera rays of a pixel, at most, in the mean of the image
 
 
 def least_price(variance: np.ndarray) -> float:
-    """The least price of a ray at which pixels of this variance (p,), see Survey, send no more than _MEAN on
-    average."""
+    """The least price of a ray at which pixels of this variance (p,), see Survey, send at most _MEAN on average."""
     prices = max(variance.max(), 1e-300) * np.geomspace(1e-9, 1.0, 30)
     return float(next((each for each in prices if _samples(variance, each).mean() <= _MEAN), prices[-1]))
 

@@ -146,8 +146,7 @@ def _aim(surfaces, sides, cumulative, receivers, key, rays, caused):
 
 @njit(cache=True, nogil=True)
 def _spheres(corners, sheet, row, count):
-    """Centre (n, 3) and radius (n,) of spheres around sheets. row: (labels,) int32, number of a label's sphere or
-    -1."""
+    """Centre (n, 3) and radius (n,) of spheres around sheets. row: (labels,) int32, sphere of a label or -1."""
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for t in range(sheet.shape[0]):
         for side in range(2):

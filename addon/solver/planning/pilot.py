@@ -199,8 +199,7 @@ def _density(count: np.ndarray, sheet: np.ndarray, area: np.ndarray, reachable: 
 
 
 def _view_width(surfaces: Surfaces, eye: Eye, hits: Hits) -> float:
-    """Width of the frame (m) at the median distance where camera rays hit; for panoramas the width of a radian
-    there."""
+    """Width of the frame (m) at the median distance where camera rays hit; for panoramas of a radian."""
     hit = hits.triangle >= 0
     if not hit.any():
         return math.inf

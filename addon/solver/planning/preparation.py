@@ -244,8 +244,7 @@ def learn_guide(
     gather_tree: GatherTree,
     cancelled: Callable[[], bool],
 ) -> Emitters:
-    """The emitters with a guide towards where camera paths gather, if a few trial passes say that it lowers the
-    noise."""
+    """The emitters with a guide towards where camera paths gather, if trial passes say that it lowers the noise."""
     for trial, count in enumerate(_TRIAL_PHOTONS):
         batch = Batch(pass_key(0, trial, TRIAL), 0, count, count)
         score = np.zeros(count)

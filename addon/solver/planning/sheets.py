@@ -193,8 +193,7 @@ def _start_lattices(surfaces, points, key, rays):
 
 
 def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, worth: float = _PRIOR) -> np.ndarray:
-    """Mean value (labels,) of each label, drawn to the prior, which counts as `worth` samples, where there are few
-    values."""
+    """Mean value (labels,) of each label, drawn to the prior, which counts as `worth` samples."""
     return (np.bincount(label, value, labels) + worth * prior) / (np.bincount(label, minlength=labels) + worth)
 
 

@@ -151,15 +151,13 @@ def recall_chance(splitting, sheet, throughput):
 
 @njit(inline="always")
 def gather_chance(splitting, sheet, throughput):
-    """Chance with which a final ray's end asks photons, where no cached point is near. throughput: see
-    recall_chance."""
+    """Chance with which a final ray's end asks photons, where no cached point is near. See recall_chance."""
     return _chance(splitting, sheet, throughput, _GATHER)
 
 
 @njit(inline="always")
 def _chance(splitting, sheet, throughput, time):
-    """Best chance q of roulette: on a contribution y it adds the variance y^2 (1 / q - 1), and saves 1 - q of the
-    time."""
+    """Best chance q of roulette: on a contribution y it adds variance y^2 (1 / q - 1) and saves 1 - q of the time."""
     sheets = splitting.sheets
     # mean square of the radiance from photons
     square = sheets.reflected[sheet] ** 2 + sheets.photon_noise[sheet] / sheets.disk[sheet]
@@ -195,8 +193,7 @@ def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:
 
 
 def _usual(value: np.ndarray, count: np.ndarray) -> float:
-    """Sum of values (c,), each counted so many times, without the largest: their sheets got few photons, so they are
-    uncertain."""
+    """Sum of values (c,), each counted so many times, without the largest: their sheets got too few photons."""
     order = np.argsort(value)
     value, count = value[order], count[order]
     kept = np.clip(_USUAL * count.sum() - (np.cumsum(count) - count), 0.0, count)

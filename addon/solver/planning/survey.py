@@ -488,8 +488,7 @@ def _measure(stage, sheets, hits, rays, closeness, noise, rest):
 
 @njit(**KERNEL)
 def _join(number, sheet, throughput):
-    """Samples of a pixel that show the same sheet share one gather: the first gets the sum of throughputs, the others
-    0."""
+    """Samples of a pixel that show the same sheet share a gather: the first gets the sum of throughputs, others 0."""
     for i in range(number.size):
         if sheet[i] < 0:
             continue
