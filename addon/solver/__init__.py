@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectral photon mapping of thermal infrared, without Blender: build a Scene, call render, get a Film.
 
-What needs compiled kernels is loaded when it is first asked for: Numba is large, and a Scene does without.
+Names that need compiled kernels are loaded at their first use: Numba is large, and a Scene does not need it.
 """
 
 from __future__ import annotations

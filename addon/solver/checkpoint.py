@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The finished passes of a render in a file, from which a render that was killed goes on.
 
-A pass depends on the scene, the settings and its index alone, so the film is all there is to keep. Beside it lies the
-fingerprint of what the image depends on: passes of another scene must not be mixed in. The file is a NumPy archive.
+A pass depends on the scene, the settings and its index alone, so the film is all that has to be kept. With the film the
+file holds a fingerprint of all that the image depends on, so that passes of another scene are not mixed in. The file is
+a NumPy archive.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ _WHAT = "the checkpoint"
 
 
 class CheckpointError(ValueError):
-    """A checkpoint cannot be gone on with; the message names the file and what is wrong."""
+    """A render cannot go on from a checkpoint; the message names the file and what is wrong."""
 
 
 def fingerprint(scene: Scene, settings: Settings) -> dict[str, str]:
-    """What a pass depends on, by name: digests of the scene's parts, settings, the version of the solver."""
+    """All that a pass depends on, by name: digests of the scene's parts, settings, and the version of the solver."""
     parts = {field.name: _digest(getattr(scene, field.name)) for field in fields(scene)}
     names = [field.name for field in fields(settings) if field.name not in _NO_PASS]
     return {"engine": source_digest()} | parts | {name: repr(getattr(settings, name)) for name in names}
@@ -59,22 +60,22 @@ def _digest(value) -> str:
 
 
 def save(path: Path, film: Film, marks: dict[str, str]) -> None:
-    """Write a checkpoint; an older one stays whole until the new one is. marks: the fingerprint.
+    """Write a checkpoint; an older one stays until the new one is complete. marks: the fingerprint.
 
     Raises OSError naming the path if it cannot be written.
     """
     arrays = {"fingerprint": np.array(json.dumps(marks))} | film.state()
     with replacing(path, _WHAT) as unfinished, open(unfinished, "wb") as file:
-        with zipfile.ZipFile(file, "w") as archive:  # as np.savez does, which leaves it open where a write fails
+        with zipfile.ZipFile(file, "w") as archive:  # np.savez leaves the archive open if a write fails
             for name, array in arrays.items():
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                     np.save(entry, array, allow_pickle=False)
         file.flush()
-        os.fsync(file.fileno())  # before the old one goes: the power may fail
+        os.fsync(file.fileno())  # before it replaces the older file: the power may fail
 
 
 def load(path: Path, scene: Scene, settings: Settings) -> Film:
-    """The finished passes of this render. Raises CheckpointError if the file is damaged or of another render."""
+    """The finished passes of a render. Raises CheckpointError if the file is damaged or of another render."""
     expected = fingerprint(scene, settings)
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
@@ -85,12 +86,12 @@ def load(path: Path, scene: Scene, settings: Settings) -> Film:
         raise CheckpointError(f"'{path}' is no checkpoint, or a damaged one: {error}") from error
     if different:
         raise CheckpointError(f"The checkpoint '{path}' is of another render: {', '.join(sorted(different))} differ")
-    film.correction = settings.correction  # no part of the passes, so it may have changed
+    film.correction = settings.correction  # it changes no pass, so it may differ from the saved one
     return film
 
 
 def set_aside(path: Path) -> Path:
-    """Give a file that is in the way a name of its own, which is returned. Raises OSError if that cannot be done."""
+    """Rename a file that is in the way to a new name, which is returned. Raises OSError if that fails."""
     names = (path.with_name(f"{path.stem}.old{number}{path.suffix}") for number in itertools.count(1))
     kept = next(name for name in names if not name.exists())
     os.rename(path, kept)
@@ -110,10 +111,10 @@ def render_with_checkpoints(
 ) -> Film:
     """Render as `render` does, and save the finished passes every `interval` seconds and when cancelled.
 
-    saved: finished passes of this render (see `load`), to which the others are added; on_pass gets them first.
+    saved: finished passes of this render (see `load`), to which further passes are added; on_pass gets this film first.
     options: image_copies and geometry, as in `render`.
-    A complete render removes its checkpoint. One that cannot be written during the render is a warning in the log.
-    Raises OSError, before the first pass, if there is no way to write to path.
+    A complete render removes its checkpoint. If a checkpoint cannot be written during the render, the log warns.
+    Raises OSError, before the first pass, if path cannot be written.
     """
     marks = fingerprint(scene, settings)
     check_writable(path, _WHAT)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much memory a render needs, told before its first pass, and how much there is.
+"""How much memory a render needs, estimated before its first pass, and how much there is.
 
 With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a pass, in bytes:
 
     film       P (12 l b + 44)                mean in float64, one pass in float32, five more values for the noise, four
-                                              of what looks found
+                                              results of the survey
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
@@ -16,8 +16,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                                               (loose triangles; those of closed meshes take about 400)
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
 
-How many hits a photon leaves, trial photons tell (see `render`): 1 / (1 - rho) in a closed room that reflects rho, and
-far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
+Trial photons tell how many hits a photon stores (see preparation): 1 / (1 - rho) in a closed room of reflectance rho,
+and far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from .settings import Settings
 
 _GIGABYTE = 1e9
 _KEPT = 31 << 20  # bytes; glibc's thresholds follow freed blocks of up to 32 MB
-# What each part is called, and what makes it smaller.
+# Name of each part in messages, and what to lower to make it smaller.
 _PARTS = {
     "film": ("the sums for every pixel and band", "the resolution or the number of bands or temperature groups"),
     "images": ("the images of every band", "the resolution, the number of bands or of view layers"),
@@ -46,9 +46,9 @@ _PARTS = {
 
 
 def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
-    """Bytes that a render needs beyond the scene, whatever its photons do, by part (the formulae above).
+    """Bytes that a render needs beyond the scene before its photons are known, by part (the formulae above).
 
-    copies: of all its images as float32 that are held at once beside the film.
+    copies: number of float32 copies of all images that are held at once beside the film.
     """
     rows = table_rows(emission_range(scene.temperature.reshape(len(scene.triangles), -1)))
     return _images(scene, copies) | {
@@ -60,8 +60,8 @@ def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
 def memory_of_passes(
     scene: Scene, settings: Settings, copies: int, hits_per_photon: float, rays_per_pixel: float
 ) -> dict[str, float]:
-    """Bytes that the passes need once the geometry is there. hits_per_photon: that are stored, on average.
-    rays_per_pixel: that are under way at once, where most are."""
+    """Bytes that the passes need once the geometry is there, by part. hits_per_photon: mean number of stored hits of a
+    photon. rays_per_pixel: rays under way at once, in the tile where they are most."""
     hits, bands = settings.photons_per_pass * hits_per_photon, scene.band_count
     further = len(scene_layers(scene)[0]) - 1
     return _images(scene, copies) | {
@@ -83,7 +83,7 @@ def _images(scene: Scene, copies: int) -> dict[str, float]:
 
 
 def check_memory(required: dict[str, float]) -> None:
-    """Raise SceneError, saying what needs it, if more bytes are required than there are. required: by part."""
+    """Raise SceneError, naming the largest part, if more bytes are required than available. required: by part."""
     total, available = sum(required.values()), available_memory()
     if available is None or total <= available:
         return
@@ -98,8 +98,8 @@ def check_memory(required: dict[str, float]) -> None:
 def keep_freed_memory() -> None:
     """Let malloc keep the memory of arrays for the next ones.
 
-    Where it is glibc's, it hands free memory back to the system, to ask for it again at once, unless a larger block has
-    been freed before (mallopt(3), M_MMAP_THRESHOLD): for the arrays of every tile that takes time.
+    The malloc of glibc hands freed memory back to the system, and then has to ask for it anew, unless a larger block
+    has been freed before (mallopt(3), M_MMAP_THRESHOLD). For the arrays of every tile this would take time.
     """
     np.empty(_KEPT, np.uint8)  # freed here, never touched
 
@@ -107,7 +107,7 @@ def keep_freed_memory() -> None:
 def available_memory(root: Path = Path("/")) -> int | None:
     """Bytes that this process may still take: free memory and swap, or what is left of a control group's limit.
 
-    None where there is no telling, which is everywhere but on Linux. root: of the file system, for tests.
+    None where it is unknown, which is everywhere but on Linux. root: of the file system, for tests.
     """
     try:
         words = [line.split() for line in (root / "proc/meminfo").read_text().splitlines()]
@@ -121,7 +121,7 @@ def available_memory(root: Path = Path("/")) -> int | None:
 
 
 def _left_in_group(folder: Path) -> int | None:
-    """Bytes left of the memory limit of a control group (version 2), None without one. Cached files make room."""
+    """Bytes left of the memory limit of a control group (version 2), None without a limit. Cached files are free."""
     try:
         limit, used = (int((folder / f"memory.{name}").read_text()) for name in ("max", "current"))
         counts = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pass loop of multi-pass spectral photon mapping (Boudet et al. 2004, section 4).
 
-look at the scene: what the image can depend on, reference temperature, tables, emitters  (planning.preparation)
+prepare the scene: what the image can depend on, reference temperature, tables, emitters  (planning.preparation)
 for every pass:
     emit photons, trace them, store their hits           (photons.emission, photons.transport)
     sort them into a photon map                          (photons.photon_map)
@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
-_ALL_PIXELS = 2**32 - 1  # in place of a pass index: the camera's sequence that all passes share
+_ALL_PIXELS = 2**32 - 1  # instead of a pass index: for the camera's sequence, which all passes share
 
 
 def render(
@@ -58,12 +58,12 @@ def render(
     """Render a scene until a stop condition of the settings holds.
 
     on_pass is called after every pass, in this thread, with the film so far (which the next pass changes).
-    cancelled is asked many times a pass, and before the first one; once it is true the unfinished pass is dropped and
-    the film returned.
-    film: of the first passes of this render, to which the others are added: the result is that of a render without a
-    break. Only the time limit does not count what it took.
-    image_copies: float32 copies of all images that the caller holds, which need memory too.
-    geometry: of an earlier scene, kept if it is the same (see build_geometry); the image is the same either way.
+    cancelled is called before the first pass and many times in a pass; once it returns true the unfinished pass is
+    dropped and the film returned.
+    film: with the first passes of this render, to which the others are added. The result is the same as of a render
+    without a break; but the time limit counts from this call on.
+    image_copies: number of float32 copies of all images that the caller holds, as these need memory, too.
+    geometry: of an earlier scene, reused if it is the same (see build_geometry); the image is the same either way.
     Raises SceneError if the scene cannot be rendered or needs more memory than there is, ValueError if the film is not
     of this render.
     """
@@ -99,7 +99,7 @@ def render(
 
 
 def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
-    """Whether a stop condition holds after so many seconds. No image is empty: the first pass has to be there."""
+    """Whether a stop condition holds after so many seconds. Never before the first pass, so that no image is empty."""
     if film.passes == 0:
         return False
     if 0 < settings.passes <= film.passes or 0 < settings.time_limit <= seconds:
@@ -110,7 +110,7 @@ def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
 
 
 def _is_checked(passes: int) -> bool:
-    """Whether the noise is looked at after so many passes: 8, and then ever more rarely, as a look takes time."""
+    """Whether the noise is checked after so many passes: first after 8, then ever more rarely, as it takes time."""
     check = 8
     while check < passes:
         check = math.ceil(1.1 * check)
@@ -124,8 +124,8 @@ def shrink_factor(index: int) -> float:
 
 
 class Work(NamedTuple):
-    """What passes work with: room for the photons of one, threads, and what is asked many times a pass whether to
-    stop."""
+    """What passes work with. store: room for the photons of a pass. pool: threads. cancelled: called many times in a
+    pass; true means to stop."""
 
     store: PhotonStore
     pool: ThreadPoolExecutor
@@ -133,8 +133,8 @@ class Work(NamedTuple):
 
 
 def render_pass(model: Model, settings: Settings, index: int, work: Work, image: np.ndarray, seen: np.ndarray) -> bool:
-    """Render pass `index` into image (pixels, layers * b) float32 and seen (pixels,), see render_pixels; False if it
-    was cancelled on the way."""
+    """Render pass `index` into image (pixels, layers * b) and seen (pixels,), both float32, see render_pixels. Returns
+    False if the pass was cancelled."""
     photons = shoot_photons(model, pass_key(settings.seed, index, PHOTONS), work)
     if work.cancelled():
         return False
@@ -143,7 +143,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, image:
         settings.neighbours,
         model.reach2,
         shrink_factor(index) if settings.shrink else 1.0,
-        model.splitting is not None,  # planned before: what depends on the photons of the pass would change the mean
+        model.splitting is not None,  # known beforehand: a choice by the photons of the pass would change the mean
         model.optics.keep_incoming,
         model.splitting,
         len(model.layers),
@@ -172,13 +172,13 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, image:
 
     of_window = tiles(model.eye.window, index, shared.keys[0])
     longest_first = sorted(of_window, key=lambda pixels: -int(model.samples[pixels].sum()))
-    for _ in work.pool.map(render_tile, longest_first):  # so that threads end together
+    for _ in work.pool.map(render_tile, longest_first):  # longest first, so that all threads end at about the same time
         pass
     return not work.cancelled()
 
 
 def shoot_photons(model: Model, key: np.uint64, work: Work) -> Photons:
-    """What the photons of a pass leave where they hit, in work's store. key: of the pass's photons."""
+    """The stored Photons of a pass, in work.store. key: of the pass's photons."""
     total = model.photons_per_pass
 
     def trace(first: int):
@@ -197,7 +197,7 @@ def shoot_photons(model: Model, key: np.uint64, work: Work) -> Photons:
 def cache_irradiance(
     model: Model, photon_map: PhotonMap, estimate: Estimate, key: np.uint64, work: Work
 ) -> IrradianceCache:
-    """What the ends of final gathers will ask for in this pass. key: of the rays that say where."""
+    """The IrradianceCache of a pass, for the ends of final gathers. key: of the rays whose ends are its points."""
     surfaces, tracer = model.stage.surfaces, model.tracer
     points = ray_ends(tracer, surfaces, model.visible, key, cache_points(model.photons_per_pass, estimate.shrink2))
 

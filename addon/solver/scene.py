@@ -22,12 +22,12 @@ class SceneError(ValueError):
 
 # Alpha of the GGX lobe below which a surface is a mirror: the lobe is then narrower than a float32 direction resolves.
 MIRROR_ALPHA = 1e-4
-_STEP = 1e-9  # width of the step to 0 where a response ends, as a share of the wavelength
+_STEP = 1e-9  # width of the step to 0 at the ends of a response, as a share of the wavelength
 
 
 @dataclass(frozen=True)
 class Material:
-    """An opaque surface: emissivity eps, reflectance 1 - eps (Kirchhoff), the latter split in two lobes.
+    """An opaque surface: emissivity eps, reflectance 1 - eps (Kirchhoff). Two lobes share the reflectance.
 
     name: shown in messages.
     emissivity: a float (grey), or an (n, 2) array of [wavelength um, emissivity], wavelengths ascending,
@@ -210,10 +210,10 @@ class Scene:
     materials: Material for each index.
     band_edges: (b + 1,) um, ascending: b bands side by side.
     world_temperature: K, what rays that leave the scene see.
-    lights: seen only by what they light, never by the camera.
+    lights: they light surfaces, and the camera never sees them.
     response: of the sensor, through which all bands together are seen; None counts all wavelengths alike.
     groups: names of temperature groups, whose light the film keeps apart (see layers); each has one temperature.
-    group: (m,) int16, the group of each triangle, -1 for none; needed if there are groups. world_group: of the world.
+    group: (m,) int16, the group of each triangle, -1 for none; required with groups. world_group: of the surroundings.
 
     Raises SceneError if a value cannot be rendered.
     """
@@ -250,7 +250,7 @@ class Scene:
         for at in (self.temperature.argmin(), self.temperature.argmax()):  # NaN is both
             check_temperature(self.temperature.flat[at], f"Triangle {at * count // self.temperature.size}")
         check_temperature(self.world_temperature, "World")
-        # rounded as the surfaces' temperatures are, so that equal ones have no excess over each other
+        # rounded as surfaces' temperatures are, so that equal temperatures stay equal
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
         for light in self.lights:
             _check_light(light)

@@ -19,13 +19,14 @@ class Settings:
     neighbours: photons in one radiance estimate (k).
     seed: of all random numbers; a pass is a function of (seed, pass index) alone.
     threads: 0 uses every core. The image does not depend on it.
-    pass_offset: index of the first pass, to resume a render or to share it between machines.
+    pass_offset: index of the first pass, to go on with a render or to share it between machines.
     time_limit: s, 0 is none. target_noise: K, 0 is none; stops when the 95th percentile of Noise is below it.
     reference_subtraction: trace only the difference to an isothermal scene (docs/method.md).
     reference_temperature: K, None chooses it from the scene.
     roulette: 'POWER' keeps a photon's total weight; 'BAND_AVERAGE' is Boudet et al. 2004, section 3.2.
     shrink: let the gather radius shrink from pass to pass (Knaus and Zwicker 2011), so that the blur vanishes.
-    assumed_emissivity: above 0, at most 1, and reflected_temperature: K: of the film's Correction. They change no pass.
+    assumed_emissivity: above 0, at most 1. reflected_temperature: K. Both are of the film's Correction and change no
+        pass.
     """
 
     passes: int = 32
@@ -73,5 +74,5 @@ class Settings:
 
     @property
     def correction(self) -> Correction:
-        """Of the temperatures that a film of these settings gives."""
+        """The Correction of the temperatures that a film of these settings gives."""
         return Correction(self.assumed_emissivity, self.reflected_temperature)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the camera's rays to the pixels of one pass."""
+"""The camera: from camera rays to the pixels of one pass."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera paths: what a ray meets emits exactly, its specular lobe is followed to the next surface, and its diffuse
-reflection comes from the photon map or from a final gather, whose rays ask for photons one bounce later."""
+"""Camera paths: the emission of what a ray meets is exact, the specular lobe there is followed to the next surface, and
+the diffuse reflection comes from the photon map, or from a final gather, whose rays use photons one bounce later."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -24,9 +24,9 @@ from .shadow_rays import Lighting, add_unshadowed
 class CameraPass(NamedTuple):
     """All that the tiles of one pass share.
 
-    samples: (pixels,) uint16, rays of every pixel in a pass. photon_map, cache: of the pass. keys: of the camera stream
-    (of the seed, of this pass). index: of the pass. weights: (layers * b,) float32, by which each band of each layer
-    counts in the radiance over all.
+    samples: (pixels,) uint16, camera rays of each pixel in a pass. photon_map, cache: of the pass. keys: two keys of
+    the camera stream, of the seed and of this pass. index: of the pass. weights: (layers * b,) float32, by which each
+    band of each layer counts in the radiance over all bands.
     """
 
     tracer: Tracer
@@ -48,7 +48,7 @@ def render_pixels(
     """Estimate the excess radiance of a tile of pixels in one pass.
 
     pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and seen (h w,)
-    float32: the part of the radiance over all bands that the surfaces send straight into the camera.
+    float32: the part of the radiance over all bands that surfaces emit straight into the camera.
     """
     tracer, stage, lighting, estimate = shared.tracer, shared.stage, shared.lighting, shared.estimate
     bands, numbers = stage.radiometry.reference.size, pixels.ravel()
@@ -62,7 +62,7 @@ def render_pixels(
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         gathers = meet(stage, lighting, disks, bounce, rows)
         if number == 0:
-            # not by a library that has threads of its own
+            # einsum, as numpy leaves matrix products to a library with threads of its own
             np.einsum("pb,b->p", rows.image, shared.weights, out=seen)
         if estimate.photons:
             rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
@@ -80,7 +80,7 @@ def render_pixels(
 
 
 def _camera_rays(shared, samples, numbers):
-    """The rays of some pixels, and how far they reach, (n,) float32, see eye_rays."""
+    """The camera rays of some pixels, and their reach, (n,) float32, see eye_rays."""
     count = int(samples.sum())
     rays, reach = empty_rays(count, shared.stage.radiometry.reference.size), np.empty(count, np.float32)
     eye_rays(shared.eye, shared.keys[0], shared.index, samples, numbers, rays.origin, rays.direction, reach)
@@ -89,8 +89,9 @@ def _camera_rays(shared, samples, numbers):
 
 
 def _ask_photons(shared, numbers, bounce, gathers, rows, finals):
-    """Add what the photons around gathers, and the cache at the ends of final gathers, reflect; choose which gathers
-    send rays instead, which joins `finals`. Returns the rows, with further ones for what those rays will meet."""
+    """Add the diffuse reflection of gathers, from the photons around them, and of the ends of final gathers, from the
+    cache. Choose which gathers send rays instead, and append these to `finals`. Returns the rows, with further rows for
+    the radiance that those rays will meet."""
     stage, estimate, photon_map = shared.stage, shared.estimate, shared.photon_map
     points = locate_gathers(stage, bounce, gathers)
     space = unlimited(len(gathers.ray), estimate.reach2)

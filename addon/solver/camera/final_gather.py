@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Final gathers: which of the camera's gathers send rays of their own, and how those of neighbouring pixels share them.
+"""Final gathers: which gathers of camera paths send rays of their own, and how neighbouring pixels share these rays.
 
-Neighbours on one sheet, within a disk that is a part of the one that photons would be gathered from, average what
-their rays meet. The disk is small where surfaces are close or bent, as irradiance changes quickly there (Ward et al.
-1988). It shrinks from pass to pass, in the end to none but a gather's own rays, so what this blurs vanishes as the blur
-of the photon map does.
+Final gathers of neighbouring pixels on one sheet, within a disk, average the radiance that their rays meet. The disk is
+a part of the disk from which photons would be gathered. It is small where surfaces are close or bent, as irradiance
+changes quickly there (Ward et al. 1988). It shrinks from pass to pass, until a gather has its own rays alone, so that
+the blur by sharing vanishes as the blur of the photon map does.
 """
 
 import math
@@ -22,18 +22,18 @@ from ..planning.splitting import NEAR, disk_area, rays_alone, rays_beside, share
 from ..sampling.vectors import dot, put_vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
 
-_BESIDE_WALLS = 32  # least rays where there is no room for photons; a power of two
-_WHOLE = 0.95  # share of a disk below which a rim cuts it: photons would lie on one side, where the light differs
-_BENT = 0.1  # squared difference of the unit normals at which no rays are shared
-_WINDOW = 3  # pixels around, in which final gathers share rays
+_BESIDE_WALLS = 32  # least number of rays where walls leave no room for a disk of photons; a power of two
+_WHOLE = 0.95  # a rim cuts a disk if less than this share of it lies on the sheet: photons would lie to one side
+_BENT = 0.1  # squared difference of two unit normals from which on no rays are shared
+_WINDOW = 3  # pixels on each side, within which final gathers share rays
 
 
 def choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen=None) -> None:
-    """Choose which gathers send rays, how many, and in which disk neighbours share them.
+    """Choose which gathers send rays, how many, and within which disk neighbours share these rays.
 
-    The choice rests on what is known before the pass, not on its photons, so it leaves the mean alone. pixels: (n,)
-    int64, numbers in the window of the tile's. free2: (gathers,) float32, m2, of the free space around. chosen: (c,)
-    int64, the gathers that are asked about; None for all.
+    The choice rests on what is known before the pass, not on the photons of the pass, so it leaves the mean of the
+    image alone. pixels: (n,) int64, numbers, in the window, of the tile's pixels. free2: (gathers,) float32, m2,
+    squared radius of the free space around. chosen: (c,) int64, indices of the gathers to choose for; None for all.
     """
     chosen = np.arange(len(gathers.ray)) if chosen is None else chosen
     _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, np.empty(PATCH_LIMIT, np.int32))
@@ -66,20 +66,22 @@ def _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, patc
 
 @njit(inline="always")
 def _is_cut(surfaces, at, area, patch):
-    """Whether the rim of a sheet cuts a disk of this area (m2) around an Interaction. A mesh that is finer than what
-    patch can hold counts as whole."""
+    """Whether the rim of a sheet cuts a disk of this area (m2) around an Interaction. No, if the disk holds more
+    triangles than patch has room for."""
     members, inside = patch_in_ball(surfaces, at.side_id, Ball(at.point, area / math.pi, NO_WALL), patch)
     return members > 0 and inside < _WHOLE * area
 
 
 class Finals(NamedTuple):
-    """Final gathers of one bounce, n of them: pixel (n,) int32 in the tile, point (n, 3) float64, m, side_id (n,)
-    int32, rays (n,) int32, their number, radius2 (n,) float64, m2, of the disk within which they share, is_cut (n,)
-    bool, whether a rim cuts it.
+    """The n final gathers of one bounce.
 
-    row: the first of their n rows in the image. Each holds the mean radiance that the rays meet, times `contribution`
-    (n,) float64, see Gathers, so that roulette on the way knows what counts. factor: (n, layers * b) float32, what the
-    pixel gets of that mean, the same for each layer.
+    pixel: (n,) int32, in the tile. point: (n, 3) float64, m. side_id: (n,) int32. rays: (n,) int32, number of rays.
+    radius2: (n,) float64, m2, squared radius of the disk within which neighbours share rays. is_cut: (n,) bool, whether
+    a rim cuts this disk.
+    row: the first of n rows in the image, one for each gather. A row holds the mean radiance that the rays meet, times
+    `contribution` (n,) float64, see Gathers: so the throughput of these rays says how much they count in the image, and
+    roulette can go by it. factor: (n, layers * b) float32, by which the mean radiance is added to the pixel, the same
+    for each layer.
     """
 
     pixel: np.ndarray
@@ -95,7 +97,7 @@ class Finals(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def open_finals(stage, estimate, bounce, gathers, row):
-    """The final gathers among the gathers, which get rows from `row` on."""
+    """The final gathers among the gathers. Their rows in the image start at `row`."""
     chosen = np.flatnonzero(gathers.rays)
     count, bands = chosen.size, stage.radiometry.reference.size
     finals = Finals(
@@ -120,7 +122,7 @@ def open_finals(stage, estimate, bounce, gathers, row):
 
 @njit(**FAST_INLINED)
 def _reflected_share(stage, at, throughput, weight):
-    """Share of a pixel that is reflected diffusely in a gather of a ray of this throughput (b,), mean of all bands."""
+    """Share of a pixel that a gather's diffuse reflection makes up, mean of all bands. throughput: (b,) of its ray."""
     rho, total = reflectance_at(stage, at), np.float32(0.0)
     for b in range(rho.size):
         total += throughput[b] * rho[b]
@@ -128,10 +130,11 @@ def _reflected_share(stage, at, throughput, weight):
 
 
 def share(surfaces, finals, shrink2, shape, rows) -> None:
-    """Add to the pixels of a tile of this shape what their final gathers and those around reflect.
+    """Add to the pixels of a tile of this shape what their final gathers reflect, sharing rays with gathers around.
 
-    The mean of those on one sheet within the disk, which shrinks to none but their own. Where a rim cuts the disk, only
-    those count that have another on the opposite side: from one side alone comes other light. rows: see Rows.
+    A gather takes the weighted mean over all final gathers on its sheet within its disk, which shrinks from pass to
+    pass until the gather is alone. Where a rim cuts the disk, another gather counts only if there is also one at the
+    opposite pixel: neighbours on one side alone would see other light in the mean. rows: see Rows.
     """
     first, following = np.full(shape[0] * shape[1], -1, np.int32), np.empty(len(finals.pixel), np.int32)
     _share(surfaces, finals, shrink2, shape, rows, (first, following), np.empty(rows.image.shape[1], np.float32))
@@ -170,7 +173,7 @@ def _share(surfaces, finals, shrink2, shape, rows, chain, mean):
 
 @njit(inline="always")
 def _is_met(surfaces, finals, n, other, following, limits):
-    """Whether gather n shares rays with `other` (-1 for none) or one of those that follow it in its pixel."""
+    """Whether gather n shares rays with gather `other` (-1 for none) or one that follows `other` in the same pixel."""
     while other >= 0 and _weight(surfaces, finals, n, other, limits) == 0.0:
         other = following[other]
     return other >= 0
@@ -178,9 +181,9 @@ def _is_met(surfaces, finals, n, other, following, limits):
 
 @njit(inline="always")
 def _weight(surfaces, finals, n, other, limits):
-    """Weight of another final gather for gather n, in the centre of its disk: what is left of 1 of it after the
-    squares of distance over radius and of the normals' difference over its limit. limits: the squared radius (m2) and
-    the squared limit.
+    """Weight of another final gather for gather n, at the centre of the disk: the other's number of rays, times 1 minus
+    squared distance over squared radius minus squared difference of the normals over its limit. limits: the squared
+    radius (m2) and the limit of the squared difference.
     """
     if n == other:
         return float(finals.rays[n])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the middle of each pixel sees first: temperature, emissivity and position of one surface.
+"""First hits: temperature, emissivity, position and more of the surface that the middle of each pixel sees.
 
-One ray through the middle of the pixel and of the lens, so a value is that of one surface: no mixture over an edge, no
-blur out of focus, no noise.
+One ray passes through the middle of the pixel and of the lens. So each value is that of a single surface, without a
+mixture over edges, without blur out of focus, and without noise.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ def first_hit_images(
         depth: m, along the view axis; in a panorama the distance.
         normal: unit normal of the triangle, on the side that is seen, in world space.
         position: m, world space.
-    labels: (triangles of the scene,) numbers by the name of an image that shows them.
-    Where the surroundings are seen depth is FAR, all else 0. Row 0 is the bottom row. The images are the same for any
-    number of threads. cancelled: as in `render`; what is not finished is then as of the surroundings.
+    labels: further images by name, each from a number for each triangle of the scene, (triangles,).
+    Where the surroundings are seen, depth is FAR and all else 0. Row 0 is the bottom row. The images are the same for
+    any number of threads. cancelled: as in `render`; unfinished pixels then show the values of the surroundings.
     geometry: of the scene, see `build_geometry`.
     """
     geometry = build_geometry(scene, geometry)
@@ -89,8 +89,8 @@ def first_hit_images(
 
 @njit(**KERNEL)
 def _meet(surfaces, hits, rays, normal, cosine):
-    """Fill in, for n rays that meet triangles, the normal (n, 3) there that faces the ray, and the cosine (n,) between
-    both."""
+    """Fill in, for n rays that meet triangles, the normal (n, 3) that faces the ray, and the cosine (n,) between normal
+    and ray."""
     for i in range(cosine.size):
         at = interact(surfaces, hits, i, rays.direction)
         put_vector(at.normal, normal, i)
@@ -99,10 +99,10 @@ def _meet(surfaces, hits, rays, normal, cosine):
 
 @dataclass(frozen=True)
 class _Seen:
-    """What n rays see. Its properties and `normal` are those QUANTITIES, (n,) or (n, 3); positions and temperatures are
-    those of the scene itself, in float64.
+    """What n rays see. `normal` and the properties are the QUANTITIES, (n,) or (n, 3). Positions and temperatures are
+    computed from the scene's own arrays in float64.
 
-    radiometry: see _radiometry. row: (n,) the rows of the triangles in the scene. hits: see Hits. normal: (n, 3)
+    radiometry: see _radiometry. row: (n,) rows of the triangles in the scene. hits: see Hits. normal: (n, 3)
     float32. cosine: (n,) float64, between the normal and the ray.
     """
 
@@ -114,7 +114,7 @@ class _Seen:
     cosine: np.ndarray
 
     def _interpolate(self, corners: np.ndarray) -> np.ndarray:
-        """Values (n, 3[, d]) at the corners of triangles, at the hits: (n[, d]) float64."""
+        """Interpolate values (n, 3[, d]) at the corners of triangles to the hits: (n[, d]) float64."""
         u, v = self.hits.u.astype(np.float64), self.hits.v.astype(np.float64)
         return np.einsum("nc,nc...->n...", np.column_stack((1.0 - u - v, u, v)), corners)
 
@@ -145,9 +145,9 @@ class _Seen:
 
 
 def _radiometry(scene: Scene) -> Radiometry:
-    """What the materials emit in each band, without a reference temperature; the last material is a blackbody.
+    """The tables of the materials in each band, without a reference temperature; the last material is a blackbody.
 
-    In no band do surfaces send anything to speak of that are colder than `faintest`: they count as that warm.
+    Surfaces colder than `faintest` emit next to nothing in any band: they are taken to be as warm as that.
     """
     cold = faintest(float(scene.band_edges[0]))
     low, high = (max(float(kelvin), cold) for kelvin in (scene.temperature.min(), scene.temperature.max()))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where camera paths meet surfaces: what these emit is added to the image, and rays are grouped into gathers, which ask
-for what is reflected."""
+"""Gathers: where camera paths meet surfaces. The surfaces' emission is added to the image, and rays that can be
+answered together are grouped into one gather, which asks for the light that is reflected."""
 
 import math
 from typing import NamedTuple
@@ -18,23 +18,24 @@ from ..system.kernels import FAST_KERNEL, KERNEL, njit
 from .rays import largest_throughput
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING
 
-_LITTLE = 1.0 / 32.0  # of a pixel: roulette decides on gathers that carry less
+_LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
 
 
 class Gathers(NamedTuple):
-    """Gathers, each for a group of rays: the index of the ray that stands for all where photons are asked (n,) int64,
-    and a factor on its throughput, (n,) float32.
+    """n gathers, each for a group of rays.
 
-    carried: (n,) float64, throughput of all rays of the group together. contribution: (n,) float64, share of the pixel
-    that their diffuse reflection makes up, times its sensitivity (see Survey). rays: (n,) int32, a power of two, how
-    many a final gather sends, from the ends of all rays of the group; 0 where it asks photons. radius2: (n,) float64,
-    m2, of the disk within which final gathers share rays. is_cut: (n,) bool, whether a rim cuts it. row: (n,) int32,
-    the row of the image that these add to. of: (camera rays,) int32, the gather of a ray, or -1.
+    ray: (n,) int64, index of the ray that stands for the group where photons are asked. weight: (n,) float32, factor on
+    the throughput of that ray. throughput: (n,) float64, of all rays of the group together, after the reflection.
+    contribution: (n,) float64, share of the pixel that the group's diffuse reflection makes up, times the pixel's
+    sensitivity (see Survey). rays: (n,) int32, how many rays a final gather sends from the points of all rays of the
+    group, a power of two; 0 where the gather asks photons. radius2: (n,) float64, m2, squared radius of the disk within
+    which final gathers share rays. is_cut: (n,) bool, whether a rim cuts this disk. row: (n,) int32, row of the image
+    to which the rays of a final gather add. of: (camera rays,) int32, index of a ray's gather, or -1.
     """
 
     ray: np.ndarray
     weight: np.ndarray
-    carried: np.ndarray
+    throughput: np.ndarray
     contribution: np.ndarray
     rays: np.ndarray
     radius2: np.ndarray
@@ -59,17 +60,19 @@ def empty_gathers(count: int) -> Gathers:
 
 
 def first_gathers(gathers: Gathers, count: int) -> Gathers:
-    """The first so many gathers."""
+    """The first `count` gathers."""
     return Gathers(*(column[:count] for column in gathers[:-1]), gathers.of)
 
 
 class NearDisks(NamedTuple):
-    """Areas of the disks of one estimate, (sheets,) float64 m2, and the factor on them in this pass, 0 without photons:
-    rays of final gathers that end nearer to their start than the radius of such a disk do not recall.
+    """How near to its start a ray of a final gather may end and still recall irradiance: no nearer than the radius of
+    the disk from which that irradiance was estimated.
 
-    The light there changes within the disk, as what they start from stands beside it: in corners. So they go on, once,
-    and the next end recalls, where the same blur counts less (Jensen 2001). Caustics, which no ray finds, they ask of
-    the photons where they are.
+    area: (sheets,) float64, m2, of the disk of an estimate on each sheet. shrink2: factor on the area in this pass, 0
+    without photons.
+    A ray that ends nearer starts in a corner, where light changes within the disk: the surface from which the ray
+    starts stands beside the disk. Such a ray is continued once, and the next end recalls, where the same blur counts
+    less (Jensen 2001). The photons of caustics, which no ray finds, are asked for at the first end.
     """
 
     area: np.ndarray
@@ -84,10 +87,11 @@ def near_disks(estimate) -> NearDisks:
 
 
 def meet(stage, lighting, disks, bounce, rows) -> Gathers:
-    """Add to the rows what the surfaces that rays meet emit; return the gathers that ask for what they reflect.
+    """Add to the rows what surfaces emit where rays meet them; return the gathers that ask for the reflected light.
 
-    Rays of a pixel that meet one sheet of one material, with throughputs in one proportion, share a gather. Roulette
-    decides on those that would carry little. Rays of final gathers leave lamps to shadow rays. disks: see NearDisks.
+    Rays of a pixel that meet the same sheet and material, with throughputs in the same proportion of bands, share a
+    gather. Roulette decides on gathers with little throughput. Rays of final gathers do not see lamps, which are left
+    to shadow rays. disks: see NearDisks.
     """
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
@@ -127,28 +131,28 @@ def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
             continue
         asks_sky = surroundings.open[at.triangle, side] and not bounce.near[i]
         if rays.final[i] and not (lamps.power > 0.0 or asks_sky):
-            continue  # what it reflects is recalled, or another ray brings it
-        carried = largest_throughput(throughput, reflectance_at(stage, at))
-        if carried == 0.0:
+            continue  # the reflected light is recalled from the cache, or is found by a continued ray
+        reflected = largest_throughput(throughput, reflectance_at(stage, at))
+        if reflected == 0.0:
             continue
         g = newest
         while g < found and not _is_alike(stage, bounce, at, i, gathers.ray[g]):
             g += 1
         if g == found:
-            gathers.carried[g] = 0.0
+            gathers.throughput[g] = 0.0
             found += 1
-        # each ray of a group stands for it with a chance in proportion to what it carries: the mean is that of a gather
-        # for every ray
+        # each ray of a group may stand for the group, with a chance in proportion to its throughput: the mean is then
+        # the same as with a gather for every ray
         gathers.of[i] = g
-        gathers.carried[g] += carried
-        if uniform(rays.path[i], DIMENSIONS * bounce.number + GROUPING) * gathers.carried[g] < carried:
+        gathers.throughput[g] += reflected
+        if uniform(rays.path[i], DIMENSIONS * bounce.number + GROUPING) * gathers.throughput[g] < reflected:
             gathers.ray[g] = i
     return _roulette(stage, bounce, gathers, found, kept_as)
 
 
 @njit(inline="always")
 def _is_alike(stage, bounce, at, i, other):
-    """Whether ray i, which met `at`, can share the gather of another ray: of one sheet, material, kind and colour."""
+    """Whether ray i, which met `at`, can share the gather of another ray: same sheet, material, kind and colour."""
     rays, there = bounce.rays, interact(stage.surfaces, bounce.hits, other, bounce.rays.direction)
     return (
         sheet_of(stage.surfaces, there.side_id) == sheet_of(stage.surfaces, at.side_id)
@@ -161,16 +165,16 @@ def _is_alike(stage, bounce, at, i, other):
 
 @njit(**FAST_KERNEL)
 def _roulette(stage, bounce, gathers, found, kept_as):
-    """Keep of the gathers found those that carry much, and some of the others; returns their number."""
+    """Keep all gathers with much throughput and, by roulette, some of the others; returns how many are kept."""
     rays, kept = bounce.rays, 0
     for g in range(found):
         i, kept_as[g] = gathers.ray[g], -1
-        chance = min(1.0, gathers.carried[g] / _LITTLE)
+        chance = min(1.0, gathers.throughput[g] / _LITTLE)
         if uniform(rays.path[i], GATHERING + bounce.number) < chance:
             rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays.direction))
-            carried = largest_throughput(rays.throughput[i], rho)
-            gathers.ray[kept], gathers.weight[kept] = i, gathers.carried[g] / (carried * chance)
-            gathers.carried[kept], kept_as[g] = gathers.carried[g], kept
+            reflected = largest_throughput(rays.throughput[i], rho)
+            gathers.ray[kept], gathers.weight[kept] = i, gathers.throughput[g] / (reflected * chance)
+            gathers.throughput[kept], kept_as[g] = gathers.throughput[g], kept
             kept += 1
     for i in range(bounce.hits.triangle.size):
         if gathers.of[i] >= 0:
@@ -180,7 +184,7 @@ def _roulette(stage, bounce, gathers, found, kept_as):
 
 @njit(inline="always")
 def _in_proportion(a, b):
-    """Whether two throughputs differ by a factor alone, but for float32's rounding on the way."""
+    """Whether two throughputs (b,) differ by no more than a common factor and the rounding of float32."""
     largest = 0
     for band in range(a.size):
         largest = band if a[band] > a[largest] else largest
@@ -191,8 +195,8 @@ def _in_proportion(a, b):
 
 
 class GatherPoints(NamedTuple):
-    """Where gathers are: point (n, 3) float64, m; side_id (n,) int32; turns (n,) float64, where their feelers start to
-    go round, see free_space."""
+    """Where gathers are. point: (n, 3) float64, m. side_id: (n,) int32. turns: (n,) float64, angle, in turns, of the
+    first feeler around the point, see free_space."""
 
     point: np.ndarray
     side_id: np.ndarray
@@ -219,8 +223,8 @@ def _locate_gathers(surfaces, bounce, gathers, points):
 def asking_photons(bounce, gathers, photon_map, estimate) -> np.ndarray:
     """Indices of the gathers that may ask photons, so that the free space around them has to be known.
 
-    Walls raise the variance of photons at least as much as that of rays: what sends rays in the open does so beside
-    them, too, and asks for caustics at most.
+    Walls raise the variance of an estimate from photons at least as much as that from rays. So a gather that would send
+    rays without walls sends rays beside walls, too, and asks photons for caustics alone.
     """
     caustics, ends = len(photon_map.photons.caustic) > 0, bounce.rays.final[gathers.ray]
     return np.flatnonzero(estimate.straight | (~ends & (caustics | (gathers.rays == 0))))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where camera paths go next: by way of specular lobes, in the rays of final gathers, and on from the ends of these."""
+"""How camera paths go on: in specular lobes, as rays of final gathers, and continued from the ends of such rays."""
 
 import numpy as np
 
@@ -13,15 +13,15 @@ from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .rays import largest_throughput
 from .streams import CONTINUING, DIMENSIONS, LOBE, SPLITTING, SURVIVAL
 
-_SURE = 8  # bounces before which only weak paths end: a view in a mirror has no noise from roulette
-_WEAK = 1.0 / 16.0  # of a camera ray: roulette starts where its path carries less
+_SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
+_WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
 
 
 def follow(stage, bounce, samples, gathers, onward) -> int:
-    """Send on the rays that meet a specular surface, those of final gathers, and those that go on (see recall); returns
-    their number. samples: (pixels,), camera rays of each."""
-    shares = np.zeros(len(gathers.ray))  # of the rays of a final gather that those before had, of all groups
-    first = np.empty(len(gathers.ray), np.int64)  # of the rays of each
+    """Fill onward with the next rays: specular reflections, rays of final gathers, and continued rays (see recall);
+    returns their number. samples: (pixels,), camera rays of each pixel."""
+    shares = np.zeros(len(gathers.ray))  # of each gather: throughput of the rays of its group so far
+    first = np.empty(len(gathers.ray), np.int64)  # of each gather: index of the first of its rays in onward
     return _follow(stage, bounce, samples, gathers, onward, shares, first)
 
 
@@ -32,13 +32,14 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
         if hits.triangle[i] >= 0:
             at = interact(stage.surfaces, hits, i, rays.direction)
             if is_specular(lobes_at(stage, at)):
-                # of a final gather each ray carries little, so what counts is what the mirror leaves of that
+                # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
+                # of it
                 full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
                 sent += _reflect_specularly(stage, at, bounce, i, full, onward, sent)
             if bounce.goes_on[i] > 0.0:
                 _go_on(stage, at, bounce, i, onward, sent)
                 sent += 1
-    for g in range(first.size):  # those of a gather lie one behind the other, whichever rays of its group send them
+    for g in range(first.size):  # the rays of a gather lie one behind the other, whatever points they start from
         first[g] = sent
         sent += gathers.rays[g]
     for i in range(hits.triangle.size):
@@ -47,7 +48,7 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
             at = interact(stage.surfaces, hits, i, rays.direction)
             before = shares[g]
             shares[g] += largest_throughput(rays.throughput[i], reflectance_at(stage, at))
-            part = before / gathers.carried[g], shares[g] / gathers.carried[g]
+            part = before / gathers.throughput[g], shares[g] / gathers.throughput[g]
             path = path_key(rays.path[gathers.ray[g]], SPLITTING + bounce.number)
             _split(stage.surfaces, at, gathers, g, part, path, first[g], onward)
     return sent
@@ -55,11 +56,13 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
 
 @njit(inline="always")
 def _split(surfaces, at, gathers, g, part, path, first, onward):
-    """Send a ray's part of the rays of final gather g, cosine-distributed, as those from `first` on.
+    """Send, from the point `at` of one ray of the group, that ray's part of the rays of final gather g. These are
+    cosine-distributed and add to the gather's row.
 
-    part: share of all rays that fall to rays before this one, without and with it, in [0, 1]: each gets those between,
-    by a random start for all (systematic resampling). The directions of all are points of one lattice, and those of a
-    ray points that follow one another. They add to the gather's row.
+    part: cumulative share in the group's throughput before this ray and after it, in [0, 1]. The rays between these two
+    shares, after a random start that is the same for the group, fall to this ray (systematic resampling). All
+    directions are points of one lattice; each ray of the group gets points that follow one another. first: index in
+    onward of the first ray of the gather.
     """
     count = gathers.rays[g]
     start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
@@ -73,7 +76,8 @@ def _split(surfaces, at, gathers, g, part, path, first, onward):
 
 @njit(inline="always")
 def _resampled(share, count, start):
-    """How many of `count` fall to a share, start in [0, 1); all fall to all of it, whatever sums of shares round to."""
+    """How many of `count` rays fall to a cumulative share. start: in [0, 1). All rays fall to a share of 1, even where
+    rounding leaves it a little below."""
     return min(count, int(share * count + start)) if share < 1.0 - 1e-9 else count
 
 
@@ -85,7 +89,7 @@ def _leave(surfaces, at, direction, pixel, path, onward, row):
 
 @njit(inline="always")
 def _go_on(stage, at, bounce, i, onward, sent):
-    """Send ray i of a final gather on in one diffuse direction, as ray `sent`."""
+    """Continue ray i of a final gather in one diffuse direction, as ray `sent` of onward."""
     rays, rho, path = bounce.rays, reflectance_at(stage, at), path_key(bounce.rays.path[i], CONTINUING + bounce.number)
     direction = sample_diffuse(at.shading_normal, uniform(path, 0), uniform(path, 1))
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
@@ -105,8 +109,8 @@ def _largest(throughput):
 
 @njit(inline="always")
 def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
-    """Send ray i on in one direction of the specular lobe, as ray `sent`; returns whether roulette let it live, which
-    but after many bounces it does for sure if as much is left as `full`."""
+    """Send ray i on in one direction of the specular lobe, as ray `sent` of onward; returns 1 if it survives roulette,
+    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces."""
     rays, rho, lobes = bounce.rays, reflectance_at(stage, at), lobes_at(stage, at)
     path, dimension = rays.path[i], DIMENSIONS * bounce.number
     direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera paths on their way, and what one bounce of them meets."""
+"""The rays of camera paths, and what one bounce of these rays meets."""
 
 from typing import NamedTuple
 
@@ -15,10 +15,10 @@ from ..system.kernels import FAST_INLINED, KERNEL, njit
 class Estimate(NamedTuple):
     """Choices of the radiance estimate in one pass.
 
-    neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on r^2 in this pass.
-    photons: whether passes have any, though one may store none. straight: whether rough lobes need photons straight
-    from lights.
-    splitting: what decides between photons and rays. layers: of the image (see layers).
+    neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on the squared radius in this pass.
+    photons: whether passes emit photons (a pass may still store none). straight: whether rough lobes need photons
+    straight from lights. splitting: what decides between photons and rays. layers: number of layers of the image (see
+    layers).
     """
 
     neighbours: int
@@ -31,11 +31,11 @@ class Estimate(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Camera paths on their way, n of them, those of a pixel one behind the other.
+    """n rays of camera paths, the rays of a pixel one behind the other.
 
-    origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32, row of the image that they add to.
-    path: (n,) uint64 key of the random numbers. final: (n,) bool, whether it is part of a final gather. continued: (n,)
-    bool, whether it goes on from the end of a ray of one.
+    origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32, row of the image to which the ray
+    adds. path: (n,) uint64, key of the random numbers. final: (n,) bool, whether the ray belongs to a final gather.
+    continued: (n,) bool, whether it continues such a ray from its end (see NearDisks).
     """
 
     origin: np.ndarray
@@ -62,7 +62,7 @@ def empty_rays(count: int, bands: int) -> Rays:
 
 @njit(**KERNEL)
 def start_paths(key, samples, pixels, rays):
-    """Camera rays carry an even share of their pixel."""
+    """Fill in pixel, key and throughput of camera rays; each has an even share of its pixel."""
     row = 0
     for i in range(pixels.size):
         for sample in range(samples[i]):
@@ -73,10 +73,10 @@ def start_paths(key, samples, pixels, rays):
 
 
 class Bounce(NamedTuple):
-    """One bounce of n rays: its number, from 0; the rays; what they hit.
+    """One bounce of n rays. number: from 0. hits: of the rays.
 
     near: (n,) bool, set for rays of final gathers that end too near to their start to recall (see NearDisks).
-    goes_on: (n,) float32, the factor on the throughput of those that go on from there, 0 for the others.
+    goes_on: (n,) float32, for rays that are continued the factor on their throughput by roulette, else 0.
     """
 
     number: int
@@ -87,9 +87,10 @@ class Bounce(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What rays add to: the pixels of a tile, and behind them rows for what final gathers meet.
+    """What rays add to: the pixels of a tile, followed by a row for each final gather.
 
-    image: (rows, layers * b) float32, W m-2 sr-1. closeness: (rows,) float64, sum of 1 / m to what final rays meet.
+    image: (rows, layers * b) float32, W m-2 sr-1. closeness: (rows,) float64, 1 / m, sum of the inverse distances to
+    what the rays of a final gather meet.
     """
 
     image: np.ndarray
@@ -98,7 +99,7 @@ class Rows(NamedTuple):
 
 @njit(**FAST_INLINED)
 def largest_throughput(throughput, rho):
-    """Largest throughput of any band after a reflection."""
+    """Largest throughput of any band after a reflection. throughput: (b,) before. rho: (b,) reflectance."""
     largest = np.float32(0.0)
     for b in range(rho.size):
         largest = max(largest, throughput[b] * rho[b])

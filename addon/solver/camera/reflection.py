@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What surfaces reflect: gathers ask the photons around them, the ends of final gathers recall what the cache knows,
-and shadow rays bring the light of lamps and of the surroundings."""
+"""Reflection: gathers ask the photons around them, ends of final gathers recall irradiance from the cache, and shadow
+rays find the direct light of lamps, lights and surroundings."""
 
 import math
 from typing import NamedTuple
@@ -25,12 +25,12 @@ from .rays import largest_throughput
 from .shadow_rays import CANDIDATES, LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
 from .streams import LAMP_NUMBERS, LAMPS, RECALLING
 
-_FAR = 4.0  # squared distance up to which ends recall, over the squared radius of the largest disk
+_FAR = 4.0  # largest squared distance to a cached point that is recalled, over the squared radius of the largest disk
 
 
 class Asking(NamedTuple):
-    """Gathers that ask the photons around them: which, the free space around each, and whether they are ends of final
-    gathers, which recall their irradiance if they can, or all others among them."""
+    """Gathers that ask the photons around them. space: the free space around each. are_ends: whether to answer diffuse
+    reflection for gathers at the ends of final gathers alone, or else for all other gathers alone."""
 
     gathers: Gathers
     space: FreeSpace
@@ -49,7 +49,7 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
     rays, photons = bounce.rays, photon_map.photons
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
-        only_caustic = gathers.rays[g] > 0  # of those that send rays, which find all else
+        only_caustic = gathers.rays[g] > 0  # the rays of the gather find all other light
         if only_caustic and photons.caustic.size == 0:
             continue
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
@@ -77,7 +77,7 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
 
 @njit(inline="always")
 def _add_straight(stage, photons, index, at, scale, throughput, out):
-    """Reflect photons straight from lights in a rough lobe: lights are not there for a camera path to hit."""
+    """Add the reflection, in a rough lobe, of photons straight from lights, as no camera path can hit a light."""
     lobes, rho = lobes_at(stage, at), reflectance_at(stage, at)
     for j in range(index.size):
         photon = index[j]
@@ -89,11 +89,11 @@ def _add_straight(stage, photons, index, at, scale, throughput, out):
 
 
 def recall(stage, cache, estimate, bounce, image) -> Gathers:
-    """Add to the image what the ends of final gathers reflect, of the irradiance in the cache.
+    """Add to the image what the ends of final gathers reflect, with the irradiance in the cache.
 
-    Sets bounce.goes_on for those of them that go on. Returns those that have to ask photons, as gathers: ends far from
-    the cache's points, where there are few photons to count, and those that go on, for caustics alone, as rays bring
-    the rest.
+    Sets bounce.goes_on for the rays that are continued. Returns gathers for the ends that have to ask photons: ends far
+    from all cached points, and the ends of continued rays, for caustics alone, as the continued ray finds all other
+    light.
     """
     lost = empty_gathers(len(bounce.hits.triangle))
     return first_gathers(lost, _recall(stage, cache, estimate, bounce, image, lost, empty_walk()))
@@ -107,11 +107,11 @@ def _recall(stage, cache, estimate, bounce, image, lost, walk):
             continue
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         rho, diffuse = reflectance_at(stage, at), diffuse_share(lobes_at(stage, at))
-        carried = diffuse * largest_throughput(rays.throughput[i], rho)
-        if carried == 0.0:
+        reflected = diffuse * largest_throughput(rays.throughput[i], rho)
+        if reflected == 0.0:
             continue
         sheet = sheet_of(stage.surfaces, at.side_id)
-        chance, choice = recall_chance(splitting, sheet, carried), uniform(rays.path[i], RECALLING + bounce.number)
+        chance, choice = recall_chance(splitting, sheet, reflected), uniform(rays.path[i], RECALLING + bounce.number)
         if choice >= chance:
             continue
         if bounce.near[i]:
@@ -129,7 +129,7 @@ def _recall(stage, cache, estimate, bounce, image, lost, walk):
                 for b in range(rho.size):
                     out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
             continue
-        chance = gather_chance(splitting, sheet, carried)
+        chance = gather_chance(splitting, sheet, reflected)
         if choice < chance:
             lost.ray[found], lost.weight[found] = i, 1.0 / chance
             found += 1
@@ -137,7 +137,7 @@ def _recall(stage, cache, estimate, bounce, image, lost, walk):
 
 
 def shadow_rays(stage, lighting, bounce, gathers) -> Shadows:
-    """The shadow rays of the gathers, to lamps and, from open sides, to the surroundings."""
+    """The shadow rays of the gathers, to lamps and lights and, from open sides, to the surroundings."""
     bands = stage.radiometry.reference.size
     shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
     room = LampRoom(np.empty(CANDIDATES), np.empty(bands))

@@ -29,16 +29,17 @@ from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vecto
 from ..sampling.warps import cone_direction, cosine_stratum, to_world, triangle_point
 from ..system.kernels import KERNEL, njit
 
-_SIDE = math.isqrt(SKY_RAYS)  # strata of the rays to the surroundings, on each side of a square
-POINTS = 4096  # on lamps, in one pass
-CANDIDATES = 32  # of them that compete for a shadow ray
+_SIDE = math.isqrt(SKY_RAYS)  # strata on each side of the unit square, of the rays to the surroundings
+POINTS = 4096  # lamp points of one pass
+CANDIDATES = 32  # lamp points that compete for a shadow ray
 
 
 class LampPoints(NamedTuple):
-    """Points on lamps in proportion to power, n of them in the order of the lamps, for one pass.
+    """n points on lamps and lights for one pass, in proportion to power, in the order of the entries of Lamps.
 
-    position, normal: (n, 3) float64; for suns the direction towards them instead of a position, and no normal for
-    points of no extent. entry: (n,) int32, of the lamp. u, v: (n,) float64, on a triangle.
+    position, normal: (n, 3) float64, m; for suns position is the unit direction towards the sun; normal is zero for
+    suns and for point lights without a radius. entry: (n,) int32, of Lamps. u, v: (n,) float64, barycentric coordinates
+    on a lamp's triangle.
     """
 
     position: np.ndarray
@@ -49,7 +50,7 @@ class LampPoints(NamedTuple):
 
 
 class Lighting(NamedTuple):
-    """Where rays find light of themselves in one pass: what they see, and what shadow rays are sent to."""
+    """What camera paths find light by in one pass, besides photons: surroundings, lamps, and the points on lamps."""
 
     surroundings: Surroundings
     lamps: Lamps
@@ -58,7 +59,7 @@ class Lighting(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def lamp_points(lamps, surfaces, key):
-    """The POINTS lamp points of a pass. key: of the pass's lamps."""
+    """The LampPoints of a pass, POINTS of them, none without lamps. key: of the pass's lamps."""
     count = POINTS if lamps.power > 0.0 else 0
     points = LampPoints(
         np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, np.int32), np.zeros(count), np.zeros(count)
@@ -101,7 +102,7 @@ def _light_point(lights, light, s, w):
 
 @njit(inline="always")
 def _received(lighting, i, at):
-    """Irradiance at an Interaction from lamp point i, if nothing hides it, m-2, for 1 W of power of its lamp."""
+    """Irradiance at an Interaction from lamp point i, as if visible, m-2, for 1 W of power of the lamp."""
     lamps, points = lighting.lamps, lighting.points
     lights, light = lamps.lights, points.entry[i] - lamps.side_id.size
     position, n = vector(points.position, i), vector(points.normal, i)
@@ -125,9 +126,9 @@ def _received(lighting, i, at):
 
 
 class Shadows(NamedTuple):
-    """Shadow rays, n of them: origin, direction (n, 3), to the lamp where the ray's parameter is reach (n,); what
-    arrives in the pixel if nothing is between, radiance (n, b); all float32. pixel: (n,) int32. layer: (n,) uint8, of
-    the image (see layers).
+    """n shadow rays. origin, direction: (n, 3) float32. reach: (n,) float32, in units of the direction's length, up to
+    the lamp. radiance: (n, b) float32, what the pixel gets if the lamp is visible. pixel: (n,) int32. layer: (n,)
+    uint8, of the image (see layers).
     """
 
     origin: np.ndarray
@@ -153,8 +154,8 @@ def empty_shadows(count: int, bands: int) -> Shadows:
 class Receiver(NamedTuple):
     """Where a camera path asks for direct light.
 
-    at: the Interaction. throughput: (b,) float32 of the path so far, and weight, a factor on it. path: key of its
-    random numbers, which start at a dimension. pixel: row of the image.
+    at: the Interaction. throughput: (b,) float32, of the path so far. weight: a factor on the throughput. path: key of
+    the random numbers. dimension: the first one that is free. pixel: row of the image.
     """
 
     at: Interaction
@@ -166,7 +167,7 @@ class Receiver(NamedTuple):
 
 
 class LampRoom(NamedTuple):
-    """Room for choosing a lamp point: weight (CANDIDATES,), value (b,), float64."""
+    """Room for choosing a lamp point: weight (CANDIDATES,) float64 and value (b,) float64."""
 
     weight: np.ndarray
     value: np.ndarray
@@ -176,9 +177,9 @@ class LampRoom(NamedTuple):
 def send_shadow(lighting, stage, receiver, room, shadows, count):
     """Choose a point on a lamp for a receiver and fill shadow ray `count`; returns 1, or 0 if no lamp shines there.
 
-    Of a few points, spread evenly over the lamps' power, one is chosen in proportion to the irradiance it would cause
-    (resampled importance sampling, Talbot et al. 2005): unbiased, and most of what is left to chance is whether
-    something is between.
+    Of CANDIDATES points, spread evenly over the lamps' power, one is chosen in proportion to the irradiance that it
+    would cause (resampled importance sampling, Talbot et al. 2005). This is unbiased, and what is left to chance is
+    mostly the visibility of the point.
     """
     lamps, points, value = lighting.lamps, lighting.points, room.value
     at = receiver.at
@@ -193,7 +194,7 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
     rho, lobes, light, layer = reflectance_at(stage, at), lobes_at(stage, at), chosen - lamps.side_id.size, 0
     brdf = diffuse_share(lobes) / math.pi
     if light < 0:
-        # camera paths find the lamp in the specular lobe themselves
+        # diffuse lobe alone: camera paths that follow the specular lobe meet the lamp themselves
         cosine = abs(dot(way, vector(points.normal, i))) / distance
         lamp = emit_at(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], cosine)
         layer = layer_at(stage, lamp)
@@ -208,7 +209,8 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
             way, reach, distance = position, 1e37, 1.0
         if is_glossy(lobes):
             brdf += lobes.specular * evaluate_glossy(lobes, at, scaled(way, 1.0 / math.sqrt(dot(way, way))))
-    # so long a ray must end further from the lamp, or its own surface, or one that it is flush with, hides it
+    # The end of a long ray is uncertain in float32, so it is moved away from the lamp: else the lamp's own surface, or
+    # one that the lamp is flush with, might hide the point.
     end = moved(way, CLEAR * distance, vector(points.normal, i))
     _start(stage.surfaces, receiver, end, reach, layer, shadows, count)
     for b in range(value.size):
@@ -218,7 +220,7 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
 
 @njit(inline="always")
 def _choose_point(lighting, receiver, weight):
-    """The lamp point that a receiver asks, and the sum of what all candidates would cause: 0 if none shines there."""
+    """The lamp point that is chosen for a receiver, and the sum of the irradiances that all candidates would cause."""
     stride = POINTS // CANDIDATES
     offset = int(stride * uniform(receiver.path, receiver.dimension))
     total = 0.0
@@ -257,7 +259,7 @@ def _start(surfaces, receiver, direction, reach, layer, shadows, count):
 
 @njit(**KERNEL)
 def add_unshadowed(stage, hits, shadows, image):
-    """Add to the image (n, layers * b) what shadow rays bring that met nothing (triangle < 0)."""
+    """Add to the image (n, layers * b) the radiance of the shadow rays that met nothing (triangle < 0)."""
     bands = shadows.radiance.shape[1]
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dimensions of a camera path's random numbers: which decision takes which.
+"""Which dimensions of a camera path's random numbers each decision uses.
 
-A bounce has DIMENSIONS numbers at DIMENSIONS * bounce, for the choices that most bounces make; rarer ones start at
-numbers of their own, one or more for each bounce.
+Each bounce has DIMENSIONS numbers, from DIMENSIONS * bounce on, for the choices that most bounces make. Each rarer
+choice has a first dimension of its own, and one number or more for each bounce from there on.
 """
 
 DIMENSIONS = 4
-LOBE, SURVIVAL, GROUPING = 0, 2, 3  # of those of a bounce: two numbers, one, one
+LOBE, SURVIVAL, GROUPING = 0, 2, 3  # first among the numbers of a bounce: two numbers, one, one
 RECALLING, GATHERING, FEELING, LAMPS, SPLITTING, CONTINUING = (1 << k for k in range(17, 23))
-LAMP_NUMBERS = 16  # of LAMPS, for each bounce
+LAMP_NUMBERS = 16  # numbers from LAMPS on, for each bounce

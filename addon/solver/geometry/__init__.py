@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles, the rays between them, where both meet, and trees of points."""
+"""Geometry: triangles, rays and the segments between them, interactions of both, and trees of points."""

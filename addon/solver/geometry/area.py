@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The area of surface inside a ball, on this side of a wall: what photons' power is divided by."""
+"""The area of the surface inside a ball, on this side of a wall: the power of photons is divided by this area."""
 
 import math
 from typing import NamedTuple
@@ -13,17 +13,17 @@ from .point_tree import WIDTH, open_node, start_walk
 from .surfaces import LONGEST, sheet_of, unit_normal
 from .triangles import normal
 
-# Triangles whose area inside the gather disk is summed exactly; in finer meshes the disk counts as plane.
+# Most triangles whose area inside the disk of a gather is summed one by one; in finer meshes region_area measures.
 PATCH_LIMIT = 64
-# Disk area over twice the area of a triangle and its neighbours, above which a disk touches more than PATCH_LIMIT.
+# Area of the disk over twice the area of a triangle and its neighbours; above, the disk touches more than PATCH_LIMIT.
 _TOO_FINE = 6.0
 
 
 class Ball(NamedTuple):
     """A ball around a point of a surface, up to a wall.
 
-    center: m. radius2: m2, squared radius. wall: (3,) floats, 1 / m, towards a plane at the distance 1 / |wall| from
-    the center, beyond which nothing counts; zeros where there is none (see FreeSpace).
+    center: m. radius2: m2, squared radius. wall: (3,) floats, 1 / m, a vector towards the wall, which is a plane at the
+    distance 1 / |wall| from the center; nothing beyond it counts. Zeros where there is no wall (see FreeSpace).
     """
 
     center: tuple[float, float, float]
@@ -39,8 +39,8 @@ def _wedge(ax, ay, bx, by, r2):
     length2 = dx * dx + dy * dy
     if length2 == 0.0 or cross == 0.0:
         return 0.0
-    along = -(ax * dx + ay * dy) / length2  # parameter of the point nearest to the origin
-    gap2 = cross * cross / length2  # its squared distance
+    along = -(ax * dx + ay * dy) / length2  # parameter, along the edge, of the point nearest to the origin
+    gap2 = cross * cross / length2  # squared distance of that point
     if gap2 >= r2:
         return 0.5 * r2 * math.atan2(cross, ax * bx + ay * by)
     half = math.sqrt((r2 - gap2) / length2)
@@ -61,27 +61,27 @@ NO_WALL = (np.float32(0.0),) * 3
 
 @njit(**INLINED)
 def beyond(wall, way):
-    """How far beyond a wall the end of a way (m) from the center lies, as a share of the wall's distance: negative on
-    this side. wall: see Ball.
+    """How far beyond a wall a point lies, over the wall's distance; negative on this side. way: m, from the center to
+    the point. wall: see Ball.
     """
     return way[0] * wall[0] + way[1] * wall[1] + way[2] * wall[2] - np.float32(1.0)
 
 
 @njit(**INLINED)
 def _reach2(wall, r2):
-    """Squared radius of a disk over the squared distance of a wall, from this squared radius (m2)."""
+    """Squared radius r2 (m2) of a disk over the squared distance of a wall."""
     return (wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]) * r2
 
 
 @njit(**INLINED)
 def is_cut_off(wall, r2):
-    """Whether a wall cuts the disk of this squared radius (m2) around the origin."""
+    """Whether a wall cuts the disk of squared radius r2 (m2) around the center."""
     return _reach2(wall, r2) > 1.0
 
 
 @njit(**INLINED)
 def disk_before(wall, r2):
-    """Area (m2) of the disk of this squared radius (m2) on this side of a wall: all but a segment."""
+    """Area (m2) of the disk of squared radius r2 (m2) on this side of a wall: the disk without a circular segment."""
     if not is_cut_off(wall, r2):
         return math.pi * r2
     near = 1.0 / math.sqrt(_reach2(wall, r2))  # distance over the radius
@@ -109,7 +109,7 @@ def area_in_ball(corners, t, ball):
     a = (dot(a, e), dot(a, f), beyond(ball.wall, a))
     b = (dot(b, e), dot(b, f), beyond(ball.wall, b))
     c = (dot(c, e), dot(c, f), beyond(ball.wall, c))
-    area, out, back = 0.0, a, a  # where the outline leaves this side of the wall and comes back
+    area, out, back = 0.0, a, a  # points where the outline leaves this side of the wall and where it comes back
     for p, q in ((a, b), (b, c), (c, a)):
         if p[2] > 0.0 and q[2] > 0.0:
             continue
@@ -137,12 +137,13 @@ def _edge_distance2(corners, t, i, point):
 
 @njit(**KERNEL)
 def patch_in_ball(surfaces, side_id, ball, patch):
-    """The sheet of surface around the center of a ball, a point on a side, that a gather in the ball may count.
+    """The patch of surface around the center of a ball, a point on a side, whose photons a gather in the ball may
+    count.
 
     Walks from the side over shared edges to the triangles that reach into the ball and face the same way. Fills patch
-    (PATCH_LIMIT,) int32 with side_ids and returns their number and their area inside the ball on this side of its wall,
-    m2. A mesh that is too fine for that, or may be, as the triangle and its neighbours are small and none of its edges
-    is a rim, returns 0 members: there `region_area` measures.
+    (PATCH_LIMIT,) int32 with side_ids of these members. Returns the number of members and their area (m2) inside the
+    ball, on this side of its wall. Returns 0 members for a mesh too fine to walk over, or probably too fine: where the
+    triangle and its neighbours are small and none of its edges is a rim. There `region_area` measures.
     """
     corners, neighbours, r2, t = surfaces.corners, surfaces.neighbours, ball.radius2, side_id >> 1
     n, around = normal(corners, t)
@@ -162,7 +163,7 @@ def patch_in_ball(surfaces, side_id, ball, patch):
             m, double_area = normal(corners, neighbours[t, i] >> 1)
             rim |= abs(dot(n, m)) < SAME_SURFACE
             around += double_area
-    if not rim and math.pi * r2 > _TOO_FINE * around:  # do not walk PATCH_LIMIT triangles to find them too many
+    if not rim and math.pi * r2 > _TOO_FINE * around:  # rather than walk PATCH_LIMIT triangles in vain
         return 0, disk
     count, done, area = 1, 0, 0.0
     while done < count:
@@ -190,17 +191,17 @@ def patch_in_ball(surfaces, side_id, ball, patch):
 
 @njit(inline="always")
 def is_small(longest, disk2):
-    """Whether a triangle with this longest edge (m) is so small against a disk of this squared radius (m2) that its
-    centroid says whether it is inside. Needles are not, whatever their area. All float32.
+    """Whether a triangle with this longest edge (m) is so small, against a disk of this squared radius (m2), that it
+    may count as inside or outside as a whole, by its centroid. Needles are never small. All float32.
     """
     return np.float32(8.0) * longest * longest <= disk2
 
 
 @njit(inline="always")
 def in_slab(height, disk2):
-    """Whether a point of a small triangle at this height (m) over the tangent plane counts to the surface around.
+    """Whether a point at this height (m) over the tangent plane, on a small triangle, counts as surface of the disk.
 
-    Photons and area are measured over the same region, so that their ratio is unbiased whatever the region. float32.
+    The same rule is used for photons and for area, so that their ratio is unbiased whatever the rule. float32.
     """
     return np.float32(16.0) * height * height < disk2
 
@@ -210,9 +211,9 @@ def region_area(surfaces, side_id, ball, walk):
     """Area (m2) inside a ball around a point on a side, on this side of its wall, of the triangles of the side's sheet
     that face the same way.
 
-    Most are small here and count as a whole if their centroid is inside: that errs by a few percent at random, not in
-    the mean. Of larger ones the part inside is exact. It is no less than what the side's own triangle has inside. walk:
-    room, see Walk.
+    Most triangles are small here, and a small one counts as a whole if its centroid is inside: the area errs by a few
+    percent at random, but not in the mean. Of larger triangles the area inside is exact. The result is at least the
+    area that the side's own triangle has inside. walk: room, see Walk.
     """
     tree, near, wall = surfaces.mesh, walk.near, ball.wall
     least = abs(area_in_ball(surfaces.corners, side_id >> 1, ball))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Eye rays, low-discrepancy over the passes inside the pixel and on the lens."""
+"""Eye rays: from the camera, with a low-discrepancy sequence over all passes inside the pixel and on the lens."""
 
 import math
 from typing import NamedTuple
@@ -12,15 +12,15 @@ from ..sampling.warps import triangle_point, turn
 from ..scene import Camera, SceneError
 from ..system.kernels import KERNEL, njit
 
-_CLEAR_OF_SCENE = 1.01  # of the sphere around the scene, over its radius, so that rays start in front of all surfaces
+_CLEAR_OF_SCENE = 1.01  # factor on the radius of the sphere around the scene: rays start in front of all surfaces
 _PIXEL_X, _PIXEL_Y, _LENS_U, _LENS_V = np.arange(4)  # dimensions of the sequence; no literals, see kernels
 KINDS = {"PERSPECTIVE": 0, "ORTHOGRAPHIC": 1, "PANORAMA": 2}
 
 
 class Eye(NamedTuple):
-    """Camera for the kernels, in solver coordinates; see scene.Camera.
+    """The camera for the kernels, in solver coordinates; see scene.Camera.
 
-    radius: m, of a sphere around the origin with nothing outside: there rays start, if the camera is further away.
+    radius: m, of a sphere around the origin that holds the scene: rays of a camera outside start on this sphere.
     """
 
     kind: int
@@ -39,9 +39,10 @@ class Eye(NamedTuple):
 
 
 def build_eye(camera: Camera, centre: np.ndarray, radius: float) -> Eye:
-    """Eye of a camera that looks at a scene within the radius (m) around centre (3,), which is subtracted.
+    """The Eye of a camera. centre: (3,) m, of the scene, subtracted from world coordinates. radius: m, of a sphere
+    around it that holds the scene.
 
-    Raises SceneError for what has no image.
+    Raises SceneError for a camera that can have no image.
     """
     if camera.kind not in KINDS:
         raise SceneError(f"Camera: kind '{camera.kind}' is unknown; known are {', '.join(KINDS)}")
@@ -83,7 +84,7 @@ def build_eye(camera: Camera, centre: np.ndarray, radius: float) -> Eye:
 
 @njit(inline="always")
 def _turned(matrix, x, y, z):
-    """A direction in camera space, in the world's."""
+    """A direction in camera space, turned to world space."""
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
         matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
@@ -108,8 +109,8 @@ def _lens_point(eye, u, v):
 
 @njit(inline="always")
 def _way_to_sphere(ox, oy, oz, dx, dy, dz, radius):
-    """How far along a ray it enters the sphere around the origin, in units of the direction's length: 0 from inside;
-    where it passes by the sphere, how far it comes nearest.
+    """Distance along a ray, in units of the direction's length, at which the ray enters the sphere around the origin.
+    0 for rays from inside. For a ray that passes by the sphere, the distance to the nearest point to the origin.
     """
     length2 = dx * dx + dy * dy + dz * dz
     nearest = -(ox * dx + oy * dy + oz * dz) / length2
@@ -124,12 +125,12 @@ def empty_eye_rays(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @njit(**KERNEL)
 def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
-    """Fill the rays of pass `index`: samples (n,) of each of n pixels, those of a pixel one behind the other.
+    """Fill the rays of pass `index`: samples (n,) rays of each of n pixels, the rays of a pixel one behind the other.
 
-    key: of the camera stream of the seed (not of the pass: the passes share one sequence). pixels: (n,) int64, numbers
+    key: of the camera stream of the seed (not of the pass: all passes share one sequence). pixels: (n,) int64, numbers
     in the window, row by row from the bottom.
-    origin, direction: (r, 3) float32, r the sum of samples; the direction is not normalised. reach: (r,) float32 in its
-    units.
+    origin, direction: (r, 3) float32, r the sum of samples; directions are not normalised. reach: (r,) float32, up to
+    which a ray sees, in units of the direction's length.
     """
     columns = eye.window[2] - eye.window[0]
     row = 0
@@ -159,7 +160,7 @@ def middle_rays(eye, pixels, origin, direction, reach):
 def _put_eye_ray(eye, x, y, lens, origin, direction, reach, row):
     """Fill one ray: through the frame at (x, y), in pixels from its lower left, and the lens at two numbers in [0, 1).
 
-    Origins far from the scene are moved to it in float64, as float32 would shift the view.
+    An origin far from the scene is moved along the ray to the scene in float64, as float32 would shift the view.
     """
     m = eye.matrix
     fx = eye.frame[0] + (eye.frame[1] - eye.frame[0]) * (x / eye.width)

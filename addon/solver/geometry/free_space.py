@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Free space around points on surfaces: how wide a disk of photons may be before it reaches a wall, and where that is.
+"""Free space around points on surfaces: how wide a disk of photons may be before it reaches a wall.
 
-A disk that reached beyond a wall would count light from its other side, and close to other surfaces light changes
-quickly (Ward's harmonic distance says the same). Short rays along the surface feel for them. What hangs low over the
-surface is a wall, too, where its rim hangs. A disk cannot be as small as the space beside a wall; then the wall cuts
-it. One bounce later the change matters less than the noise of few photons: there the nearest wall cuts the disk, and
-others limit it.
+A disk that reached beyond a wall would count light from the other side of the wall, and close to other surfaces light
+changes quickly (Ward's harmonic distance says the same). So short rays along the surface, the feelers, look for other
+surfaces. An overhang low over the surface is a wall, too, at the line of its rim. Close beside a wall a disk cannot be
+as small as the free space: it is then wider, and the wall cuts it. One bounce later, in the irradiance cache, the
+change of the light counts less than the noise of few photons: there the nearest wall cuts the disk, and only other
+walls limit its radius.
 """
 
 import math
@@ -20,25 +21,25 @@ from .interaction import interact, leave
 from .segments import Tracer, empty_ray_batch
 from .surfaces import Surfaces, sheet_of, unit_normal
 
-_TURNS = 8  # ways to go
-_RISES = (0.02, 0.1)  # of two feelers each way, over length: the low one feels low steps, too, and what is close above
-_BEYOND = 4.0  # how far they go, over the largest radius: one that comes in under a rim may meet what hangs there later
+_TURNS = 8  # directions along the surface
+_RISES = (0.02, 0.1)  # rise over length of the two feelers in each direction; the low one finds low steps and overhangs
+_BEYOND = 4.0  # length of feelers over the largest radius: under an overhang a feeler meets it well beyond its rim
 _FEELERS = _TURNS * len(_RISES)
 _HALF = math.sqrt(0.5)
 _NEAREST = math.cos(math.pi / 8) ** 2  # a straight wall stands at most 22.5 degrees away from the nearest feeler,
-_OTHERS = 0.5  # and, where that one ends at another wall before it, 45 degrees from the next
-_ALONG = 0.9  # share of the way to the nearest wall from which on a feeler's end counts as on it
-_STEEP = 0.5  # least sine of a wall's angle to the surface: a lower one does not end what lies beyond its line
-_RIM_STEPS = 64  # triangles of an overhang that are walked over to its rim
-LEAST_FREE = 1.0 / 36.0  # share of the largest disk's area that photons may fill however close the walls
+_OTHERS = 0.5  # and, if another wall is in the way of that feeler, 45 degrees from the next one: squared cosines
+_ALONG = 0.9  # share of the distance to the nearest wall from which on the end of a feeler lies on that wall
+_STEEP = 0.5  # least sine of the angle between wall and surface; flatter ones do not end what lies beyond them
+_RIM_STEPS = 64  # triangles of an overhang, at most, in the walk to its rim
+LEAST_FREE = 1.0 / 36.0  # least area of a disk, however close the walls, over the area of the largest disk
 
 
 class FreeSpace(NamedTuple):
     """The space around n points.
 
-    radius2: (n,) float32, m2, of the disk that no wall reaches. cut2: (n,) float32, m2, of that which only the nearest
-    wall reaches. wall: (n, 3) float32, 1 / m: what lies at p beyond the nearest wall from the point x has
-    (p - x) . wall > 1; zeros where there is none.
+    radius2: (n,) float32, m2, squared radius of the disk that reaches no wall. cut2: (n,) float32, m2, squared radius
+    of the disk that reaches none but the nearest wall. wall: (n, 3) float32, 1 / m, the nearest wall: a point p is
+    beyond it, seen from the point x, if (p - x) . wall > 1; zeros where there is no wall.
     """
 
     radius2: np.ndarray
@@ -47,7 +48,7 @@ class FreeSpace(NamedTuple):
 
 
 def unlimited(count: int, reach2: float) -> FreeSpace:
-    """The free space around so many points without walls."""
+    """The free space around count points without walls."""
     return FreeSpace(*np.full((2, count), reach2, np.float32), np.zeros((count, 3), np.float32))
 
 
@@ -68,9 +69,9 @@ def free_space(
 ) -> FreeSpace:
     """The free space around points, of at most sqrt(reach2) m.
 
-    point: (n, 3) float64, m. side_id: (n,) int32 of the sides that they lie on. turns: (n,) float64 in [0, 1), where
-    the feelers start to go round. felt: indices of the points around which it is asked for, the others count as free;
-    None for all.
+    point: (n, 3) float64, m. side_id: (n,) int32, sides of the points. turns: (n,) float64 in [0, 1), angle, in turns,
+    of the first feeler around each point. felt: indices of the points for which feelers are sent, the space around the
+    others is unlimited; None for all.
     """
     space = unlimited(len(point), reach2)
     if felt is not None:
@@ -82,7 +83,7 @@ def free_space(
     _start_feelers(surfaces, point, side_id, turns, rays)
     reach = np.full(len(rays.origin), _BEYOND * math.sqrt(reach2), np.float32)
     hits = tracer.trace(*rays, reach)
-    ways = np.empty((_FEELERS, 3))  # along the surface, to what the feelers of one point meet
+    ways = np.empty((_FEELERS, 3))  # along the surface, to what the feelers of a point meet
     _narrow(surfaces, side_id, hits, rays, space, ways)
     return space
 
@@ -103,8 +104,8 @@ def _start_feelers(surfaces, point, side_id, turns, rays):
 
 @njit(**KERNEL)
 def _narrow(surfaces, side_id, hits, rays, space, ways):
-    """Narrow the space (n points), unlimited so far, to what feelers meet. Of a hollow surface they meet itself: that
-    is no wall. ways: (_FEELERS, 3) room."""
+    """Narrow the space (n points), unlimited so far, to what feelers meet. A feeler on a hollow surface may meet the
+    same sheet: that is no wall. ways: (_FEELERS, 3) room."""
     for i in range(side_id.size):
         n, own = unit_normal(surfaces, side_id[i]), sheet_of(surfaces, side_id[i])
         nearest = math.inf  # m, to the plane of a wall
@@ -137,17 +138,19 @@ def _narrow(surfaces, side_id, hits, rays, space, ways):
 
 @njit(**INLINED)
 def _along_surface(way, n):
-    """The part of a way that runs along the surface with this normal."""
+    """The part of a way (m) that runs along the surface with normal n."""
     height = dot(way, n)
     return way[0] - height * n[0], way[1] - height * n[1], way[2] - height * n[2]
 
 
 @njit(**KERNEL)
 def _wall(surfaces, at, n, feeler):
-    """The wall that a feeler tells of, which met an Interaction, on a surface with the normal n. feeler: its way, m.
+    """The wall that a feeler found on a surface with normal n. at: the Interaction that the feeler met. feeler: m, from
+    its start to that Interaction.
 
-    Returns the share of that way that is free, the unit normal along the surface of the upright plane in which the wall
-    stands or hangs, and that plane's distance, m, negative where the normal points back; 0 if there is none.
+    The wall is an upright plane, in which a surface stands or the rim of an overhang hangs. Returns the share of the
+    feeler that is free, the unit normal of the plane, along the surface, and the plane's distance, m: negative where
+    the normal points back to the start, 0 if there is no wall.
     """
     if _is_steep(surfaces, at.triangle, n):
         w = unit_normal(surfaces, 2 * at.triangle)
@@ -161,12 +164,11 @@ def _wall(surfaces, at, n, feeler):
 
 @njit(**KERNEL)
 def _rim(surfaces, at, n, feeler):
-    """Where a feeler came in under the low overhang or ramp that it met.
+    """Where a feeler came in under the low overhang, or the ramp, that it met.
 
-    Walks back over the triangles of the overhang, as seen along the normal n of the surface below, to the rim or to
-    where the overhang stands on that surface. Returns the share of the feeler's way that leads there, and the unit
-    normal, along the surface, of the line that is crossed; 1 and zeros where the overhang reaches back over the
-    feeler's start.
+    Seen along the normal n of the surface below, walks back along the feeler over the triangles of the overhang, to its
+    rim or to the line where it stands on the surface. Returns the share of the feeler up to that line, and the unit
+    normal of the line, along the surface; 1 and zeros where the overhang reaches back over the feeler's start.
     """
     t, height = at.triangle, dot(feeler, n)
     back = difference(scaled(n, height), feeler)  # along the surface, as long as the feeler
@@ -207,11 +209,11 @@ def _rim(surfaces, at, n, feeler):
 
 @njit(inline="always")
 def _is_steep(surfaces, t, n):
-    """Whether triangle t stands so steep on a surface of this normal that it ends what lies beyond its line."""
+    """Whether triangle t stands so steep on a surface with normal n that it is a wall itself."""
     return 1.0 - dot(unit_normal(surfaces, 2 * t), n) ** 2 >= _STEEP * _STEEP
 
 
 @njit(inline="always")
 def largest_disk(free2, estimate):
-    """Squared radius (m2) of the largest disk to search in free space of this squared radius, before it shrinks."""
+    """Squared radius (m2) of the largest disk in free space of squared radius free2 (m2), before the disk shrinks."""
     return min(estimate.reach2, max(float(free2) / estimate.shrink2, LEAST_FREE * estimate.reach2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Interactions: where a ray meets a surface, and where light leaves one."""
+"""Interactions: where a ray meets a surface, and where light leaves a surface."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from ..system.kernels import INLINED, njit
 from .surfaces import clear_of, facing_side, unit_normal
 from .triangles import point
 
-LEAST_COSINE = 1e-6  # under which a ray counts as meeting a surface, so that a grazing one does not divide by zero
+LEAST_COSINE = 1e-6  # least cosine of an Interaction, so that nothing is divided by 0 at grazing rays
 
 
 class Interaction(NamedTuple):
-    """Where a ray meets what, as all kernels say it: photons', the camera's, those that plan.
+    """Where a ray met what. All kernels use it: those of photons, of the camera, and of the planning.
 
-    triangle: index. side_id: 2 triangle + side, the side that the ray comes from. point: m. normal: the geometric unit
-    normal of that side. shading_normal: by which lobes are turned, the same for now. material: index, at that side.
-    u, v: barycentric coordinates of corners 1 and 2. incoming: unit direction of the ray, towards the surface. cosine:
-    of the angle between the ray and the shading normal, at least LEAST_COSINE. distance: m that the ray came.
+    triangle: index. side_id: 2 triangle + side, the side from which the ray came. point: m. normal: geometric unit
+    normal of that side. shading_normal: unit normal around which lobes are turned, for now the same as normal.
+    material: index, at that side. u, v: barycentric coordinates of corners 1 and 2. incoming: unit direction of the
+    ray, towards the surface. cosine: of the angle between the reversed ray and the shading normal, at least
+    LEAST_COSINE. distance: m, length of the ray from its origin to the point.
     """
 
     triangle: int
@@ -48,7 +49,7 @@ def interact(surfaces, hits, i, direction):
 
 @njit(**INLINED)
 def interact_at(surfaces, triangle, u, v, direction, length):
-    """The Interaction with triangle at (u, v) of a ray of this direction, and so many of the direction's lengths."""
+    """The Interaction of a ray with a triangle at (u, v). length: of the ray, in units of the direction's length."""
     norm = math.sqrt(dot(direction, direction))
     incoming = scaled(direction, 1.0 / norm)
     side_id = facing_side(surfaces, triangle, direction)
@@ -60,8 +61,8 @@ def interact_at(surfaces, triangle, u, v, direction, length):
 
 @njit(**INLINED)
 def emit_at(surfaces, side_id, u, v, cosine):
-    """The Interaction at (u, v) of a side that emits in a direction of this cosine. Nothing has come there, so the
-    incoming direction is that of the normal backwards and the distance 0."""
+    """The Interaction at (u, v) of a side that emits in a direction with this cosine. There is no ray that arrives, so
+    incoming is the reversed normal and distance is 0."""
     n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
     at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
     return Interaction(triangle, np.int32(side_id), at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
@@ -69,7 +70,7 @@ def emit_at(surfaces, side_id, u, v, cosine):
 
 @njit(inline="always")  # as rays are tuples of many types
 def leave(surfaces, side_id, point, direction, rays, i):
-    """Make ray i one that starts at a point of a side, clear of it, in a direction. rays: what has origin and direction
-    (n, 3) float32."""
+    """Start ray i at a point of a side, clear of the surface (see clear_of), in a direction. rays: any named tuple with
+    origin and direction (n, 3) float32."""
     put_vector(clear_of(surfaces, side_id, point), rays.origin, i)
     put_vector(direction, rays.direction, i)

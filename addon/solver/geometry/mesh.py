@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How triangles hang together: which are the same, which share an edge, and the sheets of surface they make."""
+"""How triangles are connected: which coincide, which share an edge, and the sheets of surface that they form."""
 
 import numpy as np
 
 from ..system.kernels import INLINED, njit
 from .sorting import first_alike, radix_sort
 
-# Cosine between two oriented normals below which a photon does not belong to the surface that gathers it.
+# Least cosine between two oriented normals that belong to one surface: of a photon and the point that gathers it, or of
+# two neighbours in a sheet.
 SAME_SURFACE = 0.8
 
 
@@ -22,8 +23,8 @@ def _hash(a, b, c):
 
 @njit(cache=True, nogil=True)
 def first_at_point(vertices):
-    """(n,) int32, the first vertex at the point of each, by a hash as in `distinct`: split normals, UV seams and
-    separate objects still join."""
+    """(n,) int32, for each vertex the first one at the same point. So surfaces stay connected over split normals, UV
+    seams and separate objects. Points are compared by a hash, as in `distinct`."""
     bits, hashes = (vertices + np.float32(0.0)).view(np.uint32), np.empty(vertices.shape[0], np.uint64)  # -0 is 0
     for i in range(hashes.size):
         hashes[i] = _hash(bits[i, 0], bits[i, 1], bits[i, 2])
@@ -32,8 +33,8 @@ def first_at_point(vertices):
 
 @njit(cache=True, nogil=True)
 def distinct(triangles, first):
-    """(m,) bool, which triangles (m, 3) int32 are the first with their three corners, by a hash of 64 bits: two of ten
-    million that differ share one with a chance of 3e-6."""
+    """(m,) bool, which triangles (m, 3) int32 are the first with their three corners. They are compared by a hash of 64
+    bits: among ten million different triangles two have the same hash with a chance of 3e-6."""
     hashes = np.empty(triangles.shape[0], np.uint64)
     for t in range(hashes.size):
         a, b, c = first[triangles[t, 0]], first[triangles[t, 1]], first[triangles[t, 2]]
@@ -52,7 +53,7 @@ def find_neighbours(triangles, first):
         j = i + 1
         while j < order.size and keys[j] == keys[i]:
             j += 1
-        if j - i == 2:  # where three or more faces meet the surface is not one sheet: treat the edge as a border
+        if j - i == 2:  # an edge of three or more faces is treated as a border: a sheet has one neighbour at each edge
             e, f = order[i], order[i + 1]
             same = first[triangles[e // 3, e % 3]] == first[triangles[f // 3, f % 3]]
             neighbours[e // 3, e % 3] = 2 * (f // 3) + (1 if same else 0)
@@ -63,7 +64,7 @@ def find_neighbours(triangles, first):
 
 @njit(cache=True, nogil=True)
 def _edge_keys(triangles, first):
-    """(3 m,) uint64 keys of the edges from corner i to i + 1, 3 t + i: the vertices at their ends, in few bits."""
+    """(3 m,) uint64 keys of edges; number 3 t + i runs from corner i to i + 1. A key holds both vertices."""
     bits = 1
     while first.size >> bits > 0:
         bits += 1
@@ -77,8 +78,9 @@ def _edge_keys(triangles, first):
 
 @njit(cache=True, nogil=True)
 def label_sheets(plane, neighbours):
-    """Label (m, 2) int32 of the sheet that each side of each triangle belongs to: connected, without a crease that a
-    gather would not cross (union-find). Labels count from 0.
+    """Label (m, 2) int32 of the sheet to which each side of each triangle belongs. Labels count from 0.
+
+    A sheet is connected surface without creases, which a gather would not cross. Found by union-find.
     """
     parent = np.arange(2 * neighbours.shape[0]).astype(np.int32)
 
@@ -91,7 +93,7 @@ def label_sheets(plane, neighbours):
     for t in range(neighbours.shape[0]):
         for i in range(3):
             other, flip = neighbours[t, i] >> 1, neighbours[t, i] & 1
-            if other > t:  # both know of each other
+            if other > t:  # each pair of neighbours once
                 facing = plane[t, 0] * plane[other, 0] + plane[t, 1] * plane[other, 1] + plane[t, 2] * plane[other, 2]
                 if (-facing if flip else facing) < SAME_SURFACE:
                     continue
@@ -103,7 +105,7 @@ def label_sheets(plane, neighbours):
                         parent[a] = b
     label, count = np.empty_like(parent), 0
     for i in range(parent.size):
-        root = find(i)  # the first of its sheet
+        root = find(i)  # the first side of its sheet
         label[i] = count if root == i else label[root]
         count += root == i
     return label.reshape((neighbours.shape[0], 2))

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points in an order that keeps neighbours together, under an implicit tree of boxes.
+"""Trees of points: points in an order that keeps neighbours together, under an implicit tree of boxes.
 
-Sixteen points make a leaf, sixteen children a node, and both lie side by side in memory, so either is tested with a
-few vector instructions. Unlike a grid this does not care how unevenly points lie (caustics, hot spots). The order is
-that of a Morton curve, which takes one sort (tests/benchmarks/photon_index.py compares it with scipy's cKDTree), or,
-for points that are asked for far more often than there are of them, that of a kd-tree: it takes longer to find, and a
-search for the nearest point then opens fewer leaves (docs/estimators.md).
+Sixteen points make a leaf and sixteen children make a node. The points of a leaf lie side by side in memory, as do the
+children of a node, so that each is tested with a few vector instructions. Unlike a grid, such a tree stays fast however
+unevenly points lie (caustics, hot spots). The order is that of a Morton curve, which takes one sort
+(tests/benchmarks/photon_index.py compares it with scipy's cKDTree). For points that are searched far more often than
+their number, it is the order of a kd-tree: this takes longer to find, and then a search for the nearest point opens
+fewer leaves (docs/estimators.md).
 """
 
 from typing import NamedTuple
@@ -17,15 +18,17 @@ from .sorting import radix_sort
 
 WIDTH = 16  # points in a leaf, children of a node: one vector register of float32
 FAR = np.float32(1e30)  # coordinate of the padding in the last leaf
-_STACK = 10 * WIDTH  # room for the nodes that wait while one is open, at 16^8 points
+_STACK = 10 * WIDTH  # room for the nodes that wait while another is open; enough for 16^8 points
 _MORTON_BITS = 21  # per axis
-_HALVES = 128  # room for the parts that wait to be halved, two of each size
+_HALVES = 128  # room for the parts that wait to be halved: two of each size, 64 sizes
 
 
 class PointTree(NamedTuple):
-    """leaves: (l, c, w) float32, c values (x, y, z first) of w points a leaf. nodes: (sum of levels, 6, w) float32,
-    boxes of the children (lower x, y, z, upper x, y, z). starts: (levels + 1,) int64, first node of each level, level 0
-    right above the leaves.
+    """A tree of points.
+
+    leaves: (l, c, w) float32, in each leaf c values of w points, x, y, z first. nodes: (nodes of all levels, 6, w)
+    float32, boxes of the children: lower x, y, z, then upper x, y, z. starts: (levels + 1,) int64, first node of each
+    level; level 0 is right above the leaves.
     """
 
     leaves: np.ndarray
@@ -34,8 +37,9 @@ class PointTree(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """Room for a walk through a tree: nodes that wait to be opened, stack (n,) int64, the last first; their squared
-    distances, apart (n,) float32; near (w,) float32, one value for each child of a node or point of a leaf."""
+    """Room for a walk through a tree. stack: (n,) int64, nodes that wait to be opened, the last one first. apart: (n,)
+    float32, squared distances of these nodes. near: (w,) float32, a value for each child of a node or point of a
+    leaf."""
 
     stack: np.ndarray
     apart: np.ndarray
@@ -49,7 +53,7 @@ def empty_walk():
 
 
 def morton_order(position: np.ndarray) -> np.ndarray:
-    """(n,) int32 numbers of (n, 3) float32 points in the order of the curve; equal points stay in order."""
+    """(n,) int32 numbers of (n, 3) float32 points in the order of a Morton curve; equal points stay in order."""
     keys = np.empty(len(position), np.uint64)
     _morton_keys(position, keys)
     return radix_sort(keys)[0]
@@ -59,7 +63,8 @@ def morton_order(position: np.ndarray) -> np.ndarray:
 def kd_order(position):
     """(n,) int32 numbers of (n, 3) float32 points in the order of a kd-tree (Bentley 1975) with WIDTH points a leaf.
 
-    Points are halved where they extend furthest, and so on down to the leaves, always between two nodes of the tree.
+    The points are halved along the axis of their largest extent, and each half likewise, down to the leaves. Every cut
+    lies between two nodes of the tree.
     """
     points, order = position.copy(), np.arange(len(position)).astype(np.int32)
     waiting = np.empty((_HALVES, 2), np.int64)
@@ -95,9 +100,10 @@ def _longest_axis(points):
 
 @njit(**KERNEL)
 def _part(points, order, first, stop, middle, axis):
-    """Put those of points first ... stop - 1 that are lower on an axis before `middle`, the others behind (Hoare 1961).
+    """Reorder points first to stop - 1 so that, along an axis, those before `middle` are not above those behind (Hoare
+    1961).
 
-    The order moves along.
+    order: (n,) int32, reordered with the points.
     """
     last = stop - 1
     while first < last:
@@ -122,15 +128,15 @@ def _part(points, order, first, stop, middle, axis):
 
 
 def empty_leaves(count: int, values: int) -> np.ndarray:
-    """Room for the leaves of count points with so many values each; the last leaf may have room to spare."""
+    """Room for the leaves of count points with so many values each; the rest of the last leaf is padding."""
     leaves = np.empty((max(1, -(-count // WIDTH)), values, WIDTH), np.float32)
     leaves[-1] = FAR
     return leaves
 
 
 def build_tree(leaves: np.ndarray, extent: int = -1) -> PointTree:
-    """Tree over filled leaves. extent: row of the leaves that says how far a thing reaches around its point, which the
-    boxes then hold too; -1 for mere points.
+    """Tree over filled leaves. extent: row of the leaves that tells how far a thing reaches around its point, so that
+    the boxes hold the whole thing; -1 for mere points.
     """
     counts = [-(-len(leaves) // WIDTH)]
     while counts[-1] > 1:
@@ -171,7 +177,7 @@ def _morton_keys(position, keys):
 
 @njit(**KERNEL)
 def _build_nodes(leaves, nodes, starts, extent):
-    """Boxes of every level from the level below."""
+    """Fill the boxes of every level from the level below."""
     for level in range(starts.size - 1):
         below = leaves.shape[0] if level == 0 else starts[level] - starts[level - 1]
         for node in range(starts[level], starts[level + 1]):
@@ -195,17 +201,18 @@ def _build_nodes(leaves, nodes, starts, extent):
 
 @njit(inline="always")
 def start_walk(tree, walk):
-    """Put the root on the stack; returns its depth."""
+    """Put the root on the stack; returns the depth of the stack."""
     walk.stack[0], walk.apart[0] = tree.starts[tree.starts.size - 2], np.float32(0.0)
     return np.int64(1)  # no literal, see kernels
 
 
 @njit(**FAST_INLINED)
 def open_node(tree, walk, depth, point, bound):
-    """Take the last node off the stack; nothing else if it is no nearer than sqrt(bound), which may have fallen since.
+    """Take the last node off the stack and open it, unless it is no nearer than sqrt(bound) any more.
 
-    Children nearer than sqrt(bound) go on the stack, the nearest last, so that it is opened first and a search can soon
-    lower its bound. Returns the new depth and how many leaves lie on the stack above it, nearest last too.
+    The children nearer than sqrt(bound) go on the stack. The nearest child goes last, so that it is opened first and a
+    search can lower its bound soon. Returns the new depth of the stack, and how many leaves lie on the stack above that
+    depth, the nearest last.
     """
     stack, apart, near = walk.stack, walk.apart, walk.near
     x, y, z = point

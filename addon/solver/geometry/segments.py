@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Segments: the straight ways of light between two points, and what lies between.
+"""Segments: the straight ways of light between two points, and what lies between the two.
 
-Whatever travels, a camera ray, a ray of a final gather, a shadow ray or a photon, crosses one segment at a time. Here
-Embree says where it ends and how long it is, and here alone is asked what the way does to what travels on it.
+Camera rays, rays of final gathers, shadow rays and photons all cross one segment at a time. Embree says here where a
+segment ends and how long it is. Only here is asked what a segment takes from the light on it, and what it adds.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..system.kernels import njit
 
 
 class RayBatch(NamedTuple):
-    """Rays, n of them: origin, direction (n, 3) float32."""
+    """n rays: origin, direction (n, 3) float32."""
 
     origin: np.ndarray
     direction: np.ndarray
@@ -31,9 +31,8 @@ def empty_ray_batch(count: int) -> RayBatch:
 class Hits(NamedTuple):
     """Where n rays meet triangles first.
 
-    triangle: (n,) int32, -1 where they meet none. u, v: (n,) float32, barycentric coordinates of corners 1 and 2.
-    distance: (n,) float32, in units of the length of the ray's direction; where nothing is met, how far the ray
-    reaches.
+    triangle: (n,) int32, -1 where a ray meets none. u, v: (n,) float32, barycentric coordinates of corners 1 and 2.
+    distance: (n,) float32, in units of the length of the ray's direction; where a ray meets nothing, its reach.
     """
 
     triangle: np.ndarray
@@ -43,7 +42,8 @@ class Hits(NamedTuple):
 
 
 class Tracer:
-    """Embree's BVH over the triangles. Embree starts rays at 0, so origins must be off their surface (see `clear_of`).
+    """Embree's BVH over the triangles. Embree looks for hits from distance 0 on, so the origin of a ray must be clear
+    of the surface that it leaves (see `clear_of`).
 
     All methods release the GIL.
     """
@@ -55,26 +55,26 @@ class Tracer:
         self.trace(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
-        """The first Hits of (n, 3) float32 rays. reach: (n,) float32 in units of the direction's length, overwritten;
-        None is without end."""
+        """The first Hits of rays, origin and direction (n, 3) float32. reach: (n,) float32, in units of the direction's
+        length, overwritten; None is without limit."""
         hits = self._scene.run(origin, direction, reach, output=True)
         return Hits(hits["primID"], hits["u"], hits["v"], hits["tfar"])
 
     def visible(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """(n,) bool, whether shadow rays meet nothing within their reach; see `trace`."""
+        """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""
         return self.trace(origin, direction, reach).triangle < 0
 
 
 @njit(inline="always")
 def transmit(stage, origin, direction, distance, power):
-    """Lower power (b,), or radiance, or a throughput, by what a segment absorbs; it is the same backwards.
+    """Lower power (b,), or a radiance or throughput, by what a segment absorbs. Both directions absorb alike.
 
-    stage: see Stage. origin, direction: (3,) of the segment. distance: its length, in units of the direction's. Between
-    surfaces there is a vacuum, which takes nothing, so this compiles to nothing.
+    stage: see Stage. origin, direction: (3,) of the segment. distance: length of the segment, in units of the
+    direction's length. Between surfaces there is a vacuum, which absorbs nothing, so this compiles to nothing.
     """
 
 
 @njit(inline="always")
 def glow(stage, origin, direction, distance, throughput, radiance):
-    """Add to radiance (b,) what a segment emits towards its origin, times the throughput (b,) there: nothing in a
-    vacuum. Arguments as of `transmit`, which is asked afterwards."""
+    """Add to radiance (b,) what a segment emits towards its origin, times the throughput (b,) at the origin: nothing in
+    a vacuum. The other arguments are those of `transmit`, which is to be called after this."""

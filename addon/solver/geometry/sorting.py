@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sorting of 64-bit keys in linear time, several times as fast as numpy's stable sort, and what is alike."""
+"""Sorting of 64-bit keys in linear time, several times as fast as numpy's stable sort; and finding equal keys."""
 
 import numpy as np
 
 from ..system.kernels import njit
 
-_DIGIT = 11  # bits that one round looks at: the ends of its 2048 buckets stay in the first cache
+_DIGIT = 11  # bits that one round sorts by: the ends of its 2048 buckets stay in the first-level cache
 _ROUNDS = (64 + _DIGIT - 1) // _DIGIT
 
 
 @njit(cache=True, nogil=True)
 def radix_sort(keys):
-    """Sort (n,) uint64 keys, least significant digit first; equal keys stay in order. Overwrites them.
+    """Sort (n,) uint64 keys, least significant digit first; equal keys stay in order. Overwrites the keys.
 
-    Returns their numbers in ascending order (n,) int32, and the sorted keys (n,) uint64.
+    Returns the numbers of the keys in ascending order, (n,) int32, and the sorted keys, (n,) uint64.
     """
     n = keys.size
     buckets = 1 << _DIGIT
@@ -27,7 +27,7 @@ def radix_sort(keys):
     for r in range(_ROUNDS):
         shift = np.uint64(r * _DIGIT)
         if n == 0 or histogram[r, (keys[0] >> shift) & mask] == n:
-            continue  # all alike in this digit
+            continue  # all keys have the same digit
         total = 0
         for bucket in range(buckets):
             size = histogram[r, bucket]
@@ -35,10 +35,10 @@ def radix_sort(keys):
             total += size
         for i in range(n):
             bucket = (keys[i] >> shift) & mask
-            place = histogram[r, bucket]
-            histogram[r, bucket] = place + 1
-            other_keys[place] = keys[i]
-            other[place] = order[i]
+            slot = histogram[r, bucket]
+            histogram[r, bucket] = slot + 1
+            other_keys[slot] = keys[i]
+            other[slot] = order[i]
         order, other = other, order
         keys, other_keys = other_keys, keys
     return order, keys
@@ -46,7 +46,7 @@ def radix_sort(keys):
 
 @njit(cache=True, nogil=True)
 def first_alike(keys):
-    """(n,) int32, of each of (n,) uint64 keys the number of the first that equals it. Overwrites the keys."""
+    """(n,) int32, for each of the (n,) uint64 keys the number of the first equal key. Overwrites the keys."""
     order, ascending = radix_sort(keys)
     first = np.empty_like(order)
     leader = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles for the kernels: what there is, what hangs together, and what rays are traced against."""
+"""Surfaces: the triangles of a scene for the kernels, how they are connected, and the tracer for rays."""
 
 import logging
 from typing import NamedTuple
@@ -16,21 +16,21 @@ from .triangles import areas, centroid, centroids, longest_edge, normal, planes
 
 log = logging.getLogger(__name__)
 
-LONGEST = 9  # row of a leaf of triangles with the length of the longest edge
+LONGEST = 9  # row of a leaf of triangles that holds the length of the longest edge
 
 
 class Surfaces(NamedTuple):
     """Geometry in solver coordinates (world minus `centre`).
 
     corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K.
-    neighbours: (m, 3) int32, 2 t + flip of the triangle across the edge from corner i to i + 1, -1 for none;
-        flip is 1 where the two triangles wind differently.
-    sheet: (m, 2) int32, label (from 0, none left out) of the connected surface without creases that each side belongs
-        to.
-    plane: (m, 4) float32, unit normal and clearance (m, see `offset`): what every hit asks for lies in one place.
-    layer: (m,) uint8, the layer of the image that it emits into (see layers); (0,) if there is but one.
-    mesh: tree over the triangles; its leaves hold centroid, normal, area, the sheets of both sides and the length of
-        the longest edge. leaf_triangle: (m,) int32, which triangle is in each slot of the leaves.
+    neighbours: (m, 3) int32, 2 t + flip, t the triangle across the edge from corner i to i + 1, -1 for none; flip is 1
+        where the two triangles wind differently.
+    sheet: (m, 2) int32, label of the sheet to which each side belongs: connected surface without creases. Labels count
+        from 0, without gaps.
+    plane: (m, 4) float32, unit normal and clearance (m, see `offset`), side by side as every hit needs both.
+    layer: (m,) uint8, the layer of the image to which emission adds (see layers); (0,) if there is but one layer.
+    mesh: tree over the triangles; the leaves hold centroid, normal, area, the sheets of both sides and the length of
+        the longest edge. leaf_triangle: (m,) int32, the triangle in each slot of the leaves.
 
     A side of a triangle has the number side_id = 2 t + side; side 0 is the front.
     """
@@ -47,12 +47,12 @@ class Surfaces(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """What the triangles of a scene alone say, whatever their temperatures, and of their materials little.
+    """All that depends on the triangles of a scene alone: not on temperatures, and of materials only on `stores`.
 
-    vertices, triangles: those of the Scene. stores: (triangles,) uint8, which photons they store, see `stored_photons`.
-    kept: (m,) indices of the triangles that count.
+    vertices, triangles: of the Scene. stores: (triangles,) uint8, which photons a triangle stores, see
+    `stored_photons`. kept: (m,) indices of the triangles that are not left out.
     centre: (3,) float64, m, subtracted from the vertices, so that float32 resolves small detail.
-    tracer: see Tracer. The others: see Surfaces.
+    tracer: see Tracer. The other fields: see Surfaces.
     """
 
     vertices: np.ndarray
@@ -70,12 +70,13 @@ class Geometry(NamedTuple):
 
 
 def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
-    """The geometry of a scene; that of an earlier scene itself, if all vertices, triangles and what they store are the
-    same.
+    """The Geometry of a scene. If vertices, triangles and stored photons are as in an earlier scene, the earlier
+    Geometry itself.
 
-    Of triangles with the same corners only the first counts: a surface that is there twice does not emit twice. Those
-    without an area emit nothing and cannot be hit; they are left out, as their edges would cut sheets in two. Sheets
-    end where other photons are stored: the area that a gather divides by must be that on which its photons can lie.
+    Of triangles with the same corners all but the first are left out: a surface that is there twice does not emit
+    twice. Triangles without an area emit nothing and cannot be hit; they are left out, too, as their edges would cut
+    sheets in two. Sheets end where the kind of stored photons changes: a gather must divide by the area on which its
+    photons can lie.
     Raises SceneError if no triangle has an area.
     """
     stores = stored_photons(scene.materials, scene.band_edges)[scene.material]
@@ -120,7 +121,7 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
 
 
 def _middle(vertices, triangles):
-    """The middle (3,) float64, m, of the box around the vertices that triangles have."""
+    """The middle (3,) float64, m, of the box around all vertices that are corners of triangles."""
     used = np.zeros(len(vertices), np.bool_)
     used[triangles] = True
     if not used.all():
@@ -131,9 +132,10 @@ def _middle(vertices, triangles):
 def build_surfaces(
     scene: Scene, geometry: Geometry | None = None, layer: np.ndarray | None = None
 ) -> tuple[Surfaces, Tracer, np.ndarray]:
-    """Surfaces, Tracer and the centre (3,) float64 that was subtracted.
+    """The Surfaces of a scene, the Tracer, and the centre (3,) float64, m, that was subtracted.
 
-    geometry: of an earlier scene, see above. layer: of each of the scene's triangles, None if there is but one.
+    geometry: of an earlier scene, see build_geometry. layer: (triangles,) uint8, of each triangle of the scene, None if
+    there is but one layer.
     """
     geometry = build_geometry(scene, geometry)
     kept = geometry.kept
@@ -160,7 +162,8 @@ def _fill_leaves(corners, sheet, leaf_triangle, leaves):
         leaves[leaf, 0, slot], leaves[leaf, 1, slot], leaves[leaf, 2, slot] = centroid(corners, t)
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = n
         leaves[leaf, 6, slot] = 0.5 * double_area
-        # float32 tells 2^24 labels apart; of more sheets, which only loose triangles are, two count as one here
+        # float32 tells 2^24 labels apart; with more sheets, which only loose triangles can be, two may count as one
+        # here
         leaves[leaf, 7, slot], leaves[leaf, 8, slot] = sheet[t, 0], sheet[t, 1]
         leaves[leaf, LONGEST, slot] = longest_edge(corners, t)
 
@@ -180,13 +183,13 @@ def unit_normal(surfaces, side_id):
 
 @njit(inline="always")
 def sheet_of(surfaces, side_id):
-    """Label of the sheet that a side belongs to."""
+    """Label of the sheet to which a side belongs."""
     return surfaces.sheet[side_id >> 1, side_id & 1]
 
 
 @njit(**INLINED)
 def facing_side(surfaces, t, direction):
-    """The side (its side_id) of triangle t that a ray of this direction meets."""
+    """side_id of the side of triangle t that a ray of this direction meets."""
     plane = surfaces.plane
     towards = direction[0] * plane[t, 0] + direction[1] * plane[t, 1] + direction[2] * plane[t, 2]
     return np.int32(2 * t + (1 if towards > 0.0 else 0))
@@ -194,12 +197,12 @@ def facing_side(surfaces, t, direction):
 
 @njit(**INLINED)
 def clear_of(surfaces, side_id, point):
-    """A point on a side, moved along its normal to where a ray may start or end (see triangles.offset)."""
+    """A point on a side, moved along the side's normal to where a ray may start or end (see triangles.offset)."""
     n, clear = unit_normal(surfaces, side_id), surfaces.plane[side_id >> 1, 3]
     return point[0] + clear * n[0], point[1] + clear * n[1], point[2] + clear * n[2]
 
 
 @njit(**INLINED)
 def layer_of(layer, i):
-    """Entry i of an array of layers, which is empty if there is but one."""
+    """Entry i of an array of layers, which is empty if there is but one layer."""
     return int(layer[i]) if layer.size else 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the corners (m, 3, 3) float32 of triangles, m, say of each of them."""
+"""Quantities of single triangles, from the corners (m, 3, 3) float32, m, of all triangles."""
 
 import math
 
@@ -8,7 +8,7 @@ import numpy as np
 from ..sampling.vectors import cross, difference, dot, scaled, vector
 from ..system.kernels import INLINED, njit
 
-CLEAR = 2.0**-20  # distance from a plane that float32 tells for sure, over the largest length that takes part
+CLEAR = 2.0**-20  # distance from a plane that float32 tells for sure, over the largest coordinate or length involved
 
 
 @njit(**INLINED)
@@ -22,7 +22,7 @@ def normal(corners, t):
 
 @njit(**INLINED)
 def point(corners, t, u, v):
-    """Point of triangle t with barycentric coordinates u, v of corners 1 and 2."""
+    """Point of triangle t, m, with barycentric coordinates u, v of corners 1 and 2."""
     w = 1.0 - u - v
     return (
         w * corners[t, 0, 0] + u * corners[t, 1, 0] + v * corners[t, 2, 0],
@@ -58,7 +58,7 @@ def centroids(corners):
 
 @njit(cache=True, nogil=True)
 def scene_radius(corners):
-    """Radius (m) of a sphere around the origin that holds all triangles."""
+    """Radius (m) of the smallest sphere around the origin that holds all triangles."""
     most = 0.0
     for t in range(corners.shape[0]):
         for i in range(3):
@@ -90,11 +90,12 @@ def longest_edge(corners, t):
 def offset(corners, t):
     """Distance along the normal (m) that takes a ray's origin clear of triangle t in float32.
 
-    The plane of a triangle is known to a few units in the last place of its coordinates, and Embree computes with
-    differences between origin and corners, so the error grows with the largest coordinate. Its normal is the cross
-    product of a short edge a and a long one c. That errs by a c units, which is a c / (2 A) of its length and moves the
-    plane by a c^2 / (2 A) at the far end: with a + b >= c, at most 4 times the circumradius a b c / (4 A). So right
-    needles, such as the sides of a pipe, are as exact as other triangles, obtuse ones are not (tests/test_surfaces.py).
+    The plane of a triangle is known to a few units of rounding of its coordinates. Embree computes with differences
+    between origin and corners, so the error grows with the largest coordinate. The normal is the cross product of a
+    short edge a and a long edge c. This product errs by a c units, relative to its length by a c / (2 A), A the area,
+    which moves the plane at the far end by a c^2 / (2 A): as a + b >= c, at most 4 times the circumradius a b c / (4
+    A). So needles with a right angle, such as the sides of a pipe, are as exact as other triangles; obtuse needles are
+    not (tests/test_surfaces.py).
     """
     reach, edges = 0.0, 1.0
     for i in range(3):

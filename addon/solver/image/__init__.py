@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The mean of the passes, its noise, and what is made of both."""
+"""The image: the mean of the passes, its noise, and what is computed from both."""

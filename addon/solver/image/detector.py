@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a real camera adds to a finished image: its optics' diffraction, its detector's noise and its digital numbers.
+"""What a real camera adds to a finished image: diffraction of the optics, noise of the detector, and digital numbers.
 
-In the order in which a signal meets them (docs/detector.md):
+In the order in which they act on the signal (docs/detector.md):
 
     optics            each band is blurred by the aperture's diffraction at the wavelength in its middle
     response          the bands add up through the sensor's response to the signal L, W m-2 sr-1
-    fixed pattern     L (1 + gain) + offset, other ones for each pixel and the same in all frames
+    fixed pattern     L (1 + gain) + offset, gain and offset of each pixel the same in all frames
     temporal noise    normally distributed, new in each frame
-    quantisation      a number of bits between two blackbodies; what lies outside is clipped
+    quantisation      to a number of bits between the signals of two blackbodies; signals outside are clipped
 
-The image is a copy: nothing here touches what the film holds.
+All functions make a copy of the image: the film is not changed.
 """
 
 from __future__ import annotations
@@ -39,14 +39,15 @@ class Detector:
     pitch: (x, y) um, from one pixel of the image to the next.
     fill_factor: share of a pixel's area that detects, a square in its middle; above 0, at most 1.
     netd: K, standard deviation of the temporal noise in front of a blackbody at STATED, with this f_number.
-    photon_noise: it grows with the square root of the signal, as photons' noise does; else it is the same everywhere.
+    photon_noise: whether the temporal noise grows with the square root of the signal, as the noise of photons does;
+        else it is the same for all signals.
     gain_spread: relative standard deviation of the pixels' gains.
     offset_spread: K at STATED, standard deviation of the pixels' offsets.
     bits: of a digital number, at most MOST_BITS; 0 does not quantise.
     range: K, the blackbodies whose signals are the lowest and the highest digital number.
     seed: of the pixels' gains and offsets, and of the noise.
 
-    Raises SceneError, naming the value, if one makes no sense.
+    Raises SceneError, naming the value, for a value that makes no sense.
     """
 
     f_number: float = 0.0
@@ -82,7 +83,7 @@ class Detector:
 
 
 class Exposure(NamedTuple):
-    """The image of a camera. signal: (h, w) float32, digital numbers if they are quantised, else W m-2 sr-1.
+    """The image of a camera. signal: (h, w) float32, digital numbers with quantisation, else W m-2 sr-1.
     temperature: (h, w) float32 K. clipped: pixels that were outside the range of the digital numbers."""
 
     signal: np.ndarray
@@ -108,8 +109,8 @@ def expose(
     """What a camera makes of a finished image.
 
     bands: (h, w) spectral radiance of each band, W m-2 sr-1 um-1. edges: (b + 1,) um. weights: (b,) response in each.
-    camera: that the image is of; a part of its frame has the pixels' own gains, offsets and noise. frame: number of the
-    frame, which its noise depends on. correction: of the temperature, as the film's.
+    camera: of the image; a window of the frame gets the gains, offsets and noise of its pixels in the whole frame.
+    frame: number of the frame, on which the temporal noise depends. correction: of the temperature, as the film's.
 
     Raises SceneError as `check_range` does.
     """
@@ -148,8 +149,9 @@ def diffraction_mtf(frequency: np.ndarray, wavelength: float | np.ndarray, f_num
 def footprint_mtf(x: np.ndarray, y: np.ndarray, detector: Detector) -> np.ndarray:
     """Modulation transfer of the detecting squares beyond that of whole pixels. x, y: frequencies, cycles/um.
 
-    The renderer's pixels are means over their whole area, so that the footprint of a fill factor of 1 is in the image
-    already: sinc(a x) sinc(a y) of the sides a of the square counts relative to that of the pitch. 1 or more.
+    Rendered pixels are means over their whole area, so the footprint of a fill factor of 1 is in the image already.
+    What is left is sinc(a x) sinc(a y), with the side a of the detecting square, over the same with the pitch: 1 or
+    more.
     """
     side = np.sqrt(detector.fill_factor)
     across, up = detector.pitch
@@ -162,9 +164,9 @@ def _through_optics(
 ) -> np.ndarray:
     """(h, w) sum over bands of power times the band's image, blurred. wavelengths: (b,) um.
 
-    The image goes on as its own mirror image, so nothing comes in from the opposite edge. Its Fourier series is then
-    one of cosines; those of all bands are added up, and one transform leads back. The footprint sharpens, but only what
-    the aperture blurred: the product is at most 1.
+    The image is continued by its mirror image, so that nothing comes in from the opposite edge. Its Fourier series then
+    holds cosines alone. The series of all bands are added up and transformed back together. The footprint sharpens the
+    image, but never more than the aperture blurs it: the product of both is at most 1.
     """
     (height, width), (across, up) = bands[0].shape, detector.pitch
     x = 0.5 * np.arange(width) / (width * across)  # cycles/um
@@ -177,10 +179,10 @@ def _through_optics(
 
 
 def _cosines(rows: np.ndarray) -> np.ndarray:
-    """Cosine series of rows (m, n) that go on as their mirror images: the discrete cosine transform of type II.
+    """Cosine series of rows (m, n), each continued by its mirror image: the discrete cosine transform of type II.
 
-    By one Fourier transform of n numbers, the even ones and then the odd ones backwards (J. Makhoul, A fast cosine
-    transform in one and two dimensions, IEEE Trans. ASSP 28, 27, 1980).
+    By one Fourier transform of n numbers: those at even indices, then those at odd indices backwards (J. Makhoul, A
+    fast cosine transform in one and two dimensions, IEEE Trans. ASSP 28, 27, 1980).
     """
     n = rows.shape[1]
     middle = n // 2

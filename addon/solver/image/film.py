@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image: running mean of every band and the spread between passes, which gives the noise."""
+"""The film: running mean of every band, and the variance between passes, which gives the noise."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Film:
     width, height: pixels. band_edges: (b + 1,) um. reference_temperature: K, 0 without subtraction.
     weights: (b,) response of the sensor in each band (`sensors.band_weights`), by which the bands count in radiance();
     None counts all alike. correction: of temperature() and noise(); it may be changed at any time.
-    layers: the temperature groups that it keeps apart; its images show them at the temperatures of the scene.
-    seed, first_pass: of the passes to be added. ranges: (seed, first pass, last pass + 1) of those that are finished.
-    passes: finished. photons: emitted in them.
-    lock: held while a pass is added; hold it to read several images of the same passes from another thread.
+    layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
+    seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
+    passes. passes: number of finished passes. photons: emitted in these passes.
+    lock: held while a pass is added; hold the lock to read several images of the same passes from another thread.
     """
 
     def __init__(
@@ -59,8 +59,8 @@ class Film:
         self._reference = reference_radiance(self.band_edges, reference_temperature)
         # float64: a float32 mean stops moving after 2^24 passes and drifts long before
         self._mean = np.zeros((height * width, self._factors.size))
-        # sums of squared deviations (Welford 1962) of what surfaces send straight into the camera, and of the rest,
-        # both through the response
+        # sums of squared deviations (Welford 1962) of the radiance that surfaces emit straight into the camera (seen),
+        # and of all other radiance, both through the sensor's response
         self._seen, self._seen_squares = np.zeros(height * width), np.zeros(height * width)
         self._squares = np.zeros(height * width)
 
@@ -122,9 +122,11 @@ class Film:
         return band_names(self.band_edges)
 
     def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int) -> None:
-        """Add one finished pass: excess radiance (height * width, layers * b) float32, W m-2 sr-1 per band, the part
-        of its sum, by layer_weights, that surfaces send straight into the camera (height * width,) float32, and its
-        photons.
+        """Add one finished pass.
+
+        excess: (height * width, layers * b) float32, excess radiance, W m-2 sr-1 per band. seen: (height * width,)
+        float32, the part of its sum, weighted with layer_weights, that surfaces emit straight into the camera. photons:
+        emitted in the pass.
         """
         with self.lock:
             count = self.passes + 1
@@ -151,10 +153,10 @@ class Film:
             raise ValueError("Films with different temperature groups cannot be merged")
 
     def merge(self, other: Film) -> Film:
-        """Film of the passes of both (Chan, Golub and LeVeque 1979).
+        """The Film of the passes of both films (Chan, Golub and LeVeque 1979).
 
-        Raises ValueError if they do not belong together or hold the same pass: it would count twice, and the noise
-        would come out too small.
+        Raises ValueError if the films do not belong together, or if both hold the same pass: it would count twice, and
+        the noise would be too small.
         """
         self.check_same_kind(other)
         options = {"weights": self.weights, "layers": self.layers}
@@ -194,25 +196,26 @@ class Film:
         return self._image(self._radiance())
 
     def temperature(self) -> np.ndarray:
-        """(height, width) float32 temperature of the blackbody with this radiance, after the correction, K.
+        """(height, width) float32 temperature of the blackbody with the pixel's radiance, after the correction, K.
 
-        Where the correction leaves no radiance, as the surroundings alone would send more, it is 0 K.
+        0 K where the correction leaves no radiance, as the assumed reflection alone is more than what is seen.
         """
         return self._image(self._apparent(self._object_radiance()))
 
     def noise(self) -> np.ndarray:
         """(height, width) float32 standard error of temperature(), K.
 
-        One pass says nothing about its error; the temperature itself then stands for it.
+        After a single pass the error is unknown, and the result is the temperature itself.
         """
         if self.passes < 2:
             return self.temperature()
         radiance = self._object_radiance()
-        # Photons of different passes are independent. The passes' camera rays are one stratified sequence: the
-        # variance of the area that an edge cuts off falls as n^-3/2, as only n^1/2 strata on it err (Mitchell 1996).
+        # Photons of different passes are independent. But the camera rays of all passes are one stratified sequence:
+        # the variance from an edge in a pixel falls as n^-3/2, as only the n^1/2 strata on the edge err (Mitchell
+        # 1996).
         seen = self._seen_squares / math.sqrt(self.passes)
         error = np.sqrt((self._squares + seen) / (self.passes * (self.passes - 1))) / self.correction.emissivity
-        # half of the interval that one standard error spans: finite where the radiance itself is 0
+        # half of the interval from one standard error below to one above: finite even where the radiance is 0
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))
         return self._image(0.5 * (above - below))
@@ -235,7 +238,7 @@ class Film:
 
 
 def _joined(ranges: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
-    """Film.ranges in order, without empty ones, neighbours as one. Raises ValueError if two hold the same pass."""
+    """Film.ranges in order, without empty ranges, adjacent ranges joined. Raises ValueError if two share a pass."""
     joined = []
     for seed, first, stop in sorted(each for each in ranges if each[1] < each[2]):
         last_seed, begin, end = joined[-1] if joined else (None, 0, 0)
@@ -279,7 +282,7 @@ def _weighted(mean, reference, weights):
 
 @njit(**KERNEL)
 def _accumulate(means, squares, excess, seen, weights, count):
-    """Welford's step for the bands, what is seen and the rest."""
+    """Welford's step for the means of the bands, for what is seen, and for the rest of the radiance."""
     (mean, seen_mean), (rest_squares, seen_squares) = means, squares
     share = 1.0 / count
     for i in range(excess.shape[0]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""New temperatures for a finished render: its layers (see layers), weighted anew. No photon is traced."""
+"""New temperatures for a finished render: its layers (see layers) get new weights. No photon is traced."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from .film import Correction, Film
 class LayeredImage:
     """The layers of a finished render.
 
-    excess: (layers, b, height, width) float32, row 0 at the bottom: what each layer adds to the spectral radiance over
-        that of a blackbody at the reference temperature, averaged over each band, W m-2 sr-1 um-1.
-    layers: what they are. band_edges: (b + 1,) um. reference_temperature: K. weights: (b,) response of the sensor.
+    excess: (layers, b, height, width) float32, row 0 at the bottom: what each layer adds to the spectral radiance of a
+        blackbody at the reference temperature, averaged over each band, W m-2 sr-1 um-1.
+    layers: see layers.Layer. band_edges: (b + 1,) um. reference_temperature: K. weights: (b,) response of the sensor.
     correction: of temperatures, see Correction.
     """
 
@@ -40,9 +40,9 @@ class LayeredImage:
         return group_temperatures(self.layers)
 
     def factors(self, temperatures: Mapping[str, float] | None = None) -> np.ndarray:
-        """(layers, b) float64 by which layers count at other temperatures (K, by group).
+        """(layers, b) float64, by which the layers are multiplied at other temperatures (K, by group).
 
-        Groups that are missing stay as they were in the scene. Errors: see `layer_factors`.
+        Groups that are not named keep their temperatures of the scene. Raises as `layer_factors` does.
         """
         return layer_factors(self.layers, self.band_edges, self.reference_temperature, temperatures)
 
@@ -63,7 +63,7 @@ class LayeredImage:
         return np.einsum("b,byx->yx", self.weights * np.diff(self.band_edges), bands).astype(np.float32)
 
     def temperature(self, radiance: np.ndarray) -> np.ndarray:
-        """(height, width) float32 apparent temperature of such a radiance, after the correction, K."""
+        """(height, width) float32 apparent temperature of a radiance as of `radiance`, after the correction, K."""
         seen = self.correction.object_radiance(radiance.astype(np.float64), self.band_edges, self.weights)
         return apparent_temperature(seen, self.band_edges, self.weights).astype(np.float32)
 

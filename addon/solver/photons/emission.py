@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Photons leave surfaces, surroundings and lights, each class in proportion to its excess power."""
+"""Emission: photons leave surfaces, surroundings and lights, each class in proportion to its excess power."""
 
 import math
 from typing import NamedTuple
@@ -18,15 +18,15 @@ from .guide import DIMENSIONS, Guide, even_guide
 from .lights import LightTable, light_ray, light_totals
 from .wave import LIT_BY_LAMP, LIT_BY_LIGHT
 
-# Photons from the surroundings, over all others, where the scene seems closed.
+# Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
-# Photons from all that seems out of the image's reach, at most, over all others: next to a closed furnace its small
-# chance would still take nearly all.
+# Most photons from surfaces that seem out of the image's reach, over all other photons. A furnace that is closed has so
+# much power that it would take nearly all photons even with the small chance that such surfaces have.
 _HIDDEN = 1.0 / 16.0
 
 
 class Batch(NamedTuple):
-    """Photons first, first + 1, ..., count of them, of the `total` of a pass. key: of the pass's photons."""
+    """Photons number first to first + count - 1 of the `total` photons of a pass. key: of the pass's photons."""
 
     key: np.uint64
     first: int
@@ -37,9 +37,9 @@ class Batch(NamedTuple):
 class Surroundings(NamedTuple):
     """What rays that leave the scene see.
 
-    radiance: (b,) float64, excess radiance, W m-2 sr-1. layer: of the image that they add to (see layers). open: (t, 2)
-    bool, sides that look for the surroundings with rays of their own, so that photons from there are not stored on
-    them.
+    radiance: (b,) float64, excess radiance, W m-2 sr-1. layer: of the image, to which this radiance adds (see layers).
+    open: (t, 2) bool, sides from which shadow rays are sent to the surroundings, so that photons that come from there
+    are not stored on these sides.
     """
 
     radiance: np.ndarray
@@ -50,9 +50,9 @@ class Surroundings(NamedTuple):
 class Reach(NamedTuple):
     """What the image can depend on, as far as the pilot knows; see Pilot.
 
-    reachable: (t, 2) bool, sides. weight, arrival: (t, 2) float64, factors on the probability that a side emits, or
-    that photons from the surroundings arrive there. openness: share of the directions from reachable sides that leave
-    the scene, 0..1.
+    reachable: (t, 2) bool, sides that the image can depend on. weight: (t, 2) float64, factor on the probability that a
+    side emits. arrival: (t, 2) float64, factor on the probability that photons from the surroundings arrive on a side.
+    openness: share of the directions from reachable sides that leave the scene, 0..1.
     """
 
     reachable: np.ndarray
@@ -64,12 +64,12 @@ class Reach(NamedTuple):
 class Emitters(NamedTuple):
     """Everything that emits, as entries of one discrete distribution: surface sides, surroundings, lights.
 
-    cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of an entry; zeros where nothing emits.
-    surface: (n,) int32 side_ids of entries 0..n-1, which emit. lamp: (n,) bool, whether shadow rays see to their direct
-        light.
-    sky: (m,) int32 side_ids of entries n..n+m-1, on which photons from the surroundings arrive.
+    cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of the entries; zeros where nothing emits.
+    surface: (n,) int32, side_ids of the sides that emit: entries 0..n-1. lamp: (n,) bool, whether the direct light of
+        such a side is found by shadow rays.
+    sky: (m,) int32, side_ids of the sides on which photons from the surroundings arrive: entries n..n+m-1.
     area: (t,) float64, of the triangles, m2.
-    surroundings: see Surroundings. lights: see LightTable; entries n+m..., which add to the first layer.
+    surroundings: see Surroundings. lights: see LightTable; entries from n + m on. Lights add to the first layer.
     guide: density of the five numbers that choose an emission.
     """
 
@@ -85,7 +85,7 @@ class Emitters(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def side_power(stage, area):
-    """(t,) float64 |excess| power of a side of each triangle, over all bands, W: the mean over corners and centre."""
+    """(t,) float64 |excess| power of one side of each triangle, over all bands, W: the mean over corners and centre."""
     power = np.empty(area.size)
     value = np.empty(stage.radiometry.reference.size)
     samples = 4 if stage.surfaces.temperature.shape[1] == 3 else 1
@@ -102,9 +102,9 @@ def side_power(stage, area):
 
 
 def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: int, kelvin: float) -> Surroundings:
-    """The surroundings of a scene. is_open, layer: see Surroundings. kelvin: their temperature as it is traced."""
+    """The Surroundings of a scene. is_open, layer: see there. kelvin: the temperature at which they are traced, K."""
     radiance = np.zeros_like(stage.radiometry.reference)
-    if kelvin != stage.radiometry.quiet:  # else rounding of the reference would be all that photons carry
+    if kelvin != stage.radiometry.quiet:  # else photons would carry the rounding of the reference and nothing else
         radiance = band_radiance(scene.band_edges, kelvin) - stage.radiometry.reference
     return Surroundings(radiance, layer, is_open)
 
@@ -118,10 +118,10 @@ def build_emitters(
     power: np.ndarray,
     lamp: np.ndarray,
 ) -> Emitters:
-    """Distribution of the emitters.
+    """The Emitters.
 
-    area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides that shadow rays are sent
-    to.
+    area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides to which shadow rays are
+    sent.
     """
     sky_flux = math.pi * np.abs(surroundings.radiance).sum()
     sky_area = (area[:, None] * reach.arrival).ravel()
@@ -134,9 +134,9 @@ def build_emitters(
         surface_power[~reachable] *= _HIDDEN * others / hidden
     surface_power = surface_power.ravel()
     surface = np.flatnonzero(surface_power > 0).astype(np.int32)
-    # Of the photons from the surroundings only the share `openness` arrives; for the least variance at a given number
-    # of photons a class is then chosen in proportion to power / sqrt(share) (Lagrange). A scene that seems closed still
-    # sends some: the pilot may have missed a hole.
+    # Of the photons from the surroundings only the share `openness` arrives. The variance at a given number of photons
+    # is least where a class is chosen in proportion to power / sqrt(share that arrives) (by a Lagrange multiplier).
+    # Some photons come from the surroundings even where the scene seems closed: the pilot may have missed a hole.
     others = surface_power.sum() + light_total.sum()
     if reach.openness > 0:
         sky_chosen = sky_power * math.sqrt(reach.openness)
@@ -151,7 +151,7 @@ def build_emitters(
 
 @njit(inline="always")
 def _next_cell(guide, cell, pick):
-    """The guide's cell that holds a photon; picks ascend from photon to photon, cell is that of the one before."""
+    """The guide's cell that holds a photon. Picks ascend from photon to photon; cell: of the photon before this one."""
     while cell < guide.density.size - 1 and guide.cumulative[cell + 1] <= pick:
         cell += 1
     return cell
@@ -159,7 +159,7 @@ def _next_cell(guide, cell, pick):
 
 @njit(inline="always")
 def _choose(guide, cell, pick, path):
-    """The five numbers of a photon: evenly over the cell, the first in step with the pick."""
+    """The five numbers of a photon, evenly over the cell; the first number ascends with the pick."""
     low, size = guide.low[cell], guide.size[cell]
     along = (pick - guide.cumulative[cell]) / (guide.cumulative[cell + 1] - guide.cumulative[cell])
     return (
@@ -173,7 +173,7 @@ def _choose(guide, cell, pick, path):
 
 @njit(cache=True, nogil=True)
 def chosen_numbers(guide, key, total):
-    """The (total, 5) numbers that choose the emissions of a pass, and the density of each, (total,) float64."""
+    """The (total, 5) float64 numbers that choose the emissions of a pass, and their densities, (total,) float64."""
     numbers, density = np.empty((total, DIMENSIONS)), np.empty(total)
     shift, cell = uniform(key, 0), 0
     for photon in range(total):
@@ -191,9 +191,10 @@ def emit(emitters: Emitters, stage: Stage, batch: Batch, wave) -> None:
 
 @njit(**FAST_KERNEL)
 def _emit(emitters, stage, batch, wave, emitted):
-    # One random shift places all photons evenly over the guide's cells and the emitters within (systematic sampling).
-    # Positions and directions are independent: the k-nearest estimate rests on photons that lie at random, and is off
-    # by -1/2 in k where a sequence of low discrepancy lays them out evenly (measured under a point light).
+    # One random shift spreads all photons evenly over the guide's cells and the emitters within (systematic sampling).
+    # Positions and directions are independent random numbers: the estimate from the k nearest photons assumes that
+    # photons lie at random. A low-discrepancy sequence lays them out evenly, and the estimate then counts half a photon
+    # of the k too few (measured under a point light).
     guide, surroundings, lights = emitters.guide, emitters.surroundings, emitters.lights
     shift = uniform(batch.key, 0)
     surface_end = emitters.surface.size
@@ -242,6 +243,6 @@ def _emit(emitters, stage, batch, wave, emitted):
 
 @njit(**FAST_INLINED)
 def _set_power(wave, i, value, scale):
-    """Power of photon i in each band: value (b,) times scale."""
+    """Set the power of photon i in each band to value (b,) times scale."""
     for b in range(value.size):
         wave.power[i, b] = value[b] * scale

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where photons go: the numbers that choose a photon's emission are drawn from where they have mattered to the image.
+"""The guide: photons are sent where trial photons contributed to the image.
 
-Five numbers in [0, 1) choose an emission: the emitter, the place on it (2) and the direction (2). Trial photons are
-scored by what they leave where camera paths gather, and the cube of these numbers is cut into cells, each sampled in
-proportion to the root mean square of the score within: importance sampling in primary sample space (Guo et al. 2018).
-A photon's weight is divided by the density it was chosen with, and some of the density is spread evenly, so
-the mean is exact whatever the pilot missed; it decides on the noise only. This is how photons from the surroundings
-find the opening of a cavity, those of a large floor the few things it lights, and a sun's the scene.
+Five numbers in [0, 1) choose an emission: the emitter (1 number), the point on it (2) and the direction (2). A trial
+photon's score is what it leaves where camera paths gather. The cube of the five numbers is cut into cells, and each
+cell is sampled in proportion to the root mean square of the scores within: importance sampling in primary sample space
+(Guo et al. 2018). A photon's weight is divided by the density with which its numbers were drawn, and a part of the
+density is spread evenly over the cube. So the mean of the image is exact whatever the trial photons missed; the guide
+changes its noise alone. Thanks to the guide photons from the surroundings find the opening of a cavity, photons of a
+large floor find the few things that it lights, and photons of a sun find the scene.
 """
 
 import math
@@ -32,16 +33,17 @@ from .wave import arrive, has_arrived
 
 DIMENSIONS = 5
 CELLS = 1024
-_EVENLY = 0.5  # share of the density that is spread evenly: the most that a mistake can cost is a weight of 2
-_LEAST = 64  # samples of a cell that is cut
-_PRIOR = 16.0  # samples that the cell above is worth in the estimate of a half
-_GAIN = 1e-3  # by which a cut must lower the sum over all cells, relative to it
+_EVENLY = 0.5  # share of the density that is spread evenly: so no weight is above 2, however wrong the guide
+_LEAST = 64  # samples that a cell needs to be cut
+_PRIOR = 16.0  # samples that the whole cell counts as in the estimate of each half
+_GAIN = 1e-3  # least share of the sum over all cells (see _cut) that a cut must save
 
 
 class Guide(NamedTuple):
     """Cells of the cube, n of them, in the order of their emitters.
 
-    low, size: (n, 5) float64. cumulative: (n + 1,) float64, probability. density: (n,) float64, that over volume.
+    low, size: (n, 5) float64, lower corner and edges. cumulative: (n + 1,) float64, cumulative probability. density:
+    (n,) float64, probability over volume.
     """
 
     low: np.ndarray
@@ -56,10 +58,10 @@ def even_guide() -> Guide:
 
 
 def build_guide(samples: np.ndarray, score: np.ndarray, density: np.ndarray) -> tuple[Guide, float]:
-    """Guide from emissions that were tried, and by how much it should lower the noise (a factor of at least 1).
+    """Guide from trial emissions, and the factor, at least 1, by which it should lower the noise.
 
-    samples: (n, 5) float64. score: (n,) float64, what each left where the image gathers, with the weight of even
-    sampling. density: (n,) float64, that the samples were drawn with.
+    samples: (n, 5) float64, the numbers that chose the emissions. score: (n,) float64, what the photon left where
+    camera paths gather, weighted as in even sampling. density: (n,) float64, with which the numbers were drawn.
     """
     squares = score**2 / density
     low, size, mass = np.zeros((CELLS, DIMENSIONS)), np.ones((CELLS, DIMENSIONS)), np.zeros(CELLS)
@@ -78,9 +80,10 @@ def build_guide(samples: np.ndarray, score: np.ndarray, density: np.ndarray) -> 
 
 @njit(cache=True, nogil=True)
 def _cut(samples, squares, density, low, size, mass):
-    """Cut cells in halves where that lowers the sum of volume times root mean square; returns their number.
+    """Cut cells in halves where a cut lowers the sum over cells of volume times root mean square of the score.
 
-    That sum is the standard deviation that is left when every cell is sampled in proportion to its part of it.
+    The sum is the standard deviation that is left when every cell is sampled in proportion to its part of the sum.
+    Returns the number of cells.
     """
     n = squares.size
     order = np.arange(n)
@@ -90,7 +93,7 @@ def _cut(samples, squares, density, low, size, mass):
     total = mass[0]
     count, cell = 1, 0
     sums, volumes = np.empty(2), np.empty(2)
-    while cell < count:  # cells that were cut leave their lower half in place, to be looked at again
+    while cell < count:  # a cut leaves the lower half under the number of the whole cell, and that half is tried next
         best, best_mass, best_mean = -1, 0.0, (0.0, 0.0)
         lowest = mass[cell] - _GAIN * total
         volume = 1.0
@@ -136,15 +139,15 @@ def _cut(samples, squares, density, low, size, mass):
 
 
 class GatherTree(NamedTuple):
-    """Where camera paths gather: tree over the points, whose leaves hold their normals too; squared radius, m2."""
+    """Points where camera paths gather: a tree, whose leaves hold positions and normals. radius2: m2."""
 
     tree: PointTree
     radius2: float
 
 
 def build_gather_tree(point: np.ndarray, normal: np.ndarray, radius2: float) -> GatherTree:
-    """point, normal: (r, 3) float64 points, m, and normals. radius2: squared distance (m2) up to which a photon
-    counts."""
+    """The GatherTree of points. point, normal: (r, 3) float64, m. radius2: m2, squared distance from a point up to
+    which photons count."""
     points = point.astype(np.float32)
     order, to = morton_order(points), np.arange(len(points))
     leaves = empty_leaves(len(points), 6)
@@ -154,9 +157,10 @@ def build_gather_tree(point: np.ndarray, normal: np.ndarray, radius2: float) -> 
 
 
 def add_scores(gather_tree: GatherTree, stage, hits, wave, score: np.ndarray) -> None:
-    """Add to score (n,) what the photons of a wave leave where the image gathers, in proportion to its noise.
+    """Add to score (n,) what the photons of a wave contribute to the noise of the image where they arrive.
 
-    That is the power they would reflect times the root of the number of gathers around: each adds to the variance.
+    The contribution is the reflected power times the square root of the number of gathers around: each of these gathers
+    adds the square of that power to the variance.
     """
     _add_scores(gather_tree, stage, hits, wave, score, empty_walk())
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Irradiance at some points, found once a pass, for the many ends of final gathers (Christensen 1999).
 
-The nearest point stands for what a ray meets. Points lie where a few such rays end, so they are as dense as they are
-needed, and in bright places no denser than in dark ones: were they photons, the nearest would too often be a bright
-one. From pass to pass they come closer, so that what this blurs vanishes as the blur of the photon map does.
+Where a ray of a final gather ends, the irradiance at the nearest cached point stands for the irradiance there. Cached
+points lie where a few such rays end. So they are dense where rays end, and not denser where it is bright: if irradiance
+were kept at photons, the nearest photon would too often be in a bright spot. From pass to pass the points lie closer,
+so that the blur of the cache vanishes as the blur of the photon map does.
 """
 
 import math
@@ -23,8 +24,8 @@ from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
 from .photon_map import Disk, PhotonMap, gather, irradiance, leaf_distances, neighbours_room
 
-_SHARE = 1.0 / 16.0  # rays that find points, over photons, in the first pass
-_CHUNK = 512  # points
+_SHARE = 1.0 / 16.0  # rays that find the points of the cache, over photons, in the first pass
+_CHUNK = 512  # points that are one piece of work
 
 
 class IrradianceCache(NamedTuple):
@@ -36,16 +37,17 @@ class IrradianceCache(NamedTuple):
 
 
 def cache_points(photons: int, shrink2: float) -> int:
-    """Rays that are traced to say where the points lie, in a pass with so many photons and this shrink factor.
+    """Number of rays whose ends become the points of the cache, in a pass with so many photons and this shrink factor.
 
-    As the area of disks shrinks, that between points shrinks like its root: soon enough, and affordable for long.
+    The area of a disk shrinks with shrink2, the area for each point with the square root of shrink2: fast enough for
+    the blur to vanish, slow enough to be affordable for many passes.
     """
     return max(1, min(photons, round(photons * _SHARE / math.sqrt(shrink2))))
 
 
 class VisiblePoints(NamedTuple):
-    """Where camera paths gather, n of them: point, normal (n, 3) float64, side_id (n,) int32 as in Pilot, and the
-    running sum of what they contribute, cumulative (n,) float64."""
+    """The n points where camera paths gather: point, normal (n, 3) float64, side_id (n,) int32 as in Pilot, and
+    cumulative (n,) float64, the running sum of their throughputs."""
 
     point: np.ndarray
     normal: np.ndarray
@@ -56,8 +58,8 @@ class VisiblePoints(NamedTuple):
 def ray_ends(
     tracer: Tracer, surfaces: Surfaces, visible: VisiblePoints, key: np.uint64, total: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where `total` rays end that final gathers at visible points might send: point (n, 3) float32, m, and side_id (n,)
-    int32 of those that meet a surface. key: of their random numbers."""
+    """Ends of `total` rays, as final gathers at visible points might send: point (n, 3) float32, m, and side_id (n,)
+    int32 of the n rays that meet a surface. key: of the rays' random numbers."""
     rays = empty_ray_batch(total if len(visible.point) else 0)
     _start_rays(surfaces, visible, key, rays)
     return _ends(surfaces, tracer.trace(*rays), rays)
@@ -95,9 +97,9 @@ def build_irradiance_cache(
 ) -> IrradianceCache:
     """The cache of a pass.
 
-    estimate: see Estimate. points: (n, 3) float32, m, and their side_ids (n,) int32, see ray_ends. feel(point, side_id,
-    first): the free space around points first, first + 1, ... run: map, or a pool's. cancelled: once it is true the
-    cache stays unfinished.
+    estimate: see Estimate. points: (n, 3) float32, m, and side_ids (n,) int32, see ray_ends. feel(point, side_id,
+    first): gives the FreeSpace around points that are numbers first, first + 1, ... run: map, or a pool's. cancelled:
+    once it returns true the cache stays unfinished.
     """
     order = kd_order(points[0])
     point, side_id = (column[order] for column in points)
@@ -118,7 +120,7 @@ def build_irradiance_cache(
 
 @njit(**KERNEL)
 def _fill_leaves(surfaces, point, side_id, first, leaves):
-    """Put points (n, 3) on sides (n,) into the leaves, as numbers first, first + 1, ..."""
+    """Put points (n, 3) on sides (n,) into the leaves, as points number first, first + 1, ..."""
     for i in range(side_id.size):
         leaf, slot = (first + i) // WIDTH, (first + i) % WIDTH
         for axis in range(3):
@@ -128,7 +130,7 @@ def _fill_leaves(surfaces, point, side_id, first, leaves):
 
 
 def fill_values(photon_map, surfaces, estimate, points, space, value) -> None:
-    """Fill value (n, layers * b) float32 with the irradiance at points (n, 3) on sides (n,). space: around them."""
+    """Fill value (n, layers * b) float32 with the irradiance at points (n, 3) on sides (n,). space: see FreeSpace."""
     room = neighbours_room(estimate.neighbours)
     _fill_values(photon_map, surfaces, estimate, points, space, value, room, np.empty(value.shape[1]))
 
@@ -147,7 +149,7 @@ def _fill_values(photon_map, surfaces, estimate, points, space, value, room, out
 
 @njit(inline="always")
 def recalled(cache, query, reach2, walk):
-    """Index of the point nearest to a Query, nearer than sqrt(reach2) m, or -1. walk: room, see Walk."""
+    """Index of the cached point nearest to a Query, -1 if none is nearer than sqrt(reach2) m. walk: room, see Walk."""
     tree, bound = cache.tree, np.float32(reach2)
     near = walk.near
     best = -1

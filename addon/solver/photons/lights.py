@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light objects for the kernels: points, spots, areas and suns. Nobody sees them, they only shine."""
+"""Light objects for the kernels: points, spots, areas and suns. Lights shine, and are never seen themselves."""
 
 import math
 from typing import NamedTuple
@@ -21,11 +21,12 @@ class LightTable(NamedTuple):
     """The lights of a scene, l of them.
 
     kind: (l,) int32, POINT to SUN. position: (l, 3) float64, m, in solver coordinates. axis: (l, 3) float64, unit
-    direction in which spots and suns shine, for points any. half_u, half_v: (l, 3) float64, m, half axes of areas.
-    cos_cone: (l,) float64, cosine of half the angle of a spot's cone or a sun's disk, -1 for points. radius: (l,)
-    float64, m, of points and spots. blend: (l,) float64, width in cosine over which a spot fades at its rim. fullness:
-    (l,) float64, power in a spot's cone over that of one without a fading rim. power: (l, b) float64 W in each band; a
-    sun's is W m-2 across each of its directions. scene_radius: m, of a sphere around the origin that holds the scene.
+    direction in which spots and suns shine; without meaning for points. half_u, half_v: (l, 3) float64, m, half axes of
+    areas. cos_cone: (l,) float64, cosine of half the angle of a spot's cone or a sun's disk, -1 for points. radius:
+    (l,) float64, m, of points and spots. blend: (l,) float64, width in cosine over which a spot fades at its rim.
+    fullness: (l,) float64, power in a spot's cone over the power without a fading rim. power: (l, b) float64, W in each
+    band; for suns W m-2 across each direction from which they shine. scene_radius: m, of a sphere around the origin
+    that holds the scene.
     """
 
     kind: np.ndarray
@@ -57,18 +58,18 @@ def build_light_table(lights: tuple[Light, ...], edges: np.ndarray, centre: np.n
 def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
     """(b,) share of a light's total flux in each band: that of a blackbody at its temperature."""
     total = SIGMA * light.temperature**4
-    if total == 0.0:  # at 0 K, and where float64 cannot tell it from that
+    if total == 0.0:  # at 0 K, and so near to it that float64 rounds T^4 to 0
         return np.zeros(len(edges) - 1)
     return math.pi * band_radiance(edges, light.temperature) / total
 
 
 def light_totals(lights: LightTable) -> np.ndarray:
-    """(l,) float64 W of the lights over all bands, a sun's through the disk that holds the scene."""
+    """(l,) float64 power of the lights over all bands, W; of suns through the disk that covers the scene."""
     return lights.power.sum(axis=1) * np.where(lights.kind == SUN, math.pi * lights.scene_radius**2, 1.0)
 
 
 def _flux(light: Light) -> float:
-    """W; of a sun W m-2 across each of the directions that it shines from, which reach a plane facing it aslant."""
+    """Power, W; of a sun W m-2 across each direction from which it shines."""
     if isinstance(light, SunLight):
         mean_cosine = 0.5 * (1.0 + math.cos(0.5 * light.angle))
         return light.irradiance / mean_cosine
@@ -92,13 +93,14 @@ def _put_shape(light: Light, centre: np.ndarray, table: LightTable, i: int) -> N
         table.kind[i], table.axis[i] = SPOT, np.asarray(light.direction) / np.linalg.norm(light.direction)
         outer = math.cos(0.5 * light.cone_angle)
         table.cos_cone[i], table.radius[i], table.blend[i] = outer, light.radius, (1.0 - outer) * light.blend
-        # mean of smoothstep over its own width is 1/2, so the cone holds this share of a full one
+        # the mean of smoothstep over its own width is 1/2, so the cone holds this share of the power of a full cone
         table.fullness[i] = 1.0 - 0.5 * light.blend
         facing = table.axis[i]
     elif isinstance(light, PointLight):
         table.kind[i], table.cos_cone[i], table.radius[i] = POINT, -1.0, light.radius
         table.axis[i] = (0.0, 0.0, 1.0)
-    # a light that is set flush into a ceiling is to shine into the room: clear of that plane, as rays' origins are
+    # A light set flush into a ceiling must shine into the room: move it clear of the plane, as is done with the origins
+    # of rays
     table.position[i] = position + CLEAR * (np.abs(position).max() + extent) * facing
 
 
@@ -122,7 +124,7 @@ def area_light_normal(lights, i):
 
 @njit(**INLINED)
 def spot_brightness(lights, i, cosine):
-    """Intensity of a spot light under an angle from its axis over that of an evenly lit cone of the same power."""
+    """Intensity of spot light i at the cosine to its axis, over the intensity of an even cone of the same power."""
     if cosine < lights.cos_cone[i]:
         return 0.0
     if lights.blend[i] <= 0.0:
@@ -133,8 +135,8 @@ def spot_brightness(lights, i, cosine):
 
 @njit(**INLINED)
 def light_ray(lights, i, numbers):
-    """A ray that light i sends out, by four numbers in [0, 1): origin, unit direction, and the factor on its power (1
-    on average over what the light emits)."""
+    """A ray that light i sends out, by four numbers in [0, 1): origin, unit direction, and a factor on the light's
+    power (whose mean over all rays is 1; of suns the disk's area, m2)."""
     s0, s1, s2, s3 = numbers
     kind, brightness = lights.kind[i], 1.0
     if kind in (RECTANGLE, ELLIPSE):
@@ -147,7 +149,7 @@ def light_ray(lights, i, numbers):
     direction, origin = to_world(local, vector(lights.axis, i)), vector(lights.position, i)
     if kind == SPOT:
         brightness = spot_brightness(lights, i, local[2])
-    # A sphere (or the sun) seen from a direction is a disk: start anywhere on it
+    # A sphere (or the sun) seen from a direction is a disk: the ray starts anywhere on the disk
     radius = lights.scene_radius if kind == SUN else lights.radius[i]
     if radius > 0.0:
         r, (p, q), (t, b) = radius * math.sqrt(s2), turn(s3), basis(direction)

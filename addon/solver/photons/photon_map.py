@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The photon map: photons in a tree of points, and the density of the nearest of them."""
+"""The photon map: photons in a tree of points, and irradiance from the density of the nearest photons."""
 
 import functools
 import math
@@ -36,16 +36,19 @@ from ..sampling.vectors import difference, dot, vector
 from ..system.kernels import FAST_KERNEL, INLINED, KERNEL, njit
 
 MAX_PHOTONS = 2**31 - 1
-_GUESS = 1.3  # on the squared radius of the last search, for the next: small costs repeats, large costs candidates
+# Factor on the squared radius of the last search, for the first try of the next one: a small factor costs repeated
+# searches, a large one superfluous candidates.
+_GUESS = 1.3
 
 
 class Photons(NamedTuple):
     """Stored hits of one pass, n of them.
 
     position: (n, 3) float32, m. surface: (n,) int32, side_id. power: (n, b) float32, W per band.
-    incoming: (n, 3) float32 unit vector back along the path for photons straight from a light (mirrors between count
-        as straight), zeros for others; (0, 3) where the scene has no use for it.
-    caustic: (n,) bool, whether it comes from a lamp or light by way of specular surfaces alone; (0,) without such.
+    incoming: (n, 3) float32 unit vector back along the path for photons straight from a light (mirrors on the way count
+        as straight), zeros for other photons; (0, 3) where the scene has no use for it.
+    caustic: (n,) bool, whether the photon comes from a lamp or light by way of specular surfaces alone; (0,) where the
+        scene has no caustics.
     layer: (n,) uint8, the layer of the image that it adds to (see layers); (0,) if there is but one.
     """
 
@@ -58,7 +61,7 @@ class Photons(NamedTuple):
 
 
 class PhotonStore:
-    """Room for the photons of one pass that grows as needed and is used again by the next pass."""
+    """Room for the photons of one pass, which grows as needed and is reused by the next pass."""
 
     def __init__(self, bands: int, incoming: bool, caustic: bool, layer: bool = False):
         """incoming, caustic, layer: see photon_arrays."""
@@ -72,7 +75,7 @@ class PhotonStore:
         return Photons(*(array[: self.count] for array in self._room))
 
     def append(self, batch: Photons) -> None:
-        """Copy a batch behind what is there."""
+        """Copy a batch behind the photons that are there."""
         end = self.count + len(batch.surface)
         if end > MAX_PHOTONS:
             raise MemoryError(f"Over {MAX_PHOTONS} photons stored in one pass: lower the photons per pass")
@@ -91,8 +94,7 @@ class PhotonStore:
 
 
 def photon_arrays(count: int, bands: int, incoming: bool, caustic: bool, layer: bool) -> Photons:
-    """Room for count photons. incoming: whether they carry the direction they came from, caustic: whether that mark,
-    layer: whether a layer."""
+    """Room for count photons. incoming, caustic, layer: whether photons store these, see Photons."""
     return Photons(
         np.empty((count, 3), np.float32),
         np.empty(count, np.int32),
@@ -128,9 +130,9 @@ def _fill_leaves(photons, plane, sheet, leaves):
 
 @njit(cache=True, nogil=True)
 def _cycles(order):
-    """The cycles of the permutation i -> order[i], one behind the other, (n,) int32; ~i marks where one starts.
+    """The cycles of the permutation i -> order[i], one behind the other, (n,) int32; ~i marks the start of a cycle.
 
-    Walking them first lets the processor move rows ahead of time: it then knows where the next ones lie.
+    With the cycles known beforehand the processor can load rows ahead of time, as it knows where the next rows lie.
     """
     walk, n = np.empty(order.size, np.int32), 0
     seen = np.zeros(order.size, np.bool_)
@@ -146,7 +148,7 @@ def _cycles(order):
 
 @njit(cache=True, nogil=True)
 def _permute(rows, walk):
-    """Fill every row of (n, c) with the next one of its cycle, without a second array."""
+    """Fill every row of (n, c) with the next row of its cycle, without a second array. walk: see _cycles."""
     kept = np.empty(rows.shape[1], rows.dtype)
     for n in range(walk.size):
         i = walk[n]
@@ -164,7 +166,7 @@ def _permute(rows, walk):
 
 @njit(cache=True, nogil=True)
 def _coincident(position):
-    """How many of sorted photons (n, 3) lie where the one before them does."""
+    """How many of sorted photons, position (n, 3), coincide with the photon before."""
     count = 0
     for i in range(1, len(position)):
         same = True
@@ -175,10 +177,11 @@ def _coincident(position):
 
 
 def _merged(photons: Photons) -> Photons:
-    """Sorted photons, of which those at one point, on one side and of one layer are one.
+    """Sorted photons, with photons at one point, on one side and of one layer merged into one.
 
-    k of them or more would leave estimates a disk that holds none: as one they are spread over the largest disk, and
-    none of their power is lost. Where they came from differently, the first one's way stands for all.
+    Where k photons or more coincide, the disk of the nearest k would have no radius and hold none. Merged into one
+    photon, their power is spread over the largest disk and nothing is lost. If they came from different directions, the
+    direction of the first stands for all.
     """
     starts = np.ones(len(photons.surface), np.bool_)
     starts[1:] = np.any(photons.position[1:] != photons.position[:-1], axis=1)
@@ -191,7 +194,7 @@ def _merged(photons: Photons) -> Photons:
 
 
 def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap:
-    """Photon map of photons on the surfaces, which are sorted in place. run: map, or a pool's."""
+    """Photon map of photons on the surfaces. The photons are sorted in their own arrays. run: map, or a pool's."""
     walk = _cycles(morton_order(photons.position))
     leaves = empty_leaves(len(walk), 7)
 
@@ -213,8 +216,8 @@ def build_photon_map(photons: Photons, surfaces: Surfaces, run=map) -> PhotonMap
 
 
 class Neighbours(NamedTuple):
-    """Room for one search: numbers and squared distances of candidates, room for a walk, one value, and the side_ids of
-    the triangles that a disk lies on (PATCH_LIMIT,)."""
+    """Room for one search: index (c,) int32 and distance2 (c,) float32, m2, of candidates; walk; edge (1,) float32, see
+    _kth_smallest; patch (PATCH_LIMIT,) int32, side_ids of the triangles that the disk lies on."""
 
     index: np.ndarray
     distance2: np.ndarray
@@ -236,7 +239,7 @@ def neighbours_room(k):
 
 
 class Query(NamedTuple):
-    """What a search looks for: points around a point, m, of its sheet, that face the way of the normal. All float32."""
+    """What a search is for: points near a point (m), on the same sheet, with nearly the same normal. All float32."""
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
@@ -272,11 +275,12 @@ class Disk(NamedTuple):
 
 @njit(**KERNEL)
 def _kth_smallest(values, count, k, top, edge):
-    """The k-th smallest (from 1) of the first count values >= 0, of which at least k are not above top.
+    """The k-th smallest (from 1) of the first count values, all >= 0, of which at least k are not above top.
 
-    Squared distances within a disk are about evenly spread, so interpolation between an edge that lies below it and one
-    above closes in within a few steps; what is left is counted off from the nearer edge. Each step is a pass without
-    branches over the values' bits, which are in the order of the values. edge: room for (1,) float32.
+    Squared distances within a disk are spread about evenly. So interpolation between a lower and an upper edge closes
+    in on the k-th value within a few steps; the last few values are counted off from the nearer edge. Each step is a
+    pass without branches over the values' bits, whose order as integers is the order of the values. edge: room, (1,)
+    float32.
     """
     bits, edge_bits = values.view(np.int32), edge.view(np.int32)
     low, high = np.float32(0.0), np.nextafter(np.float32(top), np.float32(np.inf))
@@ -323,9 +327,9 @@ def _kth_smallest(values, count, k, top, edge):
 
 @njit(inline="always")
 def leaf_distances(leaf, query, other, near):
-    """Squared distances, m2, of a leaf's points (see PhotonMap) from a Query into near (WIDTH,) float32.
+    """Fill near (WIDTH,) float32 with the squared distances, m2, of a leaf's points (see PhotonMap) from a Query.
 
-    `other` stands for those on other sheets and those that face another way. All are float32.
+    Points on other sheets, and points whose normal differs too much, get the value `other` instead. All float32.
     """
     (x, y, z), (nx, ny, nz) = query.point, query.normal
     for j in range(WIDTH):
@@ -337,9 +341,10 @@ def leaf_distances(leaf, query, other, near):
 
 @njit(inline="always")
 def _search(photon_map, query, k, bound, room):
-    """List the photons of a Query that are nearer than sqrt(bound), and some more, in room.
+    """List the photons of a Query that are nearer than sqrt(bound), and perhaps some others, in room.
 
-    Returns how many, and the squared distance within which all are known: that of the k-th, or bound if fewer.
+    Returns how many are listed, and the squared distance within which all are listed: that of the k-th photon, or bound
+    if there are fewer than k.
     """
     tree = photon_map.tree
     index, distance2, walk, near = room.index, room.distance2, room.walk, room.walk.near
@@ -361,7 +366,7 @@ def _search(photon_map, query, k, bound, room):
                 bound = _kth_smallest(distance2, count, k, bound, room.edge)
                 kept = 0
                 for j in range(count):
-                    # many may lie at exactly one distance; they must not push out those that are nearer
+                    # many photons may lie at exactly the same distance: they must not push out nearer ones
                     if distance2[j] < bound or (distance2[j] == bound and kept < 2 * k):
                         index[kept], distance2[kept] = index[j], distance2[j]
                         kept += 1
@@ -373,15 +378,15 @@ def _search(photon_map, query, k, bound, room):
 
 @njit(inline="always")
 def gather(photon_map, surfaces, side_id, point, disk, guess, room):
-    """Find the photons around a point on a side, and the surface area they fell on.
+    """Find the photons around a point on a side, and the area of the surface on which they fell.
 
-    The disk is that of the k-th neighbour, or of radius sqrt(reach2) where fewer than k photons lie in it, and then
-    shrunk: r^2 = shrink2 r_k^2. Of k neighbours the k-th is left out. Both together estimate the density without bias:
-    for k neighbours E[(k - 1) / (density area)] = 1, and the fixed disk adds exactly what the limit cuts off that mean.
-    Near edges the area is that of the surface really inside the disk, and only its photons count (patch_in_ball), and
-    beside a wall that of this side of it.
+    The disk reaches to the k-th nearest photon, or to sqrt(reach2) where fewer than k photons lie within that radius,
+    and then shrinks: r^2 = shrink2 r_k^2. The photon on the rim, the k-th, does not count. Together this estimates the
+    density of photons without bias: for k neighbours E[(k - 1) / (density area)] = 1, and the disk of fixed radius adds
+    exactly what the limit cuts off that mean. Near edges the area is that of the surface inside the disk, and only
+    photons on that surface count (see patch_in_ball); beside a wall only the part on this side of the wall counts.
 
-    disk: see Disk. guess: squared radius to try first; it changes the time, not the result.
+    disk: see Disk. guess: m2, squared radius that is tried first; it changes the time, not the result.
     Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
     """
     x, y, z = point
@@ -395,7 +400,7 @@ def gather(photon_map, surfaces, side_id, point, disk, guess, room):
 
 @njit(**FAST_KERNEL)
 def _gather(photon_map, surfaces, side_id, point, disk, guess, room):
-    """gather, with one type of each argument, whoever calls: so it is compiled once."""
+    """gather, with one type for each argument whoever calls, so that it is compiled once."""
     k, photons = disk.neighbours, photon_map.photons
     query = query_at(surfaces, side_id, point)
     limit = np.float32(disk.reach2)
@@ -437,8 +442,11 @@ def _gather(photon_map, surfaces, side_id, point, disk, guess, room):
 
 @njit(**FAST_KERNEL)
 def _on_patch(photons, surfaces, side_id, ball, members, near, room):
-    """Keep those of the first `near` photons in room.index that lie on the patch whose area is counted, of so many
-    members; returns their number."""
+    """Keep, of the first `near` photons in room.index, the photons on the patch whose area is counted; returns how
+    many.
+
+    members: number of triangles of the patch, in room.patch; 0 where region_area measured the area.
+    """
     index, patch, surface, kept = room.index, room.patch, photons.surface, 0
     if members == 1:
         for i in range(near):

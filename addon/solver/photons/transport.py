@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Photons travel: Embree traces a wave of rays, a kernel stores and scatters them, until roulette has ended all."""
+"""Transport: Embree traces a wave of photons, a kernel stores and scatters them, until roulette has ended all."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -18,17 +18,19 @@ from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
 from .wave import LIT_BY_LAMP, LIT_BY_LIGHT, Wave, arrive, empty_wave, has_arrived
 
-# No photon survives a bounce with more than this chance, so that facing mirrors end: its weight makes up for it.
+# Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
+# of the survivors makes up for it.
 MAX_SURVIVAL = 1.0 - 1.0 / 4096.0
 _DIMENSIONS = 4  # random numbers of one bounce
-_ROULETTE, _LOBE = 8, 9  # dimension of the first bounce that decides on survival, and the first of two that turn
+_ROULETTE, _LOBE = 8, 9  # dimensions in the first bounce: of the survival, and the first of two for the new direction
 
 
 class Optics(NamedTuple):
-    """What the walk needs to know beside the tables. band_share: (b,) float32, of a band's width in the range.
+    """Choices of the photons' transport.
 
-    power_roulette: survival by power (else by the band average). keep_incoming: store directions of photons straight
-    from lights. keep_caustic: store which photons are part of a caustic. keep_layer: store their layers.
+    band_share: (b,) float32, width of each band over the width of all bands. power_roulette: whether survival depends
+    on the photon's power in each band (else on the mean reflectance of the bands). keep_incoming: whether to store
+    directions of photons straight from lights; keep_caustic: which photons are part of a caustic; keep_layer: layers.
     """
 
     band_share: np.ndarray
@@ -47,9 +49,9 @@ def trace_photons(
     cancelled: Callable[[], bool] = lambda: False,
     on_hits: Callable[[Hits, Wave], None] | None = None,
 ) -> Iterator[Photons]:
-    """Trace a batch of photons; yields what they store, one lot a bounce.
+    """Trace a batch of photons; yields the stored photons of each bounce.
 
-    on_hits(hits, wave) is called before every bounce with what the rays of the wave met.
+    on_hits(hits, wave) is called before every bounce with the Hits of the wave's rays.
     """
     bands = stage.radiometry.reference.size
     wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer), batch.count, 0
@@ -61,16 +63,16 @@ def trace_photons(
         stored = photon_arrays(count, bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
         kept, alive = scatter(stage, optics, batch.key, bounce, hits, wave, stored)
         if kept:
-            few = 2 * kept < count  # whoever keeps these should not keep the room for all
+            few = 2 * kept < count  # a copy, so that whoever keeps few photons does not keep the room for all
             yield Photons(*(array[:kept].copy() if few else array[:kept] for array in stored))
         count, bounce = alive, bounce + 1
 
 
 @njit(**FAST_KERNEL)
 def scatter(stage, optics, key, bounce, hits, wave, stored):
-    """Store the photons that hit, play roulette with them and send the survivors on, moved to the front of the wave.
+    """Store the photons that hit a surface, play roulette, and send the survivors on, moved to the front of the wave.
 
-    Returns the number stored and the number that survived.
+    Returns the number of stored photons and the number of survivors.
     """
     kept = alive = np.int64(0)  # no literal, see kernels
     for i in range(hits.triangle.size):
@@ -97,7 +99,8 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
             if weight <= 0.0:
                 continue
             scale *= weight
-            # light by way of mirrors is still straight, that of a lamp is part of a caustic by rough lobes, too
+            # A light's photon is straight as long as it meets mirrors alone; a lamp's photon is part of a caustic after
+            # rough lobes, too
             if wave.chain[i] == LIT_BY_LAMP or not is_glossy(lobes):
                 chain = wave.chain[i]
         else:
@@ -116,7 +119,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
 
 @njit(**FAST_INLINED)
 def _reflected_share(optics, power, rho):
-    """Share of a photon's power (b,) that a bounce would keep, or of the range where its bands reflect as one."""
+    """Share of a photon's power (b,) that is reflected; without power_roulette the mean reflectance over the bands."""
     reflected = arriving = np.float32(0.0)  # float32, so that a register holds 16 bands
     if optics.power_roulette:
         for b in range(rho.size):
@@ -132,7 +135,7 @@ def _reflected_share(optics, power, rho):
 
 @njit(**FAST_INLINED)
 def _store(optics, at, straight, wave, i, stored, kept):
-    """Store photon i of the wave at an Interaction as number `kept`. straight: whether it comes so from a light."""
+    """Store photon i of the wave at an Interaction as number `kept`. straight: whether straight from a light."""
     put_vector(at.point, stored.position, kept)
     stored.surface[kept] = at.side_id
     for b in range(stored.power.shape[1]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Photons in flight, from one surface to the next."""
+"""The wave: photons in flight from one surface to the next."""
 
 from typing import NamedTuple
 
@@ -13,13 +13,15 @@ LIT_BY_LIGHT, LIT_BY_LAMP = 1, 2
 
 
 class Wave(NamedTuple):
-    """Rays in flight, n of them.
+    """n photons in flight.
 
-    origin, direction: (n, 3) float32. power: (n, b) float32. photon: (n,) int64 number in the pass.
-    direct: (n,) bool, on the way from a lamp or light, whose direct light is not the photons' task. chain: (n,) int8,
-    LIT_BY_LIGHT or LIT_BY_LAMP where only specular reflections (of lights: only mirrors) lie between, else 0.
-    arrival: (n,) int32, side_id that a photon from the surroundings arrives on if the way back to them (the
-    ray) is free; -1 for photons on their way. u, v: where on it. layer: (n,) uint8 as in Photons.
+    origin, direction: (n, 3) float32. power: (n, b) float32, W. photon: (n,) int64, number in the pass.
+    direct: (n,) bool, whether the next hit is direct light that shadow rays find, so that it is not stored. chain: (n,)
+    int8, LIT_BY_LIGHT or LIT_BY_LAMP where the photon has met nothing but specular surfaces (after a light: nothing but
+    mirrors) since a light or lamp emitted it, else 0.
+    arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
+    ray leads back: it arrives if that ray leaves the scene. -1 for photons that travel forwards. u, v: (n,) float32,
+    barycentric coordinates on that side. layer: (n,) uint8 as in Photons.
     """
 
     origin: np.ndarray
@@ -52,8 +54,8 @@ def empty_wave(count: int, bands: int, layer: bool) -> Wave:
 
 @njit(**INLINED)
 def has_arrived(wave, i, triangle):
-    """Whether photon i is anywhere after its ray met a triangle, or none (-1): it is gone if it left the scene, and one
-    from the surroundings if the way back to them is not free."""
+    """Whether photon i has arrived on a surface. triangle: that its ray met, -1 for none. A photon that left the scene
+    has not; a photon from the surroundings has if its ray met nothing (see Wave)."""
     return (triangle >= 0) == (wave.arrival[i] < 0)
 
 

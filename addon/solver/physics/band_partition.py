@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where bands should end: edges that make the error of band-averaged transport least (docs/bands.md).
 
-A band reflects with one number rho_b where the truth has rho(lambda). What is lost is a covariance over the band, and
-its mean over the light that one material sends to another is at most the mean variance of their reflectances,
+A band reflects with one number rho_b, a real surface with rho(lambda). The error is a covariance over the band. Its
+mean over the light that one material sends to another is at most the mean variance of the reflectances of both,
 
     error(low, high) = mean over materials of  integral of (rho - rho_b)^2 w d lambda        W m-2 sr-1
 
-w is the radiance that arrives. To divide a range into bands with the least sum of such errors is the optimal partition
+w is the radiance that arrives. Dividing a range into bands with the least sum of such errors is the optimal partition
 of an interval: W. Fisher, On grouping for maximum homogeneity, J. Am. Stat. Assoc. 53 (1958); by dynamic programming
 R. Bellman, On the approximation of curves by line segments using dynamic programming, Comm. ACM 4 (1961).
 """
@@ -22,17 +22,17 @@ import numpy as np
 from ..scene import SceneError, check_band_edges
 from .spectrum import band_radiance, faintest, planck
 
-MOST_BANDS = 256  # that a tolerance may ask for
+MOST_BANDS = 256  # for a tolerance
 _CELLS = 512  # candidates for edges, at least
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # on -1..1, for the integrals between two candidates
-_EVEN = 1e-9  # weight of equal widths: they decide where no spectrum does
-_LEAST_SPREAD = 10.0  # K: lamps, too, light a scene of one temperature
+_EVEN = 1e-9  # weight of a term that prefers equal widths: it decides where no spectrum does
+_LEAST_SPREAD = 10.0  # K, least difference between hottest and coldest: even a scene of one temperature may have lights
 
 Curve = tuple[np.ndarray, np.ndarray]  # wavelengths (n,) um ascending and values (n,), linear between, constant outside
 
 
 class Partition(NamedTuple):
-    """edges: (b + 1,) float64 um, ascending. error: K of apparent temperature, foreseen, see choose_bands."""
+    """edges: (b + 1,) float64 um, ascending. error: expected error of the apparent temperature, K, see choose_bands."""
 
     edges: np.ndarray
     error: float
@@ -51,11 +51,11 @@ def choose_bands(
     """The bands between low and high (um) with the least error of band-averaged transport.
 
     curves: emissivities of the materials. temperatures: of surfaces and surroundings, K, at least one.
-    lights: temperatures of lights, K. count: number of bands; 0 takes the fewest whose foreseen error is at most
+    lights: temperatures of lights, K. count: number of bands; 0 takes the fewest bands whose expected error is at most
     tolerance (K). response: of the sensor, over wavelength, any scale; None is a box.
 
-    The foreseen error is the sum over bands of the error above, in kelvin of a blackbody of the median temperature:
-    what one reflection between two surfaces of one material loses, averaged over the materials that are not grey.
+    The expected error is the sum over bands of the error above, in kelvin of a blackbody at the median temperature: the
+    error of one reflection between two surfaces of one material, averaged over the materials that are not grey.
     Edges other than low and high are multiples of a round number. Raises SceneError if low and high are no range, if
     the response is 0 everywhere between them, or if even MOST_BANDS bands do not meet the tolerance.
     """
@@ -118,9 +118,9 @@ def error_table(
 def arriving_light(
     wavelength: np.ndarray, temperatures: tuple[float, float], lights: Sequence[float] = ()
 ) -> np.ndarray:
-    """Spectral radiance that arrives in excess of that of a uniform scene, shaped as wavelength (um), up to a scale.
+    """Spectral radiance that arrives in excess of a scene of one temperature, shaped as wavelength (um), up to a scale.
 
-    B(hottest) - B(coldest), and of all lamps together, whose light can be faint or strong, as much again.
+    B(hottest) - B(coldest), plus the same amount from all lights together, as their true amount is unknown here.
     """
     coldest, hottest = temperatures
     least = faintest(float(wavelength.min()))

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Layers of an image by what emitted: one for each temperature group, so that groups take new temperatures afterwards.
+"""Layers: an image kept apart by what emitted, so that temperature groups can get new temperatures afterwards.
 
 Transport is linear in what is emitted. With E_l the image of all that layer l emitted at the temperature R_l, and
 X_l(T) what its surfaces emit in excess of the reference T0, in each band:
 
     L = B(T0) + sum over l of  X_l(T_l) / X_l(R_l)  E_l
 
-is the image with the layers at any temperatures T_l. The ratio is the same for all surfaces whose emissivity does not
-change within a band, whatever it is; of the others each spectrum needs a layer of its own.
+is the image with the layers at any temperatures T_l. The ratio is the same for all surfaces whose emissivity is
+constant within each band, whatever its value. Each spectrum that varies within a band needs a layer of its own.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from ..scene import Scene, SceneError, check_temperature
 from .spectrum import band_radiance
 
 MOST_LAYERS = 256  # a photon keeps the number of its layer in a byte
-# K between a layer's temperature while it is traced and T0: closer, it would emit next to nothing, and its transport
-# would stay unknown.
+# Least difference (K) between T0 and the temperature at which a layer is traced: closer to T0 the layer would emit next
+# to nothing, and its transport would stay unknown.
 LEAST_EXCESS = 10.0
-_FLAT = 1e-6  # change of the emissivity within a band that counts as none
+_FLAT = 1e-6  # largest change of an emissivity within a band that still counts as constant
 _FAINT = 1e-30  # W m-2 sr-1: less does not survive as the power of a float32 photon
 
 
 class Layer(NamedTuple):
     """What one layer of an image holds.
 
-    group: name of the temperature group; '' is the first layer, of all that is in none.
-    material: name of the material whose spectrum it has; '' where emissivities are constant within each band.
-    curve: wavelengths (n,) um and emissivities (n,) of that material, float64; a blackbody without one.
-    temperature: K, in the scene. traced: K, while it was traced. Neither has a meaning for the first layer.
+    group: name of the temperature group; '' for the first layer, which holds all that is in no group.
+    material: name of the material whose spectrum the layer has; '' where emissivities are constant within each band.
+    curve: wavelengths (n,) um and emissivities (n,) of that material, float64; of a blackbody without such a material.
+    temperature: K, in the scene. traced: K, at which the layer was traced. Both have no meaning for the first layer.
     """
 
     group: str = ""
@@ -47,7 +47,7 @@ class Layer(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As files and messages call it."""
+        """The name of the layer in files and messages."""
         return f"{self.group}, {self.material}" if self.material else self.group or "no group"
 
 
@@ -55,7 +55,7 @@ SINGLE = (Layer(),)  # the layers of a scene without groups
 
 
 def scene_layers(scene: Scene) -> tuple[tuple[Layer, ...], np.ndarray | None]:
-    """The layers of a scene, and that of each triangle, (m,) uint8; None if there is but one.
+    """The layers of a scene, and the layer of each triangle, (m,) uint8; None instead if there is but one layer.
 
     `traced` is the scene's own temperature, see `trace_apart`. Raises SceneError if there are too many layers.
     """
@@ -63,9 +63,9 @@ def scene_layers(scene: Scene) -> tuple[tuple[Layer, ...], np.ndarray | None]:
         return SINGLE, None
     spectrum = _spectra(scene)[scene.material]
     kinds = len(scene.materials) + 1
-    codes = np.where(scene.group >= 0, kinds * scene.group.astype(np.int64) + spectrum + 1, -1)
+    keys = np.where(scene.group >= 0, kinds * scene.group.astype(np.int64) + spectrum + 1, -1)
     of_world = [kinds * scene.world_group] if scene.world_group >= 0 else []
-    found = np.unique(np.concatenate((codes, of_world)))
+    found = np.unique(np.concatenate((keys, of_world)))
     found = found[found >= 0].astype(np.int64)
     if len(found) >= MOST_LAYERS:
         raise SceneError(
@@ -73,14 +73,14 @@ def scene_layers(scene: Scene) -> tuple[tuple[Layer, ...], np.ndarray | None]:
             f"group; at most {MOST_LAYERS} are possible"
         )
     layers = list(SINGLE)
-    for code in found:
-        group, material = int(code) // kinds, int(code) % kinds - 1
+    for key in found:
+        group, material = int(key) // kinds, int(key) % kinds - 1
         kelvin = scene.group_temperature(group)
         spectral = Layer()[1:3]
         if material >= 0:
             spectral = scene.materials[material].name or "unnamed", scene.materials[material].curve
         layers.append(Layer(scene.groups[group], *spectral, kelvin, kelvin))
-    layer = np.where(codes >= 0, np.searchsorted(found, codes) + 1, 0)
+    layer = np.where(keys >= 0, np.searchsorted(found, keys) + 1, 0)
     return tuple(layers), layer.astype(np.uint8)
 
 
@@ -101,7 +101,7 @@ def _spectra(scene: Scene) -> np.ndarray:
 
 
 def trace_apart(layers: tuple[Layer, ...], reference: float) -> tuple[Layer, ...]:
-    """The layers with temperatures to trace them at: their own, or warmer ones if those are near the reference (K)."""
+    """The layers with the temperatures at which they are traced: their own, or warmer if near the reference (K)."""
 
     def apart(kelvin: float) -> float:
         near = abs(kelvin - reference) < LEAST_EXCESS
@@ -111,7 +111,7 @@ def trace_apart(layers: tuple[Layer, ...], reference: float) -> tuple[Layer, ...
 
 
 def traced_temperature(temperature: np.ndarray, layer: np.ndarray, layers: tuple[Layer, ...]) -> np.ndarray:
-    """The surfaces' temperatures, float32 K, with those in groups at the temperatures that their layers are traced at.
+    """The surfaces' temperatures, float32 K; for surfaces in groups the temperatures at which their layers are traced.
 
     temperature: (m, 1) or (m, 3) float32 K. layer: (m,) uint8, see Surfaces.
     """
@@ -122,7 +122,7 @@ def traced_temperature(temperature: np.ndarray, layer: np.ndarray, layers: tuple
 
 
 def sky_layer(scene: Scene, layers: tuple[Layer, ...]) -> int:
-    """The layer that the surroundings are in: they radiate like a blackbody."""
+    """The layer of the surroundings, which radiate like a blackbody."""
     if scene.world_group < 0:
         return 0
     of_sky = scene.groups[scene.world_group], ""
@@ -137,11 +137,11 @@ def group_temperatures(layers: tuple[Layer, ...]) -> dict[str, float]:
 def layer_factors(
     layers: tuple[Layer, ...], edges: np.ndarray, reference: float, temperatures: Mapping[str, float] | None = None
 ) -> np.ndarray:
-    """(layers, b) float64: X_l(T) / X_l(R_l), by which the bands of the layers count at other temperatures.
+    """(layers, b) float64: X_l(T) / X_l(R_l), by which the bands of the layers are multiplied at other temperatures.
 
-    edges: (b + 1,) um. reference: T0, K. temperatures: K, by group; those that are missing stay as in the scene.
-    Raises SceneError for a group that is not there, for what is no temperature, and where a layer was traced so cold
-    that a band holds nothing to go by.
+    edges: (b + 1,) um. reference: T0, K. temperatures: K, by group; groups that are not named keep their temperatures
+    of the scene. Raises SceneError for an unknown group, for a value that is no temperature, and for a layer that was
+    traced so cold that a band holds no radiance which could be scaled.
     """
     wanted = group_temperatures(layers)
     for group, kelvin in (temperatures or {}).items():
@@ -172,7 +172,7 @@ def to_json(layers: tuple[Layer, ...]) -> str:
 
 
 def from_json(text: str) -> tuple[Layer, ...]:
-    """The layers of `to_json`. Raises ValueError if the text is none, or holds what no layer can have."""
+    """The layers in a text made by `to_json`. Raises ValueError for any other text, and for impossible values."""
     try:
         layers = tuple(Layer(**{**each, "curve": tuple(map(np.array, each["curve"]))}) for each in json.loads(text))
         for each in layers:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Materials with a measured or computed spectral emissivity, each with its source.
 
-The data are two tables beside this file, both plain CSV with a header row, to be read and edited by anyone:
+The data are two tables beside this file, both plain CSV with a header row, which anyone can read and edit:
 
     library.csv          material, wavelength_um, emissivity: the points of each curve, wavelengths ascending
     library_sources.csv  material, category, kind, source, note: one row for each material
 
 docs/materials.md shows them and says how they were made.
 
-Artists keep materials of their own in one file more, which the environment variable INFRARED_PHOTONS_LIBRARY names (the
+Artists keep materials of their own in a third file, which the environment variable INFRARED_PHOTONS_LIBRARY names (the
 add-on sets it to a file in its user folder):
 
     material, wavelength_um, emissivity, source: the points of each curve; the source stands in its first row
@@ -77,7 +77,7 @@ def load() -> dict[str, LibraryMaterial]:
 
 
 def user_file() -> Path | None:
-    """The file of the artist's own materials, whether or not it exists yet; None if there is no place for one."""
+    """The file of the artist's own materials, whether or not it exists yet; None if USER_VARIABLE names none."""
     path = os.environ.get(USER_VARIABLE)
     return Path(path) if path else None
 
@@ -85,8 +85,8 @@ def user_file() -> Path | None:
 def user_materials() -> dict[str, LibraryMaterial]:
     """The artist's own materials by name, in the order of their file; none without a file.
 
-    Read again whenever the file has changed, by another Blender as well. Raises LibraryError if it is damaged, or has a
-    name that comes with the add-on.
+    The file is read anew whenever it has changed, even by another Blender. Raises LibraryError if it is damaged, or has
+    a name that comes with the add-on.
     """
     path = user_file()
     try:
@@ -108,8 +108,8 @@ def user_problem() -> str:
 
 
 def materials() -> dict[str, LibraryMaterial]:
-    """All materials by name: those of the add-on, then the artist's own. A damaged file of the latter is left out, with
-    a warning in the log: a render that needs none of them goes on."""
+    """All materials by name: those of the add-on, then the artist's own. A damaged file of the artist is left out, with
+    a warning in the log, so that a render without the artist's materials goes on."""
     built_in = load()
     try:
         return built_in | user_materials()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lobes: into which directions a surface reflects what it does not emit.
 
-A surface has a diffuse lobe, a specular one, or both; each takes a share of the reflectance rho. What is here says,
-for every lobe there is, how a direction is drawn from it, with which density, what it reflects from one direction to
-another, and how much of rho it reflects in all: its albedo. What a lobe loses at grazing angles, the surface emits, so
+A surface has a diffuse lobe, a specular lobe, or both; each takes a share of the reflectance rho. For every lobe, this
+module draws directions, gives the density of these directions, evaluates the BRDF from one direction to another, and
+gives the albedo: how much of rho the lobe reflects in all. What a lobe loses at grazing angles is emitted instead, so
 that an enclosure of one temperature is exactly black (docs/method.md).
 
 A new lobe gets a flag, a property of scene.Material, a column of LobeTable, and a branch in each kernel below.
@@ -30,9 +30,9 @@ _ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1
 class LobeTable(NamedTuple):
     """The lobes of m materials.
 
-    flags: (m,) uint8, the kinds that each has, joined. specular: (m,) float32 share of the reflectance that the
-    specular or glossy lobe takes, the diffuse one has the rest. alpha: (m,) float32 GGX width, 0 for mirrors. albedo:
-    (m, ALBEDO_NODES) float64 of the glossy lobe at cosines (i / (n - 1))^2; ones for mirrors.
+    flags: (m,) uint8, the kinds of lobes that a material has, joined. specular: (m,) float32, share of the reflectance
+    that the specular or glossy lobe takes; the diffuse lobe takes the rest. alpha: (m,) float32, GGX width, 0 for
+    mirrors. albedo: (m, ALBEDO_NODES) float64, of the glossy lobe at cosines (i / (n - 1))^2; ones for mirrors.
     """
 
     flags: np.ndarray
@@ -50,8 +50,8 @@ class Lobes(NamedTuple):
 
 
 class LobeSample(NamedTuple):
-    """A direction drawn from a lobe: unit vector away from the surface, and the weight f cos / density of the lobe
-    whose reflectance is 1; weight 0 where the direction points into the surface."""
+    """A direction drawn from a lobe: unit vector away from the surface, and the weight f cos / density, with f the BRDF
+    of the lobe for a reflectance of 1. The weight is 0 where the direction points into the surface."""
 
     direction: tuple[float, float, float]
     weight: float
@@ -81,7 +81,7 @@ def diffuse_share(lobes):
 
 @njit(**INLINED)
 def is_glossy(lobes):
-    """Whether a rough lobe is there, whose emission and reflection depend on the angle."""
+    """Whether there is a rough lobe, with which emission and reflection depend on the angle."""
     return lobes.flags & GLOSSY != 0
 
 
@@ -109,8 +109,8 @@ def sample_specular(lobes, at, s, w):
 
 @njit(**INLINED)
 def evaluate_glossy(lobes, at, direction):
-    """BRDF of the glossy lobe between the ray of an Interaction and a unit direction, sr^-1; 0 for mirrors, which no
-    given direction meets."""
+    """BRDF of the glossy lobe between the ray of an Interaction and a unit direction, sr^-1; 0 for mirrors, as a given
+    direction never is exactly the mirrored one."""
     if lobes.alpha == 0.0:
         return 0.0
     x, y, _ = to_local(at.incoming, at.shading_normal)
@@ -119,15 +119,15 @@ def evaluate_glossy(lobes, at, direction):
 
 @njit(**INLINED)
 def mirrored(incoming, normal, cosine):
-    """Direction of a ray after a mirror whose normal it meets under `cosine` > 0."""
+    """Direction of a ray after reflection in a mirror. cosine: > 0, between the reversed ray and the normal."""
     twice = 2.0 * cosine
     return incoming[0] + twice * normal[0], incoming[1] + twice * normal[1], incoming[2] + twice * normal[2]
 
 
 @njit(**INLINED)
 def emitted_complement(table, material, cosine):
-    """Share of the reflectance that the lobes lose towards a cosine, and that is emitted: eps(theta) = eps + rho times
-    this. 0 for diffuse and mirror lobes, which lose nothing."""
+    """Share of the reflectance that the lobes lose at a cosine. It is emitted: eps(theta) = eps + rho times this share.
+    0 for diffuse lobes and mirrors, which lose nothing."""
     if table.alpha[material] == 0.0:
         return 0.0
     return table.specular[material] * (1.0 - interpolate_albedo(table.albedo, material, cosine))
@@ -195,8 +195,8 @@ def evaluate_ggx(incoming, outgoing, alpha):
 
 @njit(**INLINED)
 def ggx_density(incoming, outgoing, alpha):
-    """Density, sr^-1, with which sample_ggx makes an outgoing local direction of an incoming one: G1 D / (4 cos) of the
-    incoming cosine (Heitz 2018, eq. 17)."""
+    """Density, sr^-1, with which sample_ggx draws the outgoing for an incoming local direction: G1 D / (4 cos), cos of
+    the incoming direction (Heitz 2018, eq. 17)."""
     (ix, iy, iz), (ox, oy, oz) = incoming, outgoing
     if iz <= 1e-9 or oz <= 1e-9:
         return 0.0
@@ -217,7 +217,7 @@ def ggx_albedo(alpha: float) -> np.ndarray:
 def _ggx_albedo(alpha, samples):
     """Albedo of the GGX lobe, (ALBEDO_NODES,) float64, at cosines (i / (n - 1))^2: the mean weight of sample_ggx.
 
-    It falls below 1 where facets shadow each other; the surface emits what the lobe loses. samples: per axis.
+    It is below 1 where facets shadow each other; the surface emits what the lobe loses. samples: per axis.
     """
     albedo = np.empty(ALBEDO_NODES)
     for i in range(ALBEDO_NODES):

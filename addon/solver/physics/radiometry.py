@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What surfaces emit and reflect in each band, as tables for the kernels.
 
-Radiance here is per band (W m-2 sr-1, integrated over the band), and in excess of the reference: with a reference
-temperature T0 the solver traces dL = L - B(T0), for which a surface emits e(T) - e(T0) (docs/method.md).
+Radiance here is integrated over each band (W m-2 sr-1), and in excess of the reference: with a reference temperature T0
+the solver traces dL = L - B(T0). In these terms a surface emits e(T) - e(T0) (docs/method.md).
 """
 
 import math
@@ -18,19 +18,19 @@ from .spectrum import band_emissivity, band_radiance, faintest
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
 COLDEST = 1.0  # K, see emission_range
-NONE, ALL, STRAIGHT = 0, 1, 2  # photons that a material stores
+NONE, ALL, STRAIGHT = 0, 1, 2  # which photons a material stores, see stored_photons
 
 
 class Radiometry(NamedTuple):
     """Materials (m of them) in b bands.
 
-    reflectance: (m, b) float32, 1 - eps, the emissivity weighted with what arrives, see excess_emissivity.
+    reflectance: (m, b) float32, 1 - eps, with eps averaged with what arrives as weight, see excess_emissivity.
     stores: (m,) uint8, see stored_photons.
-    lobes: of each material, how it shares what it reflects, see lobes.
+    lobes: into which directions each material reflects, see lobes.
     emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
     slope: the same, d/d(ln T) times the step.
     log_start: ln of the first temperature. base: (m + 1, b) float64, integral of eps B at T0, or zeros.
-    reference: (b,) float64, its last row. quiet: T0, K: surfaces at exactly this temperature have no excess.
+    reference: (b,) float64, last row of base: B(T0). quiet: T0, K: surfaces at exactly this temperature have no excess.
     """
 
     reflectance: np.ndarray
@@ -45,8 +45,9 @@ class Radiometry(NamedTuple):
 
 
 def stored_photons(materials: tuple[Material, ...], edges: np.ndarray) -> np.ndarray:
-    """(materials,) uint8, the photons that each stores: NONE, as it is a mirror or reflects nothing between the first
-    and the last edge (um), ALL, or those STRAIGHT from lights, in a rough lobe that is all of its reflection."""
+    """(materials,) uint8, which photons each material stores. NONE: it is a mirror, or reflects nothing between the
+    first and the last edge (um). STRAIGHT: it has nothing but a rough lobe, and stores photons straight from lights.
+    Else ALL."""
     stores = np.full(len(materials), ALL, np.uint8)
     for i, material in enumerate(materials):
         um, emissivity = material.curve
@@ -108,9 +109,9 @@ def build_radiometry(
 
 
 def grey_radiometry(materials: tuple[Material, ...], emissivity: np.ndarray) -> Radiometry:
-    """One band in which each material has one emissivity (m,) and nothing emits: for paths that plan.
+    """Tables of one band in which each material has one emissivity (m,) and nothing emits: for the pilot's paths.
 
-    Of all that is known before the reference temperature is chosen this is what says how much a path carries.
+    Before the reference temperature is chosen nothing more is known, and it suffices for the throughput of a path.
     """
     nothing = np.zeros((len(materials) + 1, 2, 1))
     return Radiometry(
@@ -127,14 +128,15 @@ def grey_radiometry(materials: tuple[Material, ...], emissivity: np.ndarray) -> 
 
 
 def table_rows(temperatures: tuple[float, float]) -> int:
-    """Temperatures t of the emission table, for the lowest and highest of any surface, K (see emission_range)."""
+    """Number t of temperatures in the emission table. temperatures: lowest and highest of any surface, K (see
+    emission_range)."""
     low, high = temperatures
     return max(2, math.ceil(math.log(high / low) / _LOG_STEP) + 2) if high > 0 else 2
 
 
 def reference_radiance(edges: np.ndarray, temperature: float) -> np.ndarray:
-    """(b,) float64 B(T0) of each band, W m-2 sr-1, rounded to float32: images hold -B(T0) in float32 where a ray sees
-    0 K, and adding the same number again must give exactly 0.
+    """(b,) float64 B(T0) of each band, W m-2 sr-1, rounded to float32. Where a ray sees 0 K, an image holds -B(T0) in
+    float32: adding B(T0) must then give exactly 0.
     """
     return band_radiance(edges, temperature).astype(np.float32).astype(np.float64)
 
@@ -142,7 +144,8 @@ def reference_radiance(edges: np.ndarray, temperature: float) -> np.ndarray:
 def excess_emissivity(edges: np.ndarray, one: float, other: float, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """(b,) emissivity of each band, weighted with the excess of a blackbody at one temperature (K) over the other.
 
-    (e(T1) - e(T0)) / (B(T1) - B(T0)), see docs/bands.md. Where both are alike (to 0.1 %) this is nearly the derivative.
+    (e(T1) - e(T0)) / (B(T1) - B(T0)), see docs/bands.md. Temperatures that are equal to 0.1 % are moved apart, so that
+    this is nearly the ratio of the derivatives.
     """
     cold = min(one, other)
     kelvin = np.array([cold, max(one, other, 1.001 * cold, faintest(float(edges[0])))])
@@ -152,13 +155,12 @@ def excess_emissivity(edges: np.ndarray, one: float, other: float, curve: tuple[
 
 @njit(inline="always")
 def locate(radiometry, temperature):
-    """Row of the emission table below a temperature and the place between the rows, 0..1; row -1 where cold."""
+    """Row of the emission table below a temperature, and the fraction of the way to the next row, 0..1. Row -1 for
+    temperatures far below the table."""
     if temperature <= 0.0:
         return -1, 0.0
     position = (math.log(temperature) - radiometry.log_start) / _LOG_STEP
-    if (
-        position < -0.5
-    ):  # far below the table, which reaches to the coldest surface but for rounding: see emission_range
+    if position < -0.5:  # the table reaches to the coldest surface, but for rounding: see emission_range
         return -1, 0.0
     row = min(max(math.floor(position), 0), radiometry.emission.shape[1] - 2)
     return row, position - row
@@ -166,9 +168,9 @@ def locate(radiometry, temperature):
 
 @njit(**FAST_INLINED)
 def excess(radiometry, material, temperature, cosine, out):
-    """Fill out (b,) with the radiance that a surface emits towards a direction, in excess of that at T0, W m-2 sr-1.
+    """Fill out (b,) with the radiance that a surface emits at a cosine, in excess of the radiance at T0, W m-2 sr-1.
 
-    What lobes lose at grazing angles is emitted: eps(theta) = eps + rho times their complement (see lobes).
+    What lobes lose at grazing angles is emitted: eps(theta) = eps + rho times the loss (see lobes).
     """
     if temperature == radiometry.quiet:
         out[:] = 0.0
@@ -206,9 +208,11 @@ def typical_emissivity(materials: tuple[Material, ...], edges: np.ndarray, tempe
 
 
 def emission_range(temperature: np.ndarray) -> tuple[float, float]:
-    """Lowest temperature above 0 K and highest of an array, K: what the emission table must reach.
+    """Lowest temperature above 0 K and highest temperature of an array, K: the emission table must reach from one to
+    the other.
 
-    Where a surface runs from 0 K to warmer, it reaches down to COLDEST, below which no band holds radiance to speak of:
+    Where the temperature varies over a triangle from below COLDEST on, the lowest is COLDEST, below which no band holds
+    radiance to speak of:
     at 1 K and 1 mm x = c2 / (lambda T) is 14, and it grows with 1 / T.
     """
     low, high = float(temperature.min()), float(temperature.max())

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spectral responses of thermal cameras, and what a band counts in them.
+"""Spectral responses of thermal cameras, and the weight of each band in them.
 
-The built-in responses are models of the physics of each kind of detector, with the parameters below; no curve of one
-camera is copied. docs/sensors.md derives them.
+The built-in responses are models of the physics of each kind of detector, with the parameters below, and no copies of
+the curve of a camera. docs/sensors.md derives them.
 
 A photon detector gives the same current for each absorbed photon. A watt of long waves is more photons than one of
 short waves, so the response to a watt grows with the wavelength, up to that of the semiconductor's gap energy E_g:
 
     R = lambda * eta(E),    eta = 1 / (1 + exp((E_g - E) / w)),    E = h c / lambda
 
-w says how soft the edge is. A bolometer responds to a watt alike at all wavelengths that it absorbs; its absorber
-and window limit it.
+w is the softness of the edge. A bolometer responds to an absorbed watt alike at all wavelengths; its absorber and its
+window limit what is absorbed.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ _CUT_ON_EDGE, _CUT_OFF_EDGE = 0.1, 0.3  # um: falls from 90 % to 10 % within 4.4
 def band_weights(response: Response | None, edges: np.ndarray) -> np.ndarray:
     """(b,) response in each band: its mean over the band, weighted with a blackbody at WEIGHTING; 1 without a response.
 
-    edges: (b + 1,) um. They depend on sensor and bands alone, so all frames and scenes are seen alike.
+    edges: (b + 1,) um. The weights depend on sensor and bands alone, so that they are the same for all frames and
+    scenes.
     """
     return np.ones(len(edges) - 1) if response is None else band_emissivity(edges, WEIGHTING, response.curve)
 

@@ -6,8 +6,8 @@ With x = c2 / (lambda T) the radiance of a blackbody between two wavelengths is
 (Modest, Radiative Heat Transfer, eq. 1.21-1.25). The integrand is analytic but for poles at multiples of 2 pi i, so
 Gauss-Legendre panels of bounded width in x reach machine precision for every band and temperature.
 
-The loops are in spectrum_kernels, which is loaded when a function here first needs it: Numba is large, and Blender's
-panels ask for no more than the bands.
+The inner loops are in spectrum_kernels, which is loaded when a function here first needs it: Numba is large, and
+Blender's panels need no more than the edges of the bands.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def faintest(wavelength: float) -> float:
 
 @cache
 def _kernels() -> ModuleType:
-    """spectrum_kernels. Raises SceneError without Numba, so that whoever asks is told in plain words."""
+    """The module spectrum_kernels. Raises SceneError, with a message in plain words, if Numba is missing."""
     try:
         from . import spectrum_kernels
     except ImportError as error:
@@ -87,7 +87,7 @@ def band_emissivity(edges: np.ndarray, temperature: float, curve: tuple[np.ndarr
 def sensor_radiance(
     edges: np.ndarray, weights: np.ndarray, temperature: float | np.ndarray, derivative: bool = False
 ) -> np.ndarray:
-    """What a sensor gets from a blackbody, W m-2 sr-1: the sum over bands of weight times radiance.
+    """Signal of a sensor in front of a blackbody, W m-2 sr-1: the sum over bands of weight times radiance.
 
     edges: (b + 1,) um. weights: (b,) response in each band. temperature: K, any shape, which the result has.
     derivative: return d/d(ln T) of it instead.
@@ -116,7 +116,7 @@ def apparent_temperature(radiance: np.ndarray, edges: np.ndarray, weights: np.nd
     radiance = np.ascontiguousarray(radiance, dtype=np.float64)
     edges = np.asarray(edges, dtype=np.float64)
     weights = np.ones(len(edges) - 1) if weights is None else np.asarray(weights, dtype=np.float64)
-    change = np.flatnonzero(np.diff(weights)) + 1  # neighbours of one weight are one band
+    change = np.flatnonzero(np.diff(weights)) + 1  # adjacent bands of the same weight count as one band
     calibration = _calibration(tuple(edges[[0, *change, -1]].tolist()), tuple(weights[[0, *change]].tolist()))
     result = np.empty_like(radiance)
     _kernels().invert(radiance.ravel(), *calibration, result.ravel())
@@ -131,7 +131,7 @@ def uniform_edges(low: float, high: float, count: int) -> np.ndarray:
 
 
 def band_names(edges: np.ndarray) -> list[str]:
-    """Pass names such as '7.50-7.90um'; as many decimals as keep neighbouring edges apart, two at least.
+    """Pass names such as '7.50-7.90um', with as many decimals as make all edges differ, two at least.
 
     Raises SceneError if a name is longer than Blender keeps.
     """

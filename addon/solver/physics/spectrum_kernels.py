@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The inner loops of spectrum."""
+"""The inner loops of the module spectrum."""
 
 import math
 
@@ -10,15 +10,16 @@ from .constants import C1, C2
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on 0..1
-_REACH = 50.0  # e^-50: what lies further up in x is below float64's resolution of the integral
-_PANEL = 6.25  # width in x at which 16 nodes err below 1e-16 (nearest pole 2 pi away)
+_REACH = 50.0  # width in x beyond which the rest of the integral, e^-50 of it, is below the resolution of float64
+_PANEL = 6.25  # width in x of a panel, in which 16 nodes err by less than 1e-16 (the nearest pole is 2 pi away)
 
 
 @njit(**KERNEL)
 def _add_segment(low, high, at_low, at_high, temperature, derivative, result):
     """Add to result (n,) the integral over low..high um of eps(lambda) B(lambda, T), eps linear between its ends.
 
-    temperature: (n,) K > 0. derivative: of d/d(ln T) of it instead; d B / d ln T = B x / (1 - e^-x).
+    temperature: (n,) K > 0. derivative: whether to integrate the derivative d/d(ln T) instead; d B / d ln T = B x / (1
+    - e^-x).
     """
     slope = (at_high - at_low) / (high - low)
     for i in range(temperature.size):

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that is learnt about a scene before the first pass, the same in every run."""
+"""Planning: all that is learnt about a scene before the first pass, the same in every run."""

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which surfaces are lamps, to which shadow rays are sent: small hot parts, which photons would show with the noise of
-their number.
+"""The choice of lamps: small hot surfaces whose direct light is found by shadow rays instead of photons.
 
-A wall that spans half the sky is the photon map's business. A source that is small against its distance is not: one
-shadow ray says nearly all about it, while k photons still err by 1 / sqrt(k). Its photons are then kept only from
-their second surface on (Jensen 2001, section 7.4; docs/estimators.md).
+The light of a wall that spans half the view is best found by photons. Of a source that is small against its distance
+one shadow ray says nearly all, while k photons err by 1 / sqrt(k). Photons of a lamp are then stored only from the
+second surface on that they meet (Jensen 2001, section 7.4; docs/estimators.md).
 """
 
 import math
@@ -25,20 +24,20 @@ from ..sampling.warps import triangle_point
 from ..system.kernels import KERNEL, njit
 from .pilot import Pilot
 
-_MOST = 64  # surfaces that may become lamps: those of most power
-_RECEIVERS = 512  # points at which they are judged
-_COMPACT = 0.3  # radius over distance, in the mean over what it lights, up to which a surface is a lamp
-_LEAST_SHARE = 0.03  # share of the light in the picture above which a surface is a lamp
-_LEAST_OF_ALL = 0.3  # share of all lamps below which shadow rays do not pay
-_AIMED, _AIMED_FROM = 8, 256  # points on a lamp to which rays are tried, and of how many receivers
-_UNSURE = 0.05  # see _unsureness: what is hidden in part more often is shown better by photons and rays
+_MOST = 64  # candidates: the sheets with most power
+_RECEIVERS = 512  # points at which candidates are judged
+_COMPACT = 0.3  # largest ratio of radius to distance of a lamp, in the mean over the points that it lights
+_LEAST_SHARE = 0.03  # share of the light in the image that a lamp contributes at least
+_LEAST_OF_ALL = 0.3  # share that all lamps contribute at least; below it shadow rays do not pay
+_AIMED, _AIMED_FROM = 8, 256  # trial shadow rays to each candidate: how many from a receiver, and how many receivers
+_UNSURE = 0.05  # largest _unsureness of a lamp: sources that are often hidden in part are left to photons and rays
 
 
 class Lamps(NamedTuple):
-    """What shadow rays are sent to, as entries of one discrete distribution, lights last.
+    """What shadow rays are sent to, as entries of one discrete distribution: sides of lamps, then lights.
 
-    cumulative: (e + 1,) float64, from 0 to 1. side_id: (n,) int32 of entries 0..n-1. lights: see LightTable. power: W,
-    of all entries. shines: (t, 2) bool, sides of triangles that shadow rays are sent to.
+    cumulative: (e + 1,) float64, from 0 to 1. side_id: (n,) int32 of entries 0..n-1. lights: entries from n on, see
+    LightTable. power: W, of all entries. shines: (t, 2) bool, sides of triangles that belong to lamps.
     """
 
     cumulative: np.ndarray
@@ -49,14 +48,14 @@ class Lamps(NamedTuple):
 
 
 class _Receivers(NamedTuple):
-    """Points (r, 3), normals (r, 3), float64, and side_ids (r,) int32 at which lamps are judged."""
+    """r points at which candidates are judged: point, normal (r, 3) float64; side_id (r,) int32."""
 
     point: np.ndarray
     normal: np.ndarray
     side_id: np.ndarray
 
     def thinned(self, most: int) -> "_Receivers":
-        """About so many of them."""
+        """About `most` of these receivers."""
         some = slice(None, None, max(1, len(self.point) // most))
         return _Receivers(*(column[some] for column in self))
 
@@ -64,13 +63,13 @@ class _Receivers(NamedTuple):
 def choose_lamps(
     surfaces: Surfaces, tracer: Tracer, side_power: np.ndarray, pilot: Pilot, lit: float, key: np.uint64
 ) -> np.ndarray:
-    """Sheets of surface that are lamps: small against their distance, a good part of the light in the picture, and
-    hidden or not, but seldom in part.
+    """Choose the sheets that are lamps: small against their distance, a good part of the light in the image, and seldom
+    hidden in part.
 
-    side_power: (t,) float64 |excess| power of one side of each triangle, W. pilot: says which sides can light the image
-    (the inside of a closed lamp cannot), and where camera paths gather. lit: W m-2, mean irradiance there from all
-    surfaces, as far as known. key: of the random numbers.
-    Returns (m, 2) bool, which sides of triangles belong to a lamp.
+    side_power: (t,) float64 |excess| power of one side of each triangle, W. pilot: tells which sides can light the
+    image (the inside of a closed lamp cannot), and where camera paths gather. lit: W m-2, mean irradiance from all
+    surfaces where camera paths gather, as far as known. key: of the random numbers.
+    Returns (t, 2) bool, which sides of triangles belong to a lamp.
     """
     sheet = surfaces.sheet
     power = np.bincount(sheet.ravel(), (side_power[:, None] * pilot.reachable).ravel())
@@ -93,8 +92,8 @@ def choose_lamps(
 
 
 def _judge(surfaces, labels, power, receivers) -> tuple[np.ndarray, np.ndarray]:
-    """Of the sheets with these labels (n,): mean irradiance (n,) at the receivers were nothing between, W m-2, and
-    their radius over distance (n,), weighted with that. power: (sheets,) W."""
+    """Judge the sheets with these labels (n,): their mean irradiance (n,) at the receivers, W m-2, as if all were
+    visible, and the ratio of radius to distance (n,), averaged with the irradiance as weight. power: (sheets,) W."""
     row = np.full(power.size, -1, np.int32)
     row[labels] = np.arange(labels.size)
     centre, radius = _spheres(surfaces.corners, surfaces.sheet, row, labels.size)
@@ -107,11 +106,12 @@ def _judge(surfaces, labels, power, receivers) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unsureness(surfaces, tracer, side_power, label, receivers, key) -> float:
-    """Variance that shadow rays to one sheet have as other things hide a part of it, over the mean square of what they
-    bring to the receivers.
+    """Variance of shadow rays to one sheet because other surfaces hide a part of it, over the mean square of the
+    irradiance that these rays find at the receivers.
 
-    A shadow ray goes to a point in proportion to what it would cause (see send_shadow). With G the mean of that, and E
-    that of the points from which the way is free, it brings G with the chance E / G: a variance of E (G - E).
+    A shadow ray chooses a point in proportion to the irradiance that this point would cause (see send_shadow). Let G be
+    the mean irradiance over all points of the sheet, and E the mean with 0 for hidden points. A shadow ray then finds G
+    with probability E / G and else 0: its variance is E (G - E).
     """
     sides = np.flatnonzero(surfaces.sheet.ravel() == label)
     cumulative = np.cumsum(side_power[sides >> 1])
@@ -127,8 +127,9 @@ def _unsureness(surfaces, tracer, side_power, label, receivers, key) -> float:
 
 @njit(**KERNEL)
 def _aim(surfaces, sides, cumulative, receivers, key, rays, caused):
-    """Rays from each receiver to _AIMED points on a sheet, and the irradiance, m-2, for 1 W of its power, that they
-    would cause. sides: (n,) side_ids of the sheet. cumulative: (n,) float64, of their power, up to 1."""
+    """Fill rays from each receiver to _AIMED points on a sheet, and caused (rays,) float64, m-2, the irradiance that
+    the point would cause for 1 W of the sheet's power. sides: (n,) side_ids of the sheet. cumulative: (n,) float64,
+    cumulative share of the sides' power, up to 1."""
     for i in range(caused.size):
         path, receiver = path_key(key, i), i // _AIMED
         chosen = sides[min(np.searchsorted(cumulative, uniform(path, 0)), sides.size - 1)]
@@ -139,13 +140,13 @@ def _aim(surfaces, sides, cumulative, receivers, key, rays, caused):
         cos_hit, cos_lamp = dot(way, n), -dot(way, lamp.normal)  # times the distance
         d2 = dot(way, way)
         caused[i] = max(0.0, cos_hit) * max(0.0, cos_lamp) / (math.pi * d2 * d2)
-        # further, or the lamp's own surface hides it, see send_shadow
+        # the ray ends a little beyond the point, or the lamp would hide its own point: see send_shadow
         leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(d2), lamp.normal), rays, i)
 
 
 @njit(cache=True, nogil=True)
 def _spheres(corners, sheet, row, count):
-    """Centre (n, 3) and radius (n,) of spheres that hold sheets. row: (labels,) int32, the sphere of a label or -1."""
+    """Centre (n, 3) and radius (n,) of spheres around sheets. row: (labels,) int32, sphere of a label or -1."""
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for t in range(sheet.shape[0]):
         for side in range(2):
@@ -169,9 +170,9 @@ def _spheres(corners, sheet, row, count):
 
 
 def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray, shines: np.ndarray) -> Lamps:
-    """The emitters that shadow rays are sent to: those marked as lamps, and all lights. shines: see Lamps."""
+    """The emitters to which shadow rays are sent: those marked as lamps, and all lights. shines: see Lamps."""
     side_id = emitters.surface[emitters.lamp]
-    # in the order of a curve through space: points at equal steps along it lie all around a lamp
+    # in the order of a Morton curve: points at equal steps along this curve lie all around a lamp
     side_id = side_id[morton_order(centroids(surfaces.corners[side_id >> 1]))]
     power = np.concatenate((side_power[side_id >> 1], light_totals(emitters.lights)))
     cumulative = np.concatenate(([0.0], np.cumsum(power)))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A short deterministic look at the scene before the first pass: what the image can depend on, and how open it is.
+"""The pilot: a few camera paths before the first pass tell what the image can depend on, and how open the scene is.
 
-Every run of a scene repeats it identically, so passes rendered elsewhere belong to the same image.
+Every run of a scene repeats the pilot identically, so that passes rendered on other machines belong to the same image.
 """
 
 import math
@@ -21,34 +21,38 @@ from ..sampling.warps import triangle_point
 from ..system.kernels import KERNEL, njit
 
 SKY_RAYS = 4  # rays to the surroundings that a gather from an open side sends
-# Chance of a side that seems out of the image's reach, against one within: nothing can be missed for good.
+# Chance that an unreachable side emits, over the chance of a reachable one. It is above 0, so that nothing which the
+# pilot failed to see is missing in the image.
 DEFENSIVE = 1.0 / 64.0
 _CAMERA_PATHS = 4096
-_BOUNCES = 8
+_BOUNCES = 8  # of a camera path
 _PROBES = 8192  # rays from sides that no camera path met
-_OPEN = 0.95  # share of the paths from a sheet that leave the scene above which it is open
+_OPEN = 0.95  # a sheet is open if more than this share of the paths that left it also left the scene
+_LEAST_OPEN = 16  # paths that must have left a sheet for it to be called open
 _TYPICAL_PHOTONS = 50  # of a gather
-_LEAST_ERROR = 0.1  # weight of surroundings that seem to be free of everything: a few paths cannot tell
-_LEAST_OPEN = 16  # paths that must have been sent from it
-_LEAST_DENSITY = 1.0 / 4.0  # of reachable sides, over their mean
-_PRIOR = 4.0  # paths that the mean density is worth on a sheet
+_LEAST_ERROR = 0.1  # least weight in _hidden: a few paths cannot tell that nothing at all hides the surroundings
+_LEAST_DENSITY = 1.0 / 4.0  # of reachable sides, over their mean density
+_PRIOR = 4.0  # paths that the mean density counts as on each sheet
 
 
 class Pilot(NamedTuple):
-    """What camera paths found.
+    """What the pilot's camera paths found, p steps of paths and r gathers.
 
     reachable: (t, 2) bool, sides that the image can depend on.
-    weight: (t, 2) float64, factor on the chance that a side emits: 1 on average, more where much of what the image
-        gathers comes from, at least DEFENSIVE. arrival: the same for photons from the surroundings to arrive there.
-    open: (t, 2) bool, sides from which nearly every direction leaves the scene: a ray says more than photons there.
-    importance: (t,) float64, how much of the light that the image gathers comes from each triangle, were all equally
-        bright; sky: how much comes from the surroundings, less where open sides see them. Together at most 1.
-    openness: share of cosine-distributed directions from reachable sides that leave the scene, 0 if there are none.
-    view: m, width of the frame where the camera's rays meet the scene (median); infinite if they meet nothing.
-    point, normal: (r, 3) float64, points where camera paths gather and the normals there. side_id: (r,) int32 of the
-        sides they lie on. throughput: (r,) float64, share of a pixel that the light reflected there makes up.
-    left, met: (p,) int32, label of the sheet that camera paths left, mirrored or in a random direction, and triangle
-        that they met, -1 for the surroundings.
+    weight: (t, 2) float64, factor on the probability that a side emits: 1 on average over reachable sides, more where
+        much of the light in the image comes from, at least DEFENSIVE. arrival: (t, 2) float64, the same factor for
+        photons from the surroundings that arrive on a side.
+    open: (t, 2) bool, sides from which nearly every direction leaves the scene: there a ray says more than photons.
+    importance: (t,) float64, share of the light in the image that comes from each triangle, if all triangles and the
+        surroundings were equally bright. sky: the share of the surroundings, lowered for open sides, which find the
+        surroundings by rays. The sum of all shares is at most 1.
+    openness: share of cosine-distributed directions from reachable sides that leave the scene; 0 without such sides.
+    view: m, width of the frame at the median distance where camera rays meet the scene; infinite if they meet nothing.
+    point, normal: (r, 3) float64, points where camera paths gather, m, and the normals there. side_id: (r,) int32,
+    sides
+        of these points. throughput: (r,) float64, share of a pixel that the light reflected there makes up.
+    left: (p,), label of the sheet that a path left, mirrored or in a random direction. met: (p,) int32, triangle that
+        the path met next, -1 for the surroundings.
     """
 
     reachable: np.ndarray
@@ -68,8 +72,8 @@ class Pilot(NamedTuple):
 
 
 class _Paths(NamedTuple):
-    """Camera paths, n of them. origin, direction: (n, 3) float32. throughput: (n,) float64. label: (n,) int64 of the
-    sheet that each left, -1 for the camera and for paths that have left the scene."""
+    """n camera paths. origin, direction: (n, 3) float32. throughput: (n,) float64. label: (n,) int64, the sheet that
+    the path left last, -1 for paths that come from the camera or have left the scene."""
 
     origin: np.ndarray
     direction: np.ndarray
@@ -78,9 +82,9 @@ class _Paths(NamedTuple):
 
 
 class _Gathers(NamedTuple):
-    """Where each of n camera paths gathers: the first point where something else than a mirror reflects it.
+    """Where each of n camera paths gathers: the first point where the path is not reflected by a mirror.
 
-    found: (n,) bool, whether there is one yet. The others: see Pilot, undefined where there is none.
+    found: (n,) bool, whether the path has such a point yet. The other fields: see Pilot, undefined where not found.
     """
 
     found: np.ndarray
@@ -91,11 +95,12 @@ class _Gathers(NamedTuple):
 
 
 class _Tally(NamedTuple):
-    """What camera paths met.
+    """Sums over camera paths.
 
-    reached: (labels,) bool, sheets. importance: (t + 1,) float64, throughput of those that met each triangle, last the
-    surroundings. By label of the sheet, float64: sources, throughput of those that met it, escapes, of those that left
-    the scene from there; left, how many left the sheet, and escaped, how many of them left the scene.
+    reached: (labels,) bool, sheets that a path met. importance: (t + 1,) float64, throughput of the paths that met each
+    triangle; last, of those that met the surroundings. The other fields are (labels,) float64. sources: throughput of
+    the paths that met the sheet. escapes: throughput of the paths that left the scene from the sheet. left: number of
+    paths that left the sheet. escaped: number of paths that left the scene from the sheet.
     """
 
     reached: np.ndarray
@@ -107,11 +112,11 @@ class _Tally(NamedTuple):
 
 
 def explore(stage: Stage, tracer: Tracer, eye: Eye, area: np.ndarray) -> Pilot:
-    """Follow camera paths that never end; the connected sheets of surface that they meet are reachable.
+    """Follow camera paths without roulette; the sheets that they meet are reachable.
 
-    A sheet is reachable, too, if something reachable is seen from it, so that small sources are not overlooked.
+    A sheet is reachable, too, if a reachable sheet is visible from it, so that small sources are not overlooked.
     stage: in one band, see grey_radiometry. area: (t,) float64, m2.
-    The seed has no part in it: renders of one scene with different seeds can be merged.
+    The seed of the render is not used, so that renders of one scene with different seeds can be merged.
     """
     surfaces, sheet = stage.surfaces, stage.surfaces.sheet
     paths, reach = _camera_paths(eye)
@@ -165,11 +170,12 @@ def _camera_paths(eye: Eye) -> tuple[_Paths, np.ndarray]:
 
 
 def _hidden(tally: _Tally, is_open: np.ndarray) -> float:
-    """Weight of the surroundings in what the image gathers, where open sheets (labels,) send rays to them: 1 where all
-    of their light comes as photons.
+    """Factor, at most 1, on the importance of the surroundings, as open sheets (labels,) find them by rays: 1 where all
+    light of the surroundings comes as photons.
 
-    Rays to the surroundings leave an error of sqrt((1 - V) / (V n)), V the share of them that is free, n their number
-    (stratified, they count double); photons leave 1 / sqrt(k). The weight of an open sheet is the ratio of both.
+    n rays to the surroundings leave a relative error of sqrt((1 - V) / (V n)), where V is the visible share of the
+    surroundings (stratified rays count double); photons leave 1 / sqrt(k). The weight of an open sheet is the ratio of
+    the two errors.
     """
     visible = tally.escaped / np.maximum(tally.left, 1.0)
     error = np.sqrt((1.0 - visible) / np.maximum(visible, 1e-9) * (_TYPICAL_PHOTONS / (2.0 * SKY_RAYS)))
@@ -178,21 +184,22 @@ def _hidden(tally: _Tally, is_open: np.ndarray) -> float:
 
 
 def _density(count: np.ndarray, sheet: np.ndarray, area: np.ndarray, reachable: np.ndarray) -> np.ndarray:
-    """(t, 2) density of what was counted on every sheet, over the mean of the reachable sides.
+    """(t, 2) float64 density of the counts (labels,) on each sheet, over the mean density of the reachable sides.
 
-    A sheet that few paths could meet is taken to be like the mean: the mean of a gamma posterior with that prior.
+    A sheet so small that few paths could meet it is taken to be like the mean: this is the mean of the posterior with
+    a gamma distribution as prior.
     """
     size = np.bincount(sheet.ravel(), (area[:, None] * reachable).ravel(), count.size)
     mean = count.sum() / max(size.sum(), 1e-300)
     if mean == 0.0:
         return np.where(reachable, 1.0, DEFENSIVE)
-    count = count * (_CAMERA_PATHS / count.sum())  # as many as were met, about, whatever their throughputs
+    count = count * (_CAMERA_PATHS / count.sum())  # about as many as there were paths, whatever their throughputs
     density = (count + _PRIOR) / (size * (_CAMERA_PATHS / max(size.sum(), 1e-300)) + _PRIOR)
     return np.where(reachable, np.maximum(density, _LEAST_DENSITY)[sheet], DEFENSIVE)
 
 
 def _view_width(surfaces: Surfaces, eye: Eye, hits: Hits) -> float:
-    """Median width of the frame (m) at the points that camera rays hit; a radian's width for panoramas."""
+    """Width of the frame (m) at the median distance where camera rays hit; for panoramas of a radian."""
     hit = hits.triangle >= 0
     if not hit.any():
         return math.inf
@@ -215,7 +222,7 @@ def _openness(surfaces: Surfaces, tracer: Tracer, area: np.ndarray, reachable: n
 
 
 def _reach_further(surfaces: Surfaces, tracer: Tracer, reached: np.ndarray) -> None:
-    """Mark the sheets, reached (labels,) bool, from which a reached sheet is seen, as far as probes tell."""
+    """Mark in reached (labels,) bool the sheets from which a reached sheet is visible, as far as probes tell."""
     for stream in PROBES:
         side_id = _unreached_sides(surfaces.sheet, reached)
         if side_id.size == 0:
@@ -228,7 +235,7 @@ def _reach_further(surfaces: Surfaces, tracer: Tracer, reached: np.ndarray) -> N
 
 
 def _unreached_sides(sheet: np.ndarray, reached: np.ndarray) -> np.ndarray:
-    """Side_ids (n,) int32 of sheets that are not reached, some of every sheet, in all about _PROBES."""
+    """Side_ids (n,) int32 of sheets that are not reached: some sides of every sheet, in all about _PROBES."""
     labels = sheet.ravel()
     side_id = np.flatnonzero(~reached[labels]).astype(np.int32)
     side_id = side_id[np.argsort(labels[side_id], kind="stable")]
@@ -241,7 +248,7 @@ def _unreached_sides(sheet: np.ndarray, reached: np.ndarray) -> np.ndarray:
 
 
 def _probe(surfaces: Surfaces, tracer: Tracer, key: np.uint64, side_id: np.ndarray) -> tuple[np.ndarray, RayBatch]:
-    """Which triangles (n,) cosine-distributed rays from these sides (n,) meet, -1 for none, and the rays."""
+    """Triangles (n,) that cosine-distributed rays from sides (n,) meet, -1 for none, and the rays."""
     rays = empty_ray_batch(side_id.size)
     _start_probes(surfaces, key, side_id, rays)
     return tracer.trace(*rays).triangle, rays
@@ -249,7 +256,7 @@ def _probe(surfaces: Surfaces, tracer: Tracer, key: np.uint64, side_id: np.ndarr
 
 @njit(**KERNEL)
 def _start_probes(surfaces, key, side_id, rays):
-    """Start a ray from each of the sides (n,), anywhere on it."""
+    """Start a ray from each of the sides (n,), at a random point."""
     for i in range(side_id.size):
         path = path_key(key, i)
         u, v = triangle_point(uniform(path, 0), uniform(path, 1))
@@ -259,9 +266,9 @@ def _start_probes(surfaces, key, side_id, rays):
 
 @njit(**KERNEL)
 def _bounce(stage, key, bounce, hits, paths, gathers, tally):
-    """Mark the sheets that rays meet, add up what they would bring to the image, and send them on.
+    """Mark the sheets that paths meet, add the throughputs to the tally, and send the paths on.
 
-    Those that left the scene stay outside. Rough lobes count as diffuse.
+    Paths that left the scene stay outside. Rough lobes count as diffuse.
     """
     surfaces = stage.surfaces
     for i in range(hits.triangle.size):
@@ -296,8 +303,8 @@ def _bounce(stage, key, bounce, hits, paths, gathers, tally):
 
 @njit(**KERNEL)
 def _reach_back(surfaces, side_id, triangle, rays, reached):
-    """A sheet from which a reached sheet is seen can send it photons, so it is reached too. triangle: (n,) int32, what
-    rays from the sides (n,) met."""
+    """Mark sheets from which a reached sheet is visible: they can send photons there. triangle: (n,) int32, met by the
+    rays from the sides (n,)."""
     for i in range(side_id.size):
         if triangle[i] >= 0:
             seen = facing_side(surfaces, triangle[i], vector(rays.direction, i))
@@ -308,10 +315,10 @@ def _reach_back(surfaces, side_id, triangle, rays, reached):
 def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) -> float:
     """Squared radius (m2) of the largest gather disk.
 
-    Where photons lie one ninth as dense as on average over the reachable surfaces, the disk holds k of them; in
-    sparser places it keeps its size and holds fewer: more noise, which the image says, rather than more blur, which it
-    does not. For the same reason it is no wider than an eighth of the picture, but for pictures so small that such a
-    disk would hold less than one photon (a camera may touch what it sees).
+    Where photons are nine times sparser than on average over the reachable surfaces, this disk holds k photons. Where
+    they are sparser still, the disk stays as large and holds fewer: this means more noise, which the image tells, and
+    not more blur, which it does not tell. For the same reason the disk is no wider than an eighth of the view, unless
+    the view is so small (as of a camera that touches what it sees) that such a disk would hold less than one photon.
     """
     reachable = float(np.sum(area * pilot.reachable.sum(axis=1)))
     one = max(reachable, 1e-30) / (math.pi * photons)  # holds one photon on average

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a Scene to a Model: tables, emitters, and all that is learnt before the first pass.
 
-The order is that in which things depend on each other. The pilot follows grey paths and finds what the image can depend
-on; from that follow the reference temperature, hence what emits how much, hence the lamps and the photons' chances; a
-few trial photons then say where photons are needed, and a survey of the pixels what to spend on each.
+Each step needs the results of those before. The pilot follows grey camera paths and finds what the image can depend on.
+From the pilot follows the reference temperature, and with it how much each surface emits in excess. From the emission
+follow the lamps and the probabilities with which photons are emitted. A few trial photons then say where photons are
+needed, and a survey of the pixels says how many rays each pixel needs.
 """
 
 from __future__ import annotations
@@ -43,10 +44,15 @@ from .survey import survey_pixels
 
 log = logging.getLogger(__name__)
 
-_TRIAL_PHOTONS = (1024, 8192, 16384, 65536)  # a glance says whether a guide would help
-_KNOWN = 512  # photons that mattered, after which no larger trial is made
-_PLAN_PHOTONS = 8192
-_ENOUGH = 0.15  # share of photons that matter above which unequal weights would cost more than a guide brings
+_TRIAL_PHOTONS = (
+    1024,
+    8192,
+    16384,
+    65536,
+)  # of one trial after the other; the first tells whether a guide would help
+_KNOWN = 512  # contributing photons that suffice, so that no larger trial is made
+_PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
+_ENOUGH = 0.15  # share of contributing photons above which unequal weights would cost more than a guide brings
 _WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refined
 
 
@@ -54,11 +60,11 @@ _WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refine
 class Model:
     """A scene made ready to render.
 
-    samples: (pixels,) uint16, rays of every pixel in a pass. reach2: m2, squared radius of the largest disk. visible:
-    where camera paths gather. splitting: None without photons. reference_temperature: K. weights: (b,) response of the
-    sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers, b) by which
-    their bands count in what the sensor sees. hits_per_photon: that are stored, of trial photons. rays_per_pixel: that
-    are under way at once, where most are.
+    samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
+    visible: where camera paths gather. splitting: None without photons. reference_temperature: K. weights: (b,)
+    response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
+    b) by which the bands of each layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a
+    trial photon. rays_per_pixel: rays under way at once, in the tile where they are most.
     """
 
     tracer: Tracer
@@ -86,9 +92,9 @@ def prepare(
     geometry: Geometry | None = None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Model | None:
-    """Build what the passes need, and only what this scene needs; the log says what that is. None if it was cancelled.
+    """The Model of a scene, with nothing that this scene does not need; the log says what is needed. None if cancelled.
 
-    geometry: of an earlier scene, kept if it is the same.
+    geometry: of an earlier scene, reused if it is the same.
     """
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
@@ -157,7 +163,7 @@ def prepare(
 
 
 def _reference_temperature(settings: Settings, sources: Sources) -> float:
-    """T0 in K, 0 for none; in float32 as surfaces' temperatures are, so that those that equal it emit no photons."""
+    """T0 in K, 0 for none. In float32, as surfaces' temperatures are, so that surfaces at T0 emit no photons at all."""
     if not settings.reference_subtraction:
         return 0.0
     given = settings.reference_temperature
@@ -165,9 +171,10 @@ def _reference_temperature(settings: Settings, sources: Sources) -> float:
 
 
 def _build_stage(scene: Scene, grey: Stage, layers: tuple[Layer, ...], reference: float, weighting: float) -> Stage:
-    """The stage of the passes: the surfaces of the grey one at the temperatures that their layers are traced at.
+    """The stage of the passes: surfaces at the temperatures at which their layers are traced, and tables in all bands.
 
-    reference: T0, K. weighting: K, temperature of what lights the surfaces.
+    grey: the stage of the pilot, with the same surfaces. reference: T0, K. weighting: K, temperature of what lights the
+    surfaces.
     """
     surfaces = grey.surfaces
     temperature = traced_temperature(surfaces.temperature, surfaces.layer, layers)
@@ -176,11 +183,11 @@ def _build_stage(scene: Scene, grey: Stage, layers: tuple[Layer, ...], reference
 
 
 def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps, layers: int) -> tuple[Optics, bool]:
-    """What hits of photons need, and whether any hit stores one."""
+    """The Optics of a scene, and whether any hit stores a photon."""
     used = np.unique(stage.surfaces.material)
     flags = stage.radiometry.lobes.flags[used]
     caustic = lamps.power > 0 and bool(np.any(flags & (GLOSSY | SPECULAR)))
-    straight = bool(np.any(flags & GLOSSY)) and len(scene.lights) > 0  # by way of a mirror; shadow rays bring the rest
+    straight = bool(np.any(flags & GLOSSY)) and len(scene.lights) > 0  # by way of a mirror; shadow rays find the rest
     stored = stage.radiometry.stores[used]
     widths = np.diff(scene.band_edges)
     optics = Optics(
@@ -190,7 +197,7 @@ def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps,
 
 
 def _log_needs(scene: Scene, stage: Stage, reference: float | None, photons: int) -> None:
-    """Tell what this scene needs. reference: K, None for no subtraction. photons: of a pass."""
+    """Log what this scene needs. reference: K, None for no subtraction. photons: of a pass."""
     used = np.unique(stage.surfaces.material)
     flags = np.bitwise_or.reduce(stage.radiometry.lobes.flags[used])
     log.info(
@@ -215,7 +222,7 @@ def photon_store(bands: int, optics: Optics) -> PhotonStore:
 def trial_pass(
     tracer: Tracer, stage: Stage, emitters: Emitters, optics: Optics, cancelled: Callable[[], bool]
 ) -> Trial:
-    """What a pass of _PLAN_PHOTONS stores, to plan splitting by."""
+    """The Trial by which splitting is planned: what a pass of _PLAN_PHOTONS stores."""
 
     def told(hits: Photons):
         caustic = hits.caustic if optics.keep_caustic else np.zeros(len(hits.surface), np.bool_)
@@ -237,7 +244,7 @@ def learn_guide(
     gather_tree: GatherTree,
     cancelled: Callable[[], bool],
 ) -> Emitters:
-    """The emitters with a guide towards what the image gathers, if photons of a few trial passes say that it helps."""
+    """The emitters with a guide towards where camera paths gather, if trial passes say that it lowers the noise."""
     for trial, count in enumerate(_TRIAL_PHOTONS):
         batch = Batch(pass_key(0, trial, TRIAL), 0, count, count)
         score = np.zeros(count)
@@ -246,18 +253,18 @@ def learn_guide(
             add_scores(gather_tree, stage, hits, wave, score)
 
         for _ in trace_photons(tracer, stage, emitters, optics, batch, cancelled, add):
-            pass  # what they store is of no use
+            pass  # the stored photons are not needed, only their scores
         numbers, density = chosen_numbers(emitters.guide, batch.key, count)
         guide, gain = build_guide(numbers, score * density * count, density)
-        mattered = np.count_nonzero(score)
+        contributing = np.count_nonzero(score)
         log.info(
-            "%d of %d trial photons matter to the image; guide of %d cells, gain %.2f",
-            mattered, count, len(guide.density), gain,
+            "%d of %d trial photons contribute to the image; guide of %d cells, gain %.2f",
+            contributing, count, len(guide.density), gain,
         )  # fmt: skip
-        if mattered > _ENOUGH * count:
+        if contributing > _ENOUGH * count:
             break
         if gain >= _WORTHWHILE:
             emitters = emitters._replace(guide=guide)
-        if mattered > _KNOWN:
+        if contributing > _KNOWN:
             break
     return emitters

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Choice of the reference temperature T0 of the subtraction L = B(T0) + dL, and the spectrum of what dL begins with."""
+"""Choice of the reference temperature T0 of the subtraction L = B(T0) + dL, and the typical temperature behind dL."""
 
 from typing import NamedTuple
 
@@ -10,14 +10,14 @@ from ..physics.spectrum import band_radiance
 from ..scene import Scene
 from .pilot import Pilot
 
-_GROUPS = 512  # groups of equal temperature that the choice distinguishes
+_GROUPS = 512  # groups of about equal temperature, at most, that the choice distinguishes
 
 
 class Sources(NamedTuple):
     """What lights the image, by temperature: groups of surfaces, and last the surroundings.
 
-    temperature: (n,) float64 K. share: (n, b) importance (of the pilot) times emissivity. radiance: (n, b) of a
-    blackbody, W m-2 sr-1.
+    temperature: (n,) float64 K. share: (n, b) float64, importance (see Pilot) times emissivity. radiance: (n, b)
+    float64, of a blackbody, W m-2 sr-1.
     """
 
     temperature: np.ndarray
@@ -42,20 +42,20 @@ def gather_sources(scene: Scene, surfaces: Surfaces, pilot: Pilot, emissivity: n
 
 
 def choose_reference(sources: Sources) -> float:
-    """T0 (K) with the least total |excess| in what the image gathers, the surroundings included.
+    """T0 (K) with the least total |excess| of the light in the image, the surroundings included.
 
-    The cost is a sum of |B(T) - B(T0)| with the pilot's importance, so its minimum lies at one of the temperatures of
-    the scene: only these are tried. The group of surfaces that lights most of the image then often needs no photons at
-    all.
+    The cost is the sum of |B(T) - B(T0)| weighted with the pilot's importance, so it is least at one of the
+    temperatures of the scene: only these are tried. The group of surfaces that lights most of the image then often
+    needs no photons at all.
     """
     cost = [float(np.sum(sources.share * np.abs(sources.radiance - candidate))) for candidate in sources.radiance]
     return float(sources.temperature[int(np.argmin(cost))])
 
 
 def typical_source(sources: Sources, edges: np.ndarray, reference: float) -> float:
-    """Temperature (K) of what lights the image in excess of the reference (K): the mean, weighted with the excess.
+    """Mean temperature (K) of the sources, weighted with their excess over the reference (K).
 
-    edges: (b + 1,) um. Where nothing is in excess, the reference.
+    edges: (b + 1,) um. The reference itself where nothing has an excess.
     """
     excess = np.sum(sources.share * np.abs(sources.radiance - band_radiance(edges, reference)), axis=1)
     return float(np.average(sources.temperature, weights=excess)) if excess.any() else reference

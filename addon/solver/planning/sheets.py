@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a trial pass and the pilot tell of every sheet beforehand: how many photons come, and how noisy what they say
-is, and what rays from there meet."""
+"""Sheets: what a trial pass and the pilot tell of every sheet beforehand. How many photons arrive, how noisy their
+estimate is, and what rays from the sheet meet."""
 
 import math
 from typing import NamedTuple
@@ -21,23 +21,27 @@ from ..sampling.warps import cosine_direction, to_world
 from ..system.kernels import KERNEL, njit
 from .pilot import Pilot
 
-FALL = 1.25  # exponent at which rays' variance falls with their number: 1.5 at straight edges, 1 for small parts
-_PRIOR = 4.0  # samples that the mean of all sheets is worth on each
+FALL = 1.25  # the variance of n rays of a lattice falls as n^-FALL: n^-1.5 at straight edges, n^-1 for small parts
+_PRIOR = 4.0  # samples that the mean of all sheets counts as on each sheet
 _POINTS = 1024  # at which the extent of sheets is measured
-_LATTICES, _LATTICE_RAYS = 1024, 16  # that say how much less noisy rays of a lattice are than random ones
+_LATTICES, _LATTICE_RAYS = (
+    1024,
+    16,
+)  # lattices that are compared with random rays, and rays of each
 _CENTROID = 1.0 / 3.0  # barycentric coordinates
 _TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
 
 
 class Sheets(NamedTuple):
-    """What a trial pass and the pilot tell of the noise of gathers, by label of the sheet, (labels,) float64 each.
+    """Expected noise of gathers, by label of the sheet, (labels,) float64 each. Radiance is the sum over all bands.
 
-    density: m-2, photons of a pass expected. photon_noise: W2 sr-2 m-2, variance of the radiance (of all bands) that a
-    perfect reflector reflects, times the area that the photons are gathered from. ray_noise: W2 sr-2 m-4, variance of
-    the radiance that a ray from there meets. span: m2, area of the sheet within the largest disk. disk: m2, that of a
-    gather in the open. reflected: W sr-1 m-2, mean radiance that a perfect reflector reflects, and lit, the same of the
-    absolute values of the photons' powers. caustic_noise: W2 sr-2 m-4, variance that caustics leave whatever is chosen.
-    evenness: of the whole scene: the variance of n rays of a lattice is that of one times evenness n^-FALL.
+    density: m-2, expected photons of a pass. photon_noise: W2 sr-2 m-2, variance of the radiance that a perfect
+    reflector reflects, estimated from photons, times the area of the disk. ray_noise: W2 sr-2 m-4, variance of the
+    radiance that single rays from the sheet meet. span: m2, area of the sheet within the largest disk. disk: m2, area
+    of the disk of a gather without walls around. reflected: W sr-1 m-2, mean radiance that a perfect reflector
+    reflects; lit: the same from the absolute values of the photons' powers. caustic_noise: W2 sr-2 m-4, variance from
+    the photons of caustics, which is there with photons and with rays.
+    evenness: one number for the whole scene: n rays of a lattice have the variance of one ray times evenness n^-FALL.
     """
 
     density: np.ndarray
@@ -52,8 +56,8 @@ class Sheets(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """What a trial pass of so many photons stored, n hits: point (n, 3) float32, m; side_id (n,) int32, the side that
-    each hit; power (n,) float64, W over all bands; caustic (n,) bool, see Photons."""
+    """The n hits that a trial pass stored. photons: emitted in the pass. point: (n, 3) float32, m. side_id: (n,) int32.
+    power: (n,) float64, W over all bands. caustic: (n,) bool, see Photons."""
 
     photons: int
     point: np.ndarray
@@ -63,8 +67,8 @@ class Trial(NamedTuple):
 
 
 class Excess(NamedTuple):
-    """What rays of final gathers may meet beside the surfaces' own emission: the surroundings; and lamps, shines (t, 2)
-    bool, sides whose emission those rays leave to shadow rays."""
+    """What rays of final gathers meet beside ordinary surfaces: the surroundings; and lamps. shines: (t, 2) bool, sides
+    of lamps, whose emission is left to shadow rays."""
 
     surroundings: Surroundings
     shines: np.ndarray
@@ -97,7 +101,7 @@ def measure_sheets(
     gathering: Gathering,
     key: np.uint64,
 ) -> Sheets:
-    """What the trial pass and the pilot's paths tell of each sheet. area: (t,) m2. key: of random numbers."""
+    """The Sheets, as the trial pass and the pilot's paths tell of them. area: (t,) m2. key: of random numbers."""
     surfaces, labels = stage.surfaces, sheet_count(stage.surfaces)
     reach2, neighbours, photons = gathering
     squares = trial.power**2 * (trial.photons / photons) / math.pi**2
@@ -126,13 +130,13 @@ def measure_sheets(
 
 def _measure_photons(surfaces, pilot, trial, area, squares, photons):
     """density, photon_noise, reflected and lit of Sheets. squares: (n,) float64, what each hit adds to the variance of
-    the radiance that photons of a pass tell, times the area that they are gathered from."""
+    the radiance from photons of a pass, times the area from which they are gathered."""
     sheet, labels = surfaces.sheet, sheet_count(surfaces)
     size = np.maximum(np.bincount(sheet.ravel(), np.repeat(area, 2), labels), 1e-30)
     hit, strength = _sheets_of(surfaces, trial.side_id), np.abs(trial.power)
-    # where few photons or none came, as on small parts, sheets are taken to be like all other reachable ones
+    # where few photons or none arrived, as on small parts, a sheet is taken to be like all other reachable sheets
     near = pilot.reachable[trial.side_id >> 1, trial.side_id & 1]
-    other = _PRIOR * float((area[:, None] * pilot.reachable).sum()) / max(1, near.sum())  # m2, that so many hits take
+    other = _PRIOR * float((area[:, None] * pilot.reachable).sum()) / max(1, near.sum())  # m2, area of _PRIOR hits
     mean_square = float((squares * near * ~trial.caustic).sum()) / max(1, near.sum())
     mean_strength = float((strength * near).sum()) / max(1, near.sum())
     return (
@@ -149,18 +153,19 @@ def _sheets_of(surfaces: Surfaces, side_id: np.ndarray) -> np.ndarray:
 
 
 def _some_points(pilot: Pilot, step: int) -> _Points:
-    """Each step-th of the points where the pilot's paths gather."""
+    """Every step-th point where the pilot's paths gather."""
     return _Points(pilot.point[::step], pilot.normal[::step], pilot.side_id[::step])
 
 
 def dark_sheets(labels: int) -> Sheets:
-    """Of a scene without photons."""
+    """The Sheets of a scene without photons: zeros."""
     return Sheets(*np.zeros((8, labels)), 1.0)
 
 
 def _evenness(surfaces, tracer, pilot, radiance, key):
-    """Variance of lattices of n rays at some of the pilot's points, over that of as many random rays, times n^(FALL -
-    1). radiance: (t + 1,) of what rays meet, last the surroundings. key: of the random numbers."""
+    """evenness of Sheets: variance of the mean over a lattice of n rays, at some of the pilot's points, over the
+    variance with n random rays, times n^(FALL - 1). radiance: (t + 1,) of what rays meet, the surroundings last. key:
+    of the random numbers."""
     some = _some_points(pilot, max(1, 2 * len(pilot.point) // _LATTICES))
     count = len(some.point)
     if count == 0:
@@ -175,7 +180,7 @@ def _evenness(surfaces, tracer, pilot, radiance, key):
 
 @njit(**KERNEL)
 def _start_lattices(surfaces, points, key, rays):
-    """Start two lattices of rays, shifted at random, from each of the points."""
+    """Start two lattices of rays from each of the points, each lattice shifted at random."""
     row = 0
     for i in range(points.side_id.size):
         start, n = vector(points.point, i), vector(points.normal, i)
@@ -188,7 +193,7 @@ def _start_lattices(surfaces, points, key, rays):
 
 
 def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, worth: float = _PRIOR) -> np.ndarray:
-    """Mean value (labels,) of each label; where there are few it is drawn to the prior, which is worth some samples."""
+    """Mean value (labels,) of each label, drawn to the prior, which counts as `worth` samples."""
     return (np.bincount(label, value, labels) + worth * prior) / (np.bincount(label, minlength=labels) + worth)
 
 
@@ -207,8 +212,8 @@ def _fill_radiance(stage, radiance, emitted):
 
 
 def _caustic_noise(surfaces, points, trial, squares, reach2, k):
-    """(n,) float64 variance at points of what caustics' photons say, of those of the trial, whose squares are (h,). k:
-    photons that are gathered at most, as dense as those of the trial are."""
+    """(n,) float64 variance, at points, of the radiance from photons of caustics. squares: (h,) of the trial's hits,
+    see _measure_photons. k: hits, in the density of the trial, on which an estimate rests at most."""
     noise, hits = np.zeros(len(points.point)), trial.caustic
     where, hit = _sheets_of(surfaces, points.side_id), _sheets_of(surfaces, trial.side_id)[hits]
     _fill_caustics(where, points.point, hit, trial.point[hits], squares[hits], reach2, k, noise)
@@ -217,8 +222,8 @@ def _caustic_noise(surfaces, points, trial, squares, reach2, k):
 
 @njit(**KERNEL)
 def _fill_caustics(sheet, point, hit_sheet, hit_point, square, reach2, k, noise):
-    """Variance at points (n, 3) on sheets (n,) of what hits (h, 3) on sheets (h,) with these squares (h,) say, of which
-    k are gathered at most."""
+    """Fill noise (n,) for points (n, 3) on sheets (n,), from hits (h, 3) on sheets (h,) with these squares (h,). See
+    _caustic_noise."""
     for i in range(sheet.size):
         found, total = 0, 0.0
         for j in range(hit_sheet.size):

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a camera path asks the photons around it, and where it sends rays of its own, and how many.
+"""Splitting: whether a gather estimates reflection from the photons around it or from rays of its own, and how many
+rays.
 
-Both have a noise and a time that can be told beforehand. What lowers noise times time is best, and at that optimum a
-further ray saves the same variance anywhere: the noise of the image over its time (Rath et al. 2022 split paths by this
-rule). So rays go in number as the spread of what they contribute, and photons serve where they are better than those.
+The variance and the time of both can be foreseen. The best choice makes the product of variance and time least. There,
+a further ray saves the same variance everywhere in the image: the variance of the image over its time, called the price
+of a ray (Rath et al. 2022 split paths by this rule). So a gather sends more rays where the contributions of these rays
+differ more, and asks photons where photons are cheaper.
 """
 
 import math
@@ -19,29 +21,31 @@ from .antialiasing import FEWEST, choose_samples, edge_variance, least_price
 from .sheets import FALL, Sheets
 from .survey import Cells, Survey
 
-# Times, in that of one ray of a final gather (tests/benchmarks/throughput.py)
-_GATHER = 6.0  # of k photons
+# Times, in units of the time of one ray of a final gather (tests/benchmarks/throughput.py)
+_GATHER = 6.0  # of an estimate from k photons
 _CAMERA = 0.75  # of a camera ray
-_FIXED = 4.0  # of a pixel, whatever its rays
-_PHOTON = 2.0  # traced, sorted, and its share of the cache
-_RECALL = 1.6  # of what a ray's end reflects; more than it takes, as neighbours share what roulette adds to the noise
+_FIXED = 4.0  # of a pixel, however many rays it sends
+_PHOTON = 2.0  # of a photon, traced and sorted, and its share of the cache
+_RECALL = 1.6  # of recalling irradiance; more than measured, as neighbouring pixels share the noise of its roulette
 _FEWEST, _MOST = min(LATTICES), max(LATTICES)  # rays of a final gather
-_SHARING = 0.25  # area of the disk in which final gathers share rays, over that of photons: they blur less
-NEAR = 0.05  # radius of that disk, over the harmonic mean distance of what the rays meet: 5 % of change, about
-_EQUAL = 0.75  # share of them that with equal weights would bring as much: (sum of w)^2 / sum of w^2, w = 1 - r^2 / R^2
-_EQUAL_MOST = 28.0  # the number of those within the window of pixels
-_UNKNOWN = 64.0  # rays of a final gather that are foreseen where the survey tells of none
-_LEAST_CHANCE = 1.0 / 8.0  # of roulette: the mean of a sheet is not the light at each point
-_PIXELS, _CELLS = 4096, 1 << 16  # whose rays are counted to find the best price, at most
-_USUAL = 0.95  # share of the gathers by which is told what photons leave in the end
-_PRICES = np.geomspace(1e-4, 1e1, 31)  # tried, over that of photons alone
+_SHARING = 0.25  # area of the disk in which final gathers share rays, over the area of the photons' disk
+NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to what the rays meet: about 5 % of change
+# n final gathers in the disk, with weights w = 1 - r^2 / R^2, are worth _EQUAL n of equal weight: the ratio is
+# (sum of w)^2 / (n sum of w^2).
+_EQUAL = 0.75
+_EQUAL_MOST = 28.0  # final gathers of equal weight that those in the window of pixels are worth, at most
+_UNKNOWN = 64.0  # rays of a final gather that are assumed where the survey found no gathers at all
+_LEAST_CHANCE = 1.0 / 8.0  # of roulette, as the mean radiance of a sheet does not tell the radiance at each point
+_PIXELS, _CELLS = 4096, 1 << 16  # pixels and cells, at most, on which prices are tried
+_USUAL = 0.95  # share of the gathers that count in _usual
+_PRICES = np.geomspace(1e-4, 1e1, 31)  # that are tried, over the price if all gathers asked photons
 
 
 class Splitting(NamedTuple):
-    """What gathers are chosen by.
+    """All that the choice between photons and rays rests on.
 
     sheets: see Sheets. cells: see Cells. block (p,) int32, sensitivity (p,) float64: by pixel, see Survey. price: W2
-    sr-2 m-4, variance, times the square of the sensitivity, that a ray should save.
+    sr-2 m-4, variance times squared sensitivity that a ray should save.
     """
 
     sheets: Sheets
@@ -52,7 +56,7 @@ class Splitting(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """What rays from one point would meet, and how many gathers there are to share them: see Cells."""
+    """Expected radiance that rays from one point meet, and density of the gathers that share these rays: see Cells."""
 
     brightness: float
     ray_noise: float
@@ -62,8 +66,9 @@ class Spread(NamedTuple):
 
 @njit(inline="always")
 def spread_around(splitting, pixel, sheet):
-    """The Spread of a gather on a sheet that a pixel of the window shows. On sheets that no sample of the survey around
-    met (small, or seen by many mirrors) it is that of the whole sheet, and nobody shares."""
+    """The Spread of a gather on a sheet that a pixel of the window shows. Where no sample of the survey in the pixel's
+    block met the sheet (as it is small, or seen in many mirrors), it is that of the whole sheet, and rays are not
+    shared."""
     key = splitting.block[pixel] * np.int64(splitting.sheets.density.size) + sheet
     keys = splitting.cells.key
     low, high = 0, keys.size
@@ -86,10 +91,10 @@ def spread_in(cells, cell):
 
 @njit(inline="always")
 def rays_beside(splitting, sheet, spread, contribution, free2, k, shrink2):
-    """Rays that a gather should send, a power of two, or 0 if photons are better; and the variance.
+    """Number of rays that a gather should send, a power of two, or 0 where photons are better; and the variance.
 
-    spread: around it. contribution: see Gathers. free2: m2, squared radius of the free space around. k, shrink2: see
-    Estimate.
+    spread: around the gather. contribution: see Gathers. free2: m2, squared radius of the free space around the gather.
+    k, shrink2: see Estimate.
     """
     area = disk_area(splitting.sheets, sheet, spread, free2, k, shrink2)
     by_photons = contribution * contribution * spread.brightness * splitting.sheets.photon_noise[sheet] / area
@@ -101,7 +106,7 @@ def rays_beside(splitting, sheet, spread, contribution, free2, k, shrink2):
 
 @njit(inline="always")
 def rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2):
-    """Rays that a gather should send where photons cannot serve, a power of two, and the variance. See rays_beside."""
+    """rays_beside for a gather that must not ask photons: number of rays, a power of two, and the variance."""
     noise = contribution * contribution * ray_variance(splitting.sheets, sheet, spread, free2, k, shrink2)
     best = (FALL * noise / splitting.price) ** (1.0 / (1.0 + FALL))
     rays = 1 << int(math.log2(min(max(best, float(_FEWEST)), float(_MOST))) + 0.5)
@@ -110,7 +115,7 @@ def rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2):
 
 @njit(inline="always")
 def disk_area(sheets, sheet, spread, free2, k, shrink2):
-    """Area (m2) of the disk of a gather: that of k photons, in free space of this squared radius (m2), shrunk."""
+    """Area (m2) of a gather's disk: it holds k photons, or fills the free space of this squared radius (m2); shrunk."""
     area, density = min(math.pi * free2, sheets.span[sheet]), spread.brightness * sheets.density[sheet]
     if density * area > k:
         area = k / density
@@ -119,13 +124,13 @@ def disk_area(sheets, sheet, spread, free2, k, shrink2):
 
 @njit(inline="always")
 def shared_area(sheets, sheet, spread, free2, k, shrink2):
-    """Area (m2) of the disk in which final gathers share rays, but for what is closer to them (see NEAR)."""
+    """Area (m2) of the disk in which final gathers share rays, before surfaces close by limit it (see NEAR)."""
     return _SHARING * disk_area(sheets, sheet, spread, free2, k, shrink2)
 
 
 @njit(inline="always")
 def sharing(sheets, sheet, spread, free2, k, shrink2):
-    """How many final gathers of equal weight share rays, those in the disk around one of them; below 1 none but it."""
+    """How many final gathers of equal weight share rays in the disk around one of them; below 1, none share."""
     near = NEAR / max(spread.closeness, 1e-30)
     area = min(shared_area(sheets, sheet, spread, free2, k, shrink2), math.pi * near * near * shrink2)
     return min(_EQUAL_MOST, _EQUAL * spread.density * area)
@@ -133,33 +138,34 @@ def sharing(sheets, sheet, spread, free2, k, shrink2):
 
 @njit(inline="always")
 def ray_variance(sheets, sheet, spread, free2, k, shrink2):
-    """Variance (W2 sr-2 m-4) of what a perfect reflector reflects by n rays of each final gather around, times
-    n^FALL."""
+    """Variance (W2 sr-2 m-4) of the radiance that a perfect reflector reflects, estimated from n rays of each final
+    gather that shares, times n^FALL."""
     return sheets.evenness * spread.ray_noise / max(1.0, sharing(sheets, sheet, spread, free2, k, shrink2))
 
 
 @njit(inline="always")
 def recall_chance(splitting, sheet, throughput):
-    """Chance that the end of a ray on a sheet should recall what it reflects, a share `throughput` of a pixel."""
+    """Chance with which a final ray's end on a sheet recalls irradiance. throughput: after the reflection there."""
     return _chance(splitting, sheet, throughput, _RECALL)
 
 
 @njit(inline="always")
 def gather_chance(splitting, sheet, throughput):
-    """The same where nothing is near that it could recall, so that it has to ask photons itself."""
+    """Chance with which a final ray's end asks photons, where no cached point is near. See recall_chance."""
     return _chance(splitting, sheet, throughput, _GATHER)
 
 
 @njit(inline="always")
 def _chance(splitting, sheet, throughput, time):
-    """Roulette with chance q adds the variance y^2 (1 / q - 1) to what carries y, and saves 1 - q of its time."""
+    """Best chance q of roulette: on a contribution y it adds variance y^2 (1 / q - 1) and saves 1 - q of the time."""
     sheets = splitting.sheets
-    square = sheets.reflected[sheet] ** 2 + sheets.photon_noise[sheet] / sheets.disk[sheet]  # mean, of what photons say
+    # mean square of the radiance from photons
+    square = sheets.reflected[sheet] ** 2 + sheets.photon_noise[sheet] / sheets.disk[sheet]
     return min(1.0, max(_LEAST_CHANCE, throughput * math.sqrt(square / (time * splitting.price))))
 
 
 def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: int, photons: int) -> Splitting:
-    """Find the price at which photons, rays and camera rays lower noise times time most. See measure_sheets."""
+    """The Splitting with the price at which variance times time is least. For the arguments see measure_sheets."""
     splitting = Splitting(sheets, survey.cells, survey.block, survey.sensitivity, math.inf)
     pixels = len(survey.block)
     some = strata(pass_key(0, PRICED_PIXELS, PILOT), min(_PIXELS, pixels), pixels)
@@ -178,7 +184,7 @@ def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: in
 
 
 def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:
-    """The same with _CELLS of its cells at most, and the pixels that have as many."""
+    """The splitting with at most _CELLS of its cells, and the number of pixels that would have so many."""
     cells = splitting.cells
     if len(cells.key) <= _CELLS:
         return splitting, pixels
@@ -187,7 +193,7 @@ def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:
 
 
 def _usual(value: np.ndarray, count: np.ndarray) -> float:
-    """Sum of the values (c,), each so many times, but the largest: little is known of sheets that few photons reach."""
+    """Sum of values (c,), each counted so many times, without the largest: their sheets got too few photons."""
     order = np.argsort(value)
     value, count = value[order], count[order]
     kept = np.clip(_USUAL * count.sum() - (np.cumsum(count) - count), 0.0, count)
@@ -195,16 +201,16 @@ def _usual(value: np.ndarray, count: np.ndarray) -> float:
 
 
 def noise_and_time(splitting: Splitting, pixels: float, reach2: float, neighbours: int) -> tuple[float, float]:
-    """Mean variance and time that gathers in free space bring to each of the pixels."""
+    """Mean over the pixels of the variance and of the time of their gathers, without walls around."""
     rays, variance = _in_cells(splitting, reach2, neighbours)
     count = splitting.cells.count
     return float(np.sum(count * variance)) / pixels, float(np.sum(count * np.where(rays, rays, _GATHER))) / pixels
 
 
 def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, reach2: float, neighbours: int) -> float:
-    """Rays that a pixel sends, camera rays (p,) and final gathers: the mean of as many blocks as a tile has pixels of,
-    those that send most. unknown: (p,) bool, pixels that may show what is in no cell; it is taken to send as many as
-    a cell does on average."""
+    """Mean number of rays of a pixel, camera rays and rays of final gathers, in the blocks that send most, as many
+    blocks as cover a tile. samples: (p,) camera rays. unknown: (p,) bool, pixels that may show surfaces that are in no
+    cell; a gather on these is assumed to send as many rays as gathers do on average."""
     rays, _ = _in_cells(splitting, reach2, neighbours)
     pixels, cells = np.bincount(splitting.block), splitting.cells
     sent = np.bincount(splitting.block, samples, len(pixels))
@@ -217,7 +223,7 @@ def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, re
 
 
 def _in_cells(splitting, reach2, k):
-    """Rays (c,) of the gathers in each cell in the open, 0 for photons, and their variance."""
+    """Rays (c,) of a gather in each cell without walls around, 0 where it asks photons, and the variance (c,)."""
     rays, variance = np.zeros((2, len(splitting.cells.key)))
     _choose_in_cells(splitting, reach2, k, rays, variance)
     return rays, variance

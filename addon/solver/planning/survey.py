@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a few rays tell of every pixel before the first pass: how much differs within it, how much its temperature
-depends on its radiance, and how noisy final gathers are there.
+"""The survey: a few rays through every pixel tell, before the first pass, how much the radiance varies within the
+pixel, how much its temperature depends on its radiance, and how noisy its final gathers are.
 
-These rays are of a sequence of their own, the same for every seed, so what is decided by them leaves the mean alone.
+The survey has random numbers of its own, the same for every seed. So what is decided by it leaves the mean of the image
+alone.
 """
 
 from collections.abc import Callable
@@ -24,29 +25,31 @@ from ..sampling.rng import PILOT, SURVEY, pass_key, path_key, uniform
 from ..system.kernels import INLINED, KERNEL, njit
 from .sheets import Excess, Sheets
 
-_SAMPLES = 16  # rays that survey a pixel
-_BOUNCES = 8  # on specular surfaces, that a sample follows
-_FAINT = 1.0 / 64.0  # share of a sample below which it does not go on
-_EDGE, _BLOCKS = 8, 4096  # pixels on each side of a block, at least; and blocks of an image, at most
-_TRIED = 256  # rays of final gathers that are tried in a block, of those after as many bounces
+_SAMPLES = 16  # samples of a pixel: camera rays that survey it
+_BOUNCES = 8  # specular reflections, at most, through which a sample is followed
+_FAINT = 1.0 / 64.0  # throughput below which a sample is not followed any further
+_EDGE, _BLOCKS = 8, 4096  # least number of pixels on each side of a block; largest number of blocks
+_TRIED = 256  # trial rays of final gathers in a block, for each number of bounces
 _CHUNK = 1 << 10  # pixels that are surveyed as one piece of work
-_STEP = 1e-3  # of the radiance, to see how the temperature changes with it
-_FAINTEST = 0.05  # of the image's mean radiance: fainter pixels are taken to have that, as 0 K has no slope
-_AROUND = 1.0 / 16.0  # of the variance in the pixels around that a pixel may hold without having been seen to
-_PRIOR = 32.0  # rays that the spread over a whole sheet is worth in a block: fewer, and what they missed would rule
-_DIMENSION = 1 << 16  # of the random numbers of a sample after its start, four for each surface
-_HEAD_ON = 1.0  # cosine towards which surfaces' emission is asked for: what lobes emit at grazing angles is left out
+_STEP = 1e-3  # relative step of the radiance in the derivative of the temperature
+_FAINTEST = 0.05  # least radiance of a pixel, over the mean of the image, in that derivative: at 0 K it is undefined
+_AROUND = 1.0 / 16.0  # share of the variance of a pixel's neighbourhood that its own variance is taken to have at least
+_PRIOR = 32.0  # trial rays that the mean over the whole sheet counts as in a cell: few rays of its own may miss much
+_DIMENSION = 1 << 16  # first dimension of a sample's random numbers on surfaces, four for each bounce
+_HEAD_ON = 1.0  # cosine at which emission is evaluated: the additional emission at grazing angles is left out
 
 
 class Cells(NamedTuple):
-    """Final gathers on one sheet in one block of pixels, by cell (c,).
+    """Final gathers by cell (c,). A cell is one sheet in one block of pixels.
 
-    key: int64, ascending, block * number of sheets + label of the sheet. brightness: of what rays from there meet,
-    over what photons of the trial pass say of the whole sheet. ray_noise: W2 sr-2 m-4, variance of the radiance that a
-    ray from there meets, and of what it recalls. closeness: 1 / m, mean to what it meets. density: 1 / m2, gathers of a
-    pass. rest: W2 sr-2 m-4, variance that photons leave however many rays ask for what they say, and that of caustics.
-    count: of gathers, one for each pixel and number of bounces that shows the sheet. contribution2: mean square of
-    their contributions: the share of the pixel that the light reflected there makes up, times its sensitivity.
+    key: int64, ascending, number of the block times number of sheets plus label of the sheet. brightness: radiance that
+    rays from the cell meet, over the mean radiance that photons of the trial pass tell of the whole sheet. ray_noise:
+    W2 sr-2 m-4, variance of the radiance that a single ray from the cell meets, including the variance of the recalled
+    irradiance. closeness: 1 / m, mean of the inverse distance to what rays meet. density: 1 / m2, gathers of a pass.
+    rest: W2 sr-2 m-4, variance that remains however many rays are sent, as the recalled irradiance comes from photons
+    that all rays share, and as caustics do. count: number of gathers, one for each pixel and number of bounces at which
+    the sheet is shown. contribution2: mean square of the gathers' contributions: the share of the pixel that the light
+    reflected there makes up, times the pixel's sensitivity.
     """
 
     key: np.ndarray
@@ -63,11 +66,11 @@ class Survey(NamedTuple):
     """What the survey found, by pixel of the window (p,).
 
     sensitivity: float64, how much the apparent temperature depends on the radiance, with a mean square of 1.
-    variance: float64, W2 sr-2 m-4 of the radiance that single camera rays see, times the square of the sensitivity; or
-    a sixteenth of those in the pixels around together, if that is more.
-    unknown: bool, whether it shows a rough lobe, of which a few samples do not say all, or a specular surface from
-    which a sample did not go on, as little was left of it or it was the last of many. block: int32, number of the block
-    it lies in.
+    variance: float64, W2 sr-2 m-4, variance of the radiance that single camera rays see, times the squared sensitivity;
+    but at least a sixteenth of the sum of these over the pixel and its eight neighbours.
+    unknown: bool, whether the pixel shows a rough lobe, of which a few samples do not say all, or a specular surface
+    where a sample ended, as its throughput was small or after too many reflections. block: int32, number of the block
+    that the pixel lies in.
     """
 
     sensitivity: np.ndarray
@@ -78,13 +81,12 @@ class Survey(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Rays that survey pixels, straight from the camera or by way of specular surfaces, those of a pixel one behind the
-    other.
+    """Rays of samples, from the camera or after specular reflections, the rays of a pixel one behind the other.
 
-    origin, direction: (n, 3) float32. number: (n,) int64, of the sample each is a part of, in its chunk. path: (n,)
-    uint64, key of the sample's random numbers. throughput: (n,) float64, share of what the ray sees that reaches the
-    camera. way: (n,) float64, m from the camera to the origin. angle: (n,) float64, sr, solid angle of the pixel; for
-    parallel rays m2.
+    origin, direction: (n, 3) float32. number: (n,) int64, number of the sample in its chunk. path: (n,) uint64, key of
+    the sample's random numbers. throughput: (n,) float64, share of the radiance along the ray that reaches the camera.
+    way: (n,) float64, m, length of the path from the camera to the origin. angle: (n,) float64, solid angle of the
+    pixel, sr; for parallel rays its area, m2.
     """
 
     origin: np.ndarray
@@ -97,9 +99,9 @@ class _Samples(NamedTuple):
 
 
 class _Shown(NamedTuple):
-    """Surfaces that samples (n,) show and that reflect diffusely: label of the sheet, int32, -1 for none; share of the
-    pixel, float64, that the light of one sample makes up that is reflected there; and the surface that a pixel covers
-    there, m2, float64."""
+    """Diffusely reflecting surfaces that n samples show. sheet: int32, label, -1 for none. throughput: float64, share
+    of the pixel that the light reflected there makes up, by this sample alone. footprint: float64, m2, area of the
+    surface that the pixel covers."""
 
     sheet: np.ndarray
     throughput: np.ndarray
@@ -107,8 +109,8 @@ class _Shown(NamedTuple):
 
 
 class _Gathers(NamedTuple):
-    """Final gathers (n,) that pixels might send: pixel, int32; label of the sheet, int32; throughput, float64, share of
-    the pixel that the light reflected there makes up."""
+    """n final gathers that pixels might send. pixel: int32. sheet: int32, label. throughput: float64, share of the
+    pixel that the light reflected there makes up."""
 
     pixel: np.ndarray
     sheet: np.ndarray
@@ -116,12 +118,13 @@ class _Gathers(NamedTuple):
 
 
 class _Tried(NamedTuple):
-    """Rays (n,) of final gathers that were tried.
+    """n trial rays of final gathers.
 
-    pixel, sheet: int32, the pixel and the label of the sheet that send the ray. The others are float64. met: W m-2
-    sr-1, radiance that it meets. bright: the absolute value of that, 0 where photons do not tell of it. noise, rest: W2
-    sr-2 m-4, variance of what it would recall, for each and for the mean of all from a point. closeness: 1 / m, to what
-    it meets. density: 1 / m2, of gathers.
+    pixel, sheet: int32, the pixel and the label of the sheet that send the ray. The other fields are float64. met: W
+    m-2 sr-1, radiance that the ray meets. bright: absolute value of met, 0 where no photons tell of that radiance.
+    noise: W2 sr-2 m-4, variance of the radiance that the ray would recall. rest: W2 sr-2 m-4, variance, from recalled
+    irradiance, of the mean over many rays from one point. closeness: 1 / m, inverse distance to what the ray meets.
+    density: 1 / m2, of gathers.
     """
 
     pixel: np.ndarray
@@ -135,8 +138,8 @@ class _Tried(NamedTuple):
 
 
 class _Chunk(NamedTuple):
-    """What was found of some pixels: their numbers, radiance (pixels, _SAMPLES) float64 that the samples see,
-    unknown (pixels,) bool, and a list of what they show after each bounce."""
+    """What the survey found of some pixels. pixels: their numbers. seen: (pixels, _SAMPLES) float64, radiance that each
+    sample sees. unknown: (pixels,) bool. gathers, tried: lists, one entry for each number of bounces."""
 
     pixels: np.ndarray
     seen: np.ndarray
@@ -155,9 +158,9 @@ def survey_pixels(
     threads: int,
     cancelled: Callable[[], bool],
 ) -> Survey:
-    """Send samples through every pixel, and try a few rays of the final gathers that it might send.
+    """Send samples through every pixel, and trial rays of the final gathers that the pixels might send.
 
-    edges: (b + 1,) um, of the bands. cancelled: once it is true, what is returned tells nothing.
+    edges: (b + 1,) um, of the bands. cancelled: once it returns true, the result has no meaning.
     """
     x0, y0, x1, y1 = (int(end) for end in eye.window)
     width, height = x1 - x0, y1 - y0
@@ -190,16 +193,16 @@ def survey_pixels(
 
 
 def _in_one_band(stage: Stage) -> Stage:
-    """The stage whose surfaces reflect in all bands what they reflect in the mean: one column of reflectance."""
+    """The stage with one column of reflectance, the mean over the bands, so that all bands are reflected alike."""
     mean = stage.radiometry.reflectance.mean(axis=1, keepdims=True)
     return stage._replace(radiometry=stage.radiometry._replace(reflectance=mean))
 
 
 @dataclass(frozen=True)
 class _Surveyor:
-    """What surveys a piece of the image, and what it needs for that.
+    """Surveys pieces of the image, and holds what that needs.
 
-    stage: see _in_one_band. key: of the rays. stride: one of so many samples tries a ray. The others: see
+    stage: see _in_one_band. key: of the samples. stride: one sample of so many sends a trial ray. The other fields: see
     survey_pixels.
     """
 
@@ -212,7 +215,7 @@ class _Surveyor:
     stride: int
 
     def survey(self, pixels: np.ndarray) -> _Chunk:
-        """What samples say of some pixels (n,)."""
+        """The _Chunk of some pixels (n,)."""
         samples, reach = _straight(self.eye, self.key, pixels)
         count = len(samples.number)
         seen, unclear = np.zeros(count), np.zeros(count, np.bool_)
@@ -242,14 +245,14 @@ class _Surveyor:
         return seen
 
     def _shown(self, hits, samples) -> _Shown:
-        """What the samples show."""
+        """The surfaces that the samples show."""
         count = len(samples.number)
         shown = _Shown(np.empty(count, np.int32), np.empty(count), np.empty(count))
         _locate(self.stage, hits, samples, self.eye.kind == 1, shown)
         return shown
 
     def _try_gathers(self, pixels, bounce, hits, samples, shown) -> _Tried:
-        """Send a ray from some of what the samples show, as a final gather would."""
+        """Send trial rays, as a final gather would, from some of the surfaces that the samples show."""
         stage, first = self.stage, _SAMPLES * int(pixels[0]) if len(pixels) else 0
         chosen = np.flatnonzero(shown.sheet >= 0)
         chosen = chosen[(first + samples.number[chosen]) % self.stride == 0]
@@ -281,7 +284,7 @@ class _Surveyor:
 
 
 def _join_gathers(pixels: np.ndarray, samples: _Samples, shown: _Shown) -> _Gathers:
-    """The gathers of pixels: samples of one pixel that show one sheet gather together."""
+    """The gathers of pixels: samples of a pixel that show the same sheet share one gather."""
     _join(samples.number, shown.sheet, shown.throughput)
     first = np.flatnonzero(shown.throughput)
     pixel = pixels[samples.number[first] // _SAMPLES].astype(np.int32)
@@ -289,7 +292,7 @@ def _join_gathers(pixels: np.ndarray, samples: _Samples, shown: _Shown) -> _Gath
 
 
 def _straight(eye: Eye, key: np.uint64, pixels: np.ndarray) -> tuple[_Samples, np.ndarray]:
-    """The samples of some pixels (n,), and the reach of each: float32, see eye_rays."""
+    """The samples of some pixels (n,), straight from the camera, and the reach of their rays: float32, see eye_rays."""
     count = _SAMPLES * len(pixels)
     origin, direction, reach = empty_eye_rays(count)
     eye_rays(eye, key, 0, np.full(len(pixels), _SAMPLES, np.uint16), pixels, origin, direction, reach)
@@ -308,7 +311,7 @@ def _straight(eye: Eye, key: np.uint64, pixels: np.ndarray) -> tuple[_Samples, n
 
 @njit(**KERNEL)
 def _start_samples(eye, key, pixels, samples):
-    """Fill the key of each sample, the way that its ray has come where it starts, and the solid angle of the pixel."""
+    """Fill in, for each sample, key, way from the camera to the ray's origin, and solid angle of the pixel."""
     high = (eye.frame[3] - eye.frame[2]) / eye.height
     size = (eye.frame[1] - eye.frame[0]) / eye.width * high
     for i in range(samples.way.size):
@@ -328,14 +331,14 @@ def _start_samples(eye, key, pixels, samples):
 
 
 def _blocks(width: int, height: int, edge: int) -> np.ndarray:
-    """(pixels,) int32 number of the block of edge x edge pixels that each lies in."""
+    """(pixels,) int32, number of the block of edge x edge pixels in which each pixel lies."""
     rows, columns = np.arange(height, dtype=np.int32) // edge, np.arange(width, dtype=np.int32) // edge
     return (rows[:, None] * -(-width // edge) + columns).ravel()
 
 
 def _sensitivity(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(p,) change of the apparent temperature with the radiance (p,), W m-2 sr-1, with a mean square of 1; ones where
-    so little is seen that it has no temperature."""
+    """(p,) derivative of the apparent temperature with the radiance (p,), W m-2 sr-1, scaled to a mean square of 1.
+    Ones if there is a pixel so dark that it has no temperature."""
     mean = float(radiance.mean())
     radiance = np.maximum(radiance, max(_FAINTEST * mean, 0.0))
     warmer, kelvin = (apparent_temperature(factor * radiance, edges) for factor in (1.0 + _STEP, 1.0))
@@ -347,7 +350,7 @@ def _sensitivity(radiance: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _cells(sheets: Sheets, block: np.ndarray, sensitivity: np.ndarray, gathers: _Gathers, tried: _Tried) -> Cells:
-    """Gathers and what was tried of them by cell."""
+    """The Cells: gathers and their trial rays by cell."""
     labels = len(sheets.lit)
     key, cell = np.unique(block[gathers.pixel].astype(np.int64) * labels + gathers.sheet, return_inverse=True)
     ray_cell = np.searchsorted(key, block[tried.pixel].astype(np.int64) * labels + tried.sheet)
@@ -359,7 +362,7 @@ def _cells(sheets: Sheets, block: np.ndarray, sensitivity: np.ndarray, gathers: 
     free = np.maximum(rays - 1, 0)
 
     def mean_of(value):
-        """In each cell, drawn to that of all that is seen of the sheet."""
+        """Mean of a value of the trial rays in each cell, drawn to its mean over the whole sheet."""
         of_sheet = _moments(tried.sheet, value, labels)[0][sheet]
         return (np.bincount(ray_cell, value, len(key)) + _PRIOR * of_sheet) / (rays + _PRIOR)
 
@@ -377,7 +380,7 @@ def _cells(sheets: Sheets, block: np.ndarray, sensitivity: np.ndarray, gathers: 
 
 
 def _moments(label: np.ndarray, value: np.ndarray, labels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance (labels,) of the values of each label; 0 where there are none, or one."""
+    """Mean and variance (labels,) of the values of each label; the mean of no value, and the variance of one, is 0."""
     count = np.bincount(label, minlength=labels)
     mean = np.bincount(label, value, labels) / np.maximum(count, 1)
     return mean, np.bincount(label, (value - mean[label]) ** 2, labels) / np.maximum(count - 1, 1)
@@ -385,15 +388,14 @@ def _moments(label: np.ndarray, value: np.ndarray, labels: int) -> tuple[np.ndar
 
 @njit(**INLINED)
 def _diffuse_reflectance(stage, at):
-    """Share of what arrives at an Interaction that is reflected diffusely, in the mean of all bands. stage: see
-    _in_one_band."""
+    """Diffuse reflectance at an Interaction, in the mean of all bands. stage: see _in_one_band."""
     return diffuse_share(lobes_at(stage, at)) * reflectance_at(stage, at)[0]
 
 
 @njit(**KERNEL)
 def _see(stage, hits, direction, reflected, surroundings, hidden, seen, emitted):
-    """Fill in the excess radiance (n,) of all bands, W m-2 sr-1, that rays see: the emission, the diffusely reflected
-    part as the sheet's mean, and nothing of what specular lobes show.
+    """Fill seen (n,) with the excess radiance of all bands, W m-2 sr-1, that rays see: the emission, and the mean
+    diffuse reflection of the sheet. Specular reflection is left out.
 
     reflected: (labels,) see Sheets. surroundings: W m-2 sr-1. hidden: (t, 2) bool, sides whose emission does not count.
     """
@@ -409,7 +411,7 @@ def _see(stage, hits, direction, reflected, surroundings, hidden, seen, emitted)
 
 @njit(**KERNEL)
 def _locate(stage, hits, samples, is_parallel, shown):
-    """Fill in what samples show. is_parallel: whether the camera's rays are."""
+    """Fill in what samples show. is_parallel: whether the camera's rays are parallel to each other."""
     for i in range(hits.triangle.size):
         shown.sheet[i], shown.throughput[i], shown.footprint[i] = -1, 0.0, 0.0
         if hits.triangle[i] < 0:
@@ -426,10 +428,10 @@ def _locate(stage, hits, samples, is_parallel, shown):
 
 @njit(**KERNEL)
 def _follow(stage, bounce, hits, samples, unclear, onward):
-    """Send samples on that meet a specular surface, in one direction of its lobe; returns how many.
+    """Send on the samples that meet a specular surface, in one direction of its lobe; returns how many.
 
-    unclear: (samples,) bool, set for those that end there and for those that met a rough lobe, which differs from ray
-    to ray.
+    unclear: (samples,) bool, set for samples that end on such a surface, and for samples that meet a rough lobe, where
+    the direction is random.
     """
     sent = np.int64(0)
     for i in range(hits.triangle.size):
@@ -466,11 +468,10 @@ def _start_gathers(surfaces, bounce, hits, samples, chosen, rays):
 
 @njit(**KERNEL)
 def _measure(stage, sheets, hits, rays, closeness, noise, rest):
-    """Of rays, where they meet a surface: 1 / m to it; and the variance, W2 sr-2 m-4, of what they would recall there,
-    for each, and for the mean of all from a point.
+    """Fill closeness, noise and rest of trial rays that meet a surface, see _Tried.
 
-    Each photon around reaches that point once, by the share of its view that a m2 around the photon takes; but no less
-    blurred than over the disk of the cache.
+    rest: over many rays from one point, each photon on the surface counts by the share of the point's view that 1 m2
+    around the photon takes, but is blurred at least over the disk of the cache.
     """
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
@@ -487,7 +488,7 @@ def _measure(stage, sheets, hits, rays, closeness, noise, rest):
 
 @njit(**KERNEL)
 def _join(number, sheet, throughput):
-    """Samples of one pixel that show one sheet gather together: the first carries what all do, the others nothing."""
+    """Samples of a pixel that show the same sheet share a gather: the first gets the sum of throughputs, others 0."""
     for i in range(number.size):
         if sheet[i] < 0:
             continue

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random numbers, sequences that lie evenly, and the warps that make points and directions of them."""
+"""Sampling: random numbers, low-discrepancy points, and warps that turn numbers into points and directions."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points that lie more evenly than random ones: the Sobol' sequence, scrambled, and lattices, shifted."""
+"""Points that lie more evenly than random points: the Sobol' sequence, scrambled, and lattices, shifted at random."""
 
 import math
 
@@ -25,7 +25,7 @@ def _direction_numbers() -> np.ndarray:
     return (numbers << np.arange(31, -1, -1, dtype=np.uint64)).astype(np.uint32)
 
 
-# Bits from last to first, as scrambling wants them; in this order the sequence reads its own index from the top.
+# The direction numbers with their bits from last to first, as scrambling needs them.
 _DIRECTIONS = np.array([[int(f"{number:032b}"[::-1], 2) for number in row] for row in _direction_numbers()], np.uint32)
 
 
@@ -56,7 +56,8 @@ def _reverse(x):
 
 @njit(**INLINED)
 def _permute(x, seed):
-    """Owen's nested permutation of uint32 with reversed bits: a bit is flipped or not by a hash of those behind it.
+    """Owen's nested permutation of uint32 with reversed bits: a hash of all lower bits decides whether a bit is
+    flipped.
 
     Burley 2020, "Practical hash-based Owen scrambling", listing 2. numba widens products, so each is cut to 32 bits.
     """
@@ -68,16 +69,17 @@ def _permute(x, seed):
 
 @njit(**INLINED)
 def scrambled(index, path, dimension):
-    """Coordinate of the sequence in [0, 1), scrambled for every path and dimension on its own.
+    """Coordinate of point `index` of the Sobol' sequence in [0, 1), scrambled by key `path`. dimension: 0 to 3.
 
-    Stratified as before, and unlike a digital shift it also smooths edges along a pixel's diagonal.
+    Scrambling keeps the sequence stratified. Unlike a digital shift it also smooths edges along a pixel's diagonal.
     """
     seed = np.uint32(uniform(path, dimension) * 4294967296.0)
     return float(_reverse(_permute(reversed_sobol(index, dimension), seed))) * 2.0**-32
 
 
-# Korobov's lattices by count / 8. Of all generators these have nearly the least variance for what lies on one side of a
-# random plane, and of the steps from point to point these, for runs of points (tests/test_low_discrepancy.py).
+# Korobov's lattices: number of points -> (generator, step from point to point). Of all generators these have nearly the
+# least variance for what lies on one side of a random plane. Of all steps these have nearly the least variance for runs
+# of consecutive points (tests/test_low_discrepancy.py).
 LATTICES = {8: (5, 1), 16: (39, 1), 32: (39, 11), 64: (39, 7), 128: (39, 31), 256: (75, 209), 512: (149, 415)}
 _GENERATORS, _STEPS = np.zeros((2, max(LATTICES) // 8 + 1), np.int64)
 for _count, (_generator, _step) in LATTICES.items():
@@ -86,9 +88,9 @@ for _count, (_generator, _step) in LATTICES.items():
 
 @njit(**INLINED)
 def lattice_point(index, count, u, v):
-    """Point in [0, 1)^2 of Korobov's lattice of so many points (see LATTICES), shifted by (u, v), in [0, 1)^2.
+    """Point in [0, 1)^2 of Korobov's lattice of count points (see LATTICES), shifted by (u, v) in [0, 1)^2.
 
-    Each coordinate has one point in every stratum of width 1 / count. Points that follow one another lie evenly, too.
+    Each coordinate has one point in every stratum of width 1 / count. Consecutive points lie evenly, too.
     """
     step = index * _STEPS[count >> 3] & (count - 1)
     x, y = u + step / count, v + (_GENERATORS[count >> 3] * step & (count - 1)) / count

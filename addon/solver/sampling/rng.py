@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random numbers as a function of (seed, pass, path, dimension): no state, so threads and order do not matter."""
+"""Random numbers as a function of (seed, pass, path, dimension): no state, so that neither threads nor order
+change the result."""
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from ..system.kernels import KERNEL, njit
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _TO_UNIT = 2.0**-53
 
-# Streams of one pass: photons and camera paths never share a number.
+# Streams of one pass. No two streams share a random number.
 PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE = range(6)
 
 # Streams of what is planned before the first pass, the same for every seed: pass_key(0, one of these, PILOT).
@@ -39,7 +40,7 @@ def _pass_key(seed, index, stream):
 
 
 def pass_key(seed: int, index: int, stream: int) -> np.uint64:
-    """Key of one stream of one pass. A numpy integer, so that kernels are compiled for one type of key."""
+    """Key of one stream of one pass. A numpy integer, so that kernels are compiled for a single type of key."""
     return np.uint64(_pass_key(np.uint64(seed), np.uint64(index), np.uint64(stream)))
 
 
@@ -65,6 +66,6 @@ def uniforms(key, first, count):
 
 
 def strata(key: np.uint64, count: int, total: int) -> np.ndarray:
-    """(count,) int64 ascending numbers below `total`: one from each of `count` equal parts, at random, so that no
-    period of what they number (as the columns of a picture) is met again and again."""
+    """(count,) int64 ascending numbers below `total`: one number, at random, from each of `count` equal parts. At equal
+    steps the numbers could fall in step with a period of what is numbered, such as the columns of an image."""
     return np.minimum((np.arange(count) + uniforms(key, 0, count)) * total / count, total - 1).astype(np.int64)

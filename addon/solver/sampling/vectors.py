@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vectors of three floats, as tuples that live in registers."""
+"""Vectors: tuples of three floats, which the compiler keeps in registers."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def cross(a, b):
 
 @njit(**INLINED)
 def difference(a, b):
-    """The way from b to a."""
+    """a - b: the way from point b to point a."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -44,5 +44,5 @@ def scaled(a, factor):
 
 @njit(**INLINED)
 def moved(a, distance, direction):
-    """A point, so far along a direction."""
+    """Point a, moved by a distance along a direction."""
     return a[0] + distance * direction[0], a[1] + distance * direction[1], a[2] + distance * direction[2]

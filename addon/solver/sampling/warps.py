@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Warps: directions and points with a given density, made of numbers in [0, 1). Directions have unit length."""
+"""Warps: functions from numbers in [0, 1) to directions and points with a given density. Directions are unit
+vectors."""
 
 import math
 
@@ -58,7 +59,7 @@ def cosine_direction(u, v):
 
 @njit(inline="always")
 def cosine_stratum(stratum, side, u, v):
-    """cosine_direction in one of side by side strata of equal chance, numbered from 0."""
+    """cosine_direction within one stratum of a grid of side x side strata of equal chance, numbered from 0."""
     return cosine_direction((stratum % side + u) / side, (stratum // side + v) / side)
 
 
@@ -73,6 +74,6 @@ def cone_direction(u, v, cos_min):
 
 @njit(**INLINED)
 def triangle_point(u, v):
-    """Barycentric coordinates of corners 1 and 2, uniform over the area."""
+    """Barycentric coordinates of corners 1 and 2 of a point, uniform over the triangle's area."""
     r = math.sqrt(u)
     return r * (1.0 - v), r * v

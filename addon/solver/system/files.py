@@ -14,10 +14,10 @@ from pathlib import Path
 
 @contextmanager
 def replacing(path: Path, what: str) -> Iterator[Path]:
-    """A file to write beside path, which takes its name at the end of the context.
+    """A temporary file to write, beside path; at the end of the context it is renamed to path.
 
-    So neither a crash nor a full disk leaves half a file under that name, or takes away an older one. what: is written,
-    as messages call it. Raises OSError naming the path if it cannot be written.
+    So neither a crash nor a full disk leaves half a file at path, or destroys an older file there. what: name, in
+    messages, of what is written. Raises OSError naming the path if it cannot be written.
     """
     _check_folder(path, what)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
@@ -27,7 +27,7 @@ def replacing(path: Path, what: str) -> Iterator[Path]:
     except (RuntimeError, OSError) as error:  # OpenEXR reports input and output errors as RuntimeError
         raise OSError(f"Cannot write {what} to '{path}': {error}") from error
     finally:
-        with suppress(OSError):  # renamed, or never made
+        with suppress(OSError):  # it was renamed, or never made
             unfinished.unlink()
 
 

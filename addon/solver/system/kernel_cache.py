@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where compiled kernels are kept between runs.
 
-Numba notices that a kernel's own file changed, but not the files of the functions compiled into it. So all kernels live
-in a folder named after the contents of every source file here: a new version of any of them starts a new folder.
+Numba notices when a kernel's own file has changed, but not when the file of a function that is compiled into the kernel
+has. So all kernels live in a folder named after the contents of all source files of the solver: a change in any of them
+starts a new folder.
 """
 
 import hashlib
@@ -15,7 +16,7 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep them instead of beside the sources
+FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep kernels, not beside the sources
 _PREFIX = "infrared-photons-"
 _SOLVER = Path(__file__).parents[1]
 
@@ -23,7 +24,7 @@ _SOLVER = Path(__file__).parents[1]
 @cache
 def source_digest() -> str:
     """16 hexadecimal digits that name the version of the solver: of the contents of its source files."""
-    sources = sorted(_SOLVER.rglob("*.py"))  # in all rooms: kernels of one are compiled into those of another
+    sources = sorted(_SOLVER.rglob("*.py"))  # in all rooms, as kernels of one room are compiled into kernels of another
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 
@@ -46,7 +47,7 @@ def kernel_folder() -> Path:
 @contextmanager
 def kept_kernels() -> Iterator[None]:
     """Kernels defined in this context are kept in kernel_folder(). Numba's own setting is as before afterwards."""
-    import numba  # here, so that those who only ask for source_digest() do not load it
+    import numba  # here, so that callers of source_digest() alone do not load Numba
 
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(kernel_folder())
     try:
