@@ -23,7 +23,6 @@ from ..heat_settings import read_scale
 from ..output.description import how_rendered
 from ..output.formats import FORMATS
 from ..output.frame import FurtherImage
-from ..output.group_exr import write_group_exr
 from ..output.temperature_scale import TemperatureScale
 from ..reading.bands import read_band_edges
 from ..reading.scene_reader import read_scene, render_reader
@@ -466,5 +465,7 @@ def layer_images(
 
 def write_groups(path: Path, layer: str, images: dict, film) -> None:
     """Write the temperature groups of a view layer's finished film. images: see layer_images. Raises OSError."""
+    from ..output.group_exr import write_group_exr  # here, as OpenEXR is only for renders that write files
+
     write_group_exr(path, layered_image(film), images["metadata"])
     log.info("%s: %d layers of temperature groups written to %s", layer, len(film.layers), path)
