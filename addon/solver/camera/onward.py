@@ -4,11 +4,13 @@
 import numpy as np
 
 from ..geometry.interaction import interact, leave
-from ..geometry.stage import lobes_at, reflectance_at
+from ..geometry.stage import lobes_at, lobes_met, reflectance_at
+from ..geometry.surfaces import clear_of
 from ..photons.transport import MAX_SURVIVAL
 from ..physics.lobes import diffuse_share, is_specular, sample_diffuse, sample_specular
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
+from ..sampling.vectors import put_vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .rays import largest_throughput
 from .streams import CONTINUING, DIMENSIONS, LOBE, SPLITTING, SURVIVAL
@@ -29,16 +31,15 @@ def follow(stage, bounce, samples, gathers, onward) -> int:
 def _follow(stage, bounce, samples, gathers, onward, shares, first):
     rays, hits, sent = bounce.rays, bounce.hits, np.int64(0)
     for i in range(hits.triangle.size):
-        if hits.triangle[i] >= 0:
+        if hits.triangle[i] >= 0 and is_specular(lobes_met(stage, hits, i)):
             at = interact(stage.surfaces, hits, i, rays.direction)
-            if is_specular(lobes_at(stage, at)):
-                # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
-                # of it
-                full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
-                sent += _reflect_specularly(stage, at, bounce, i, full, onward, sent)
-            if bounce.goes_on[i] > 0.0:
-                _go_on(stage, at, bounce, i, onward, sent)
-                sent += 1
+            # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
+            # of it
+            full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
+            sent += _reflect_specularly(stage, at, bounce, i, full, onward, sent)
+        if bounce.goes_on[i] > 0.0:
+            _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, onward, sent)
+            sent += 1
     for g in range(first.size):  # the rays of a gather lie one behind the other, whatever points they start from
         first[g] = sent
         sent += gathers.rays[g]
@@ -64,14 +65,16 @@ def _split(surfaces, at, gathers, g, part, path, first, onward):
     directions are points of one lattice; each ray of the group gets points that follow one another. first: index in
     onward of the first ray of the gather.
     """
-    count = gathers.rays[g]
+    count, row = gathers.rays[g], gathers.row[g]
+    origin, throughput = clear_of(surfaces, at.side_id, at.point), np.float32(gathers.contribution[g] / count)
     start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
     for ray in range(_resampled(part[0], count, start), _resampled(part[1], count, start)):
         u, v = lattice_point(ray, count, shift_u, shift_v)
-        direction = sample_diffuse(at.shading_normal, u, v)
-        _leave(surfaces, at, direction, gathers.row[g], path_key(path, 3 + ray), onward, first + ray)
+        put_vector(origin, onward.origin, first + ray)
+        put_vector(sample_diffuse(at.shading_normal, u, v), onward.direction, first + ray)
+        onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
-        onward.throughput[first + ray, :] = np.float32(gathers.contribution[g] / count)
+        onward.throughput[first + ray, :] = throughput
 
 
 @njit(inline="always")

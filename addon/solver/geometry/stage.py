@@ -37,6 +37,12 @@ def lobes_at(stage, at):
 
 
 @njit(inline="always")
+def lobes_met(stage, hits, i):
+    """The Lobes where ray i met a triangle, for those who only then need the Interaction, which takes longer."""
+    return lobes_of(stage.radiometry.lobes, stage.surfaces.material[hits.triangle[i]])
+
+
+@njit(inline="always")
 def stored_at(stage, at):
     """Which photons are stored at an Interaction: NONE, ALL or STRAIGHT, see radiometry.stored_photons."""
     return stage.radiometry.stores[at.material]
