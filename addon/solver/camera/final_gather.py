@@ -36,7 +36,8 @@ def choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen=None) 
     squared radius of the free space around. chosen: (c,) int64, indices of the gathers to choose for; None for all.
     """
     chosen = np.arange(len(gathers.ray)) if chosen is None else chosen
-    _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, np.empty(PATCH_LIMIT, np.int32))
+    if len(chosen):
+        _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, np.empty(PATCH_LIMIT, np.int32))
 
 
 @njit(**KERNEL)

@@ -39,6 +39,8 @@ class Asking(NamedTuple):
 
 def reflect(stage, photon_map, estimate, bounce, asking, image) -> None:
     """Add to the image what the photons around gathers reflect. asking: see Asking."""
+    if len(asking.gathers.ray) == 0:  # as often late in a tile, and a call of a kernel with so many arrays takes long
+        return
     rooms = neighbours_room(estimate.neighbours), np.empty(image.shape[1])
     _reflect(stage, photon_map, estimate, bounce, asking, image, rooms)
 
@@ -139,6 +141,8 @@ def _recall(stage, cache, estimate, bounce, image, lost, walk):
 def shadow_rays(stage, lighting, bounce, gathers) -> Shadows:
     """The shadow rays of the gathers, to lamps and lights and, from open sides, to the surroundings."""
     bands = stage.radiometry.reference.size
+    if len(gathers.ray) == 0:
+        return empty_shadows(0, bands)
     shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
     room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
     sent = _send_shadows(stage, lighting, bounce, gathers, shadows, room)
