@@ -11,9 +11,9 @@ import os
 import numpy as np
 
 if "DRJIT_LIBLLVM_PATH" not in os.environ:
-    # LLVM 19 if there is one, else the last of those that there are
-    for _path in sorted(glob.glob("/usr/lib/*/libLLVM*.so*"), key=lambda path: ("19" in path, path)):
-        os.environ["DRJIT_LIBLLVM_PATH"] = _path
+    for _path in glob.glob("/usr/lib/*/libLLVM*.so*"):
+        if "19" in _path:
+            os.environ["DRJIT_LIBLLVM_PATH"] = _path
 
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
