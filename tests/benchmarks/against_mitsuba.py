@@ -4,9 +4,9 @@
     python -m tests.benchmarks.against_mitsuba [--families NAME ...] [--members N] [--passes M ...] [--brute]
 
 Mitsuba renders the reference of the excess over the ambient, in a process of its own; --python names the interpreter
-that has it, if it is another. Scenes with rough lobes, and all with --brute, get theirs from the path tracer of the
-tests: Mitsuba's rough conductor shadows facets by another formula. References are kept in the user's cache folder as
-independent images; a run that wants a longer one adds to them.
+that has it, if it is another. With --brute references are by the path tracer of the tests, slower by far where small
+things are hot; pixels that none of its paths lit then seem to be known exactly. References are kept in the user's cache
+folder as independent images; a run that wants a longer one adds to them.
 
 Of each member it prints, for each number of passes:
 
@@ -32,7 +32,7 @@ import numpy as np
 
 from addon.solver import Settings, render
 from addon.solver.physics.spectrum import apparent_temperature
-from tests.benchmarks.families import FAMILIES, is_rough, member
+from tests.benchmarks.families import FAMILIES, member
 from tests.benchmarks.peers.problem import build_problem
 from tests.benchmarks.speed_vs_error import run_peer, user_cache
 from tests.helpers.exact_cases import PHOTONS
@@ -74,14 +74,14 @@ def slope(kelvin, edges):
 
 def load_truth(name, scene, options):
     """Truth of a member from the cache folder, with as many seconds of rendering as are wanted added to it."""
-    brute = options.brute or is_rough(scene)
-    path = options.cache / "families" / f"{name}-{'brute' if brute else 'mitsuba'}-{digest(scene)}.npz"
+    path = options.cache / "families" / f"{name}-{'brute' if options.brute else 'mitsuba'}-{digest(scene)}.npz"
     images, seconds = np.empty((0, scene.camera.height, scene.camera.width)), 0.0
     if path.exists():
         with np.load(path) as kept:
             images, seconds = kept["images"], float(kept["seconds"])
     wanted = options.seconds - seconds
     if wanted > 0.1 * options.seconds:
+        brute = options.brute
         more = brute_images(scene, wanted, len(images), options) if brute else mitsuba_images(scene, wanted, options)
         images = np.concatenate((images, more))
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -101,7 +101,7 @@ def digest(scene):
 
 def mitsuba_images(scene, seconds, options):
     """(n, height, width) independent images of the excess."""
-    problem = build_problem(scene, scene.world_temperature)
+    problem = build_problem(scene, scene.world_temperature, all_lobes=True)
     scale = _SIZE / np.abs(problem.vertices).max()
     problem.vertices, problem.matrix = problem.vertices * scale, np.array(problem.matrix, float)
     problem.matrix[:3, 3] *= scale

@@ -397,8 +397,3 @@ def member(family, index):
     if index == 0 and family in FIXED:
         return FIXED[family]()
     return FAMILIES[family](np.random.default_rng((zlib.crc32(family.encode()), index)))
-
-
-def is_rough(scene):
-    """Whether a surface has a rough lobe."""
-    return any(material.alpha > 0 for material in scene.materials)

@@ -152,7 +152,7 @@ def load_reference(name, scene, folder, threads):
     subtracted, seconds = REFERENCES.get(name, OTHER_REFERENCE)
     problem = build_problem(scene, subtracted)
     digest = hashlib.sha256()
-    for value in vars(problem).values():
+    for value in filter(lambda value: value is not None, vars(problem).values()):
         digest.update(np.round(np.ascontiguousarray(value, np.float64), 4).tobytes())
     path = Path(folder) / f"{name}-{digest.hexdigest()[:12]}.npy"
     if not path.exists():
