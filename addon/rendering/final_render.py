@@ -29,6 +29,7 @@ from ..reading.bands import read_band_edges
 from ..reading.camera import render_size, rendered_size
 from ..reading.scene_reader import read_scene, render_reader
 from ..reading.settings import read_settings
+from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
 from ..solver import first_hit_images, layered_image, render
 from ..solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from ..solver.geometry.surfaces import Geometry, build_geometry
@@ -52,6 +53,7 @@ POLL = 0.05  # s between looks at Esc and at the solver
 LAST_WAIT = 30.0  # s, most that Blender waits at its end for passes to be saved
 LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
 LIVE_SHARE = 0.1  # most of the time that updates may take
+LEAST_OPENNESS = 1e-3  # share of rays that leave a scene; fewer may slip through where the walls of a room meet
 IMAGE_COPIES = 5  # of all passes that are held at once: a live one, the last one, Blender's own and some on their way
 LAYER_COPIES = 2  # of all passes that a finished view layer keeps: Blender's, and one for the export
 
@@ -139,6 +141,9 @@ def render_view_layer(engine, depsgraph) -> None:
     log.info("%s: %s", layer, job.status())
     if effects and effects.warning():
         _warn(engine, f"{layer}: {effects.warning()}")
+    unset = unset_surroundings(layer_world(scene, view_layer))
+    if images and unset and job.film.openness > LEAST_OPENNESS:
+        _warn(engine, f"{layer}: {unset}, and rays leave the scene: they see 0 K. Set it in {WHERE_TO_SET}")
     if images:
         facts = effects.facts() if effects else {}
         finished = layer_images(job, images, further, facts)
