@@ -49,6 +49,6 @@ def _directions(count: int) -> np.ndarray:
 
 
 def _meets(low: np.ndarray, high: np.ndarray, direction: np.ndarray) -> bool:
-    """Whether a ray from the origin meets one of n boxes, by the slabs between their sides. low, high: (n, 3) corners."""
+    """Whether a ray from the origin meets one of n boxes, by the slabs between their sides. low, high: (n, 3)."""
     near, far = np.where(direction > 0.0, low, high) / direction, np.where(direction > 0.0, high, low) / direction
     return bool(np.any(far.min(axis=1) >= np.maximum(near.max(axis=1), 0.0)))
