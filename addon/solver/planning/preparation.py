@@ -64,7 +64,8 @@ class Model:
     visible: where camera paths gather. splitting: None without photons. reference_temperature: K. weights: (b,)
     response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
     b) by which the bands of each layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a
-    trial photon. rays_per_pixel: rays under way at once, in the tile where they are most.
+    trial photon. rays_per_pixel: rays under way at once, in the tile where they are most. openness: share of the rays
+    that leave the scene, of those from the camera or of those from what the image depends on, whichever is larger.
     """
 
     tracer: Tracer
@@ -84,6 +85,7 @@ class Model:
     photons_per_pass: int
     hits_per_photon: float
     rays_per_pixel: float
+    openness: float
 
 
 def prepare(
@@ -159,6 +161,7 @@ def prepare(
         photons_per_pass=photons,
         hits_per_photon=hits,
         rays_per_pixel=float(rays),
+        openness=max(pilot.openness, pilot.background),
     )
 
 
