@@ -24,17 +24,16 @@ import numpy as np
 from .camera.eye_paths import CameraPass, render_pixels
 from .camera.rays import Estimate
 from .camera.shadow_rays import Lighting, lamp_points
-from .geometry.free_space import free_space
 from .geometry.surfaces import Geometry
 from .image.film import Film
 from .image.tiles import tiles
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
 from .photons.emission import Batch
-from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, ray_ends
+from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
 from .photons.transport import trace_photons
 from .planning.preparation import Model, photon_store, prepare
-from .sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key, uniforms
+from .sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key
 from .scene import Scene
 from .settings import Settings
 
@@ -201,8 +200,7 @@ def cache_irradiance(
     surfaces, tracer = model.stage.surfaces, model.tracer
     points = ray_ends(tracer, surfaces, model.visible, key, cache_points(model.photons_per_pass, estimate.shrink2))
 
-    def feel(point, side_id, first):
-        turns = uniforms(key, first, len(side_id))
-        return free_space(tracer, surfaces, model.reach2, point.astype(np.float64), side_id, turns)
+    def look(point, side_id, first):
+        return look_around(tracer, surfaces, model.reach2, (point, side_id), key, first)
 
-    return build_irradiance_cache(photon_map, surfaces, estimate, points, feel, work.pool.map, work.cancelled)
+    return build_irradiance_cache(photon_map, surfaces, estimate, points, look, work.pool.map, work.cancelled)

@@ -13,54 +13,44 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.area import NO_WALL, PATCH_LIMIT, Ball, patch_in_ball
-from ..geometry.free_space import LEAST_FREE
 from ..geometry.interaction import interact
 from ..geometry.stage import lobes_at, reflectance_at
 from ..geometry.surfaces import sheet_of, unit_normal
 from ..physics.lobes import DIFFUSE, diffuse_share
-from ..planning.splitting import NEAR, disk_area, rays_alone, rays_beside, shared_area, sharing, spread_around
+from ..planning.splitting import NEAR, rays_alone, shared_area, sharing, spread_around
 from ..sampling.vectors import dot, put_vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
 
-_BESIDE_WALLS = 32  # least number of rays where walls leave no room for a disk of photons; a power of two
 _WHOLE = 0.95  # a rim cuts a disk if less than this share of it lies on the sheet: photons would lie to one side
 _BENT = 0.1  # squared difference of two unit normals from which on no rays are shared
 _WINDOW = 3  # pixels on each side, within which final gathers share rays
 
 
-def choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen=None) -> None:
-    """Choose which gathers send rays, how many, and within which disk neighbours share these rays.
+def choose_splits(stage, estimate, pixels, bounce, gathers) -> None:
+    """Choose how many rays gathers send, and within which disk neighbours share these rays.
 
     The choice rests on what is known before the pass, not on the photons of the pass, so it leaves the mean of the
-    image alone. pixels: (n,) int64, numbers, in the window, of the tile's pixels. free2: (gathers,) float32, m2,
-    squared radius of the free space around. chosen: (c,) int64, indices of the gathers to choose for; None for all.
+    image alone. pixels: (n,) int64, numbers, in the window, of the tile's pixels.
     """
-    chosen = np.arange(len(gathers.ray)) if chosen is None else chosen
-    if len(chosen):
-        _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, np.empty(PATCH_LIMIT, np.int32))
+    if len(gathers.ray):
+        _choose_splits(stage, estimate, pixels, bounce, gathers, np.empty(PATCH_LIMIT, np.int32))
 
 
 @njit(**KERNEL)
-def _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, patch):
+def _choose_splits(stage, estimate, pixels, bounce, gathers, patch):
     splitting, k, shrink2, rays = estimate.splitting, estimate.neighbours, estimate.shrink2, bounce.rays
-    for g in chosen:
+    for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         if rays.final[i] or lobes_at(stage, at).flags & DIFFUSE == 0:
             continue
-        sheet, pixel, around2 = sheet_of(stage.surfaces, at.side_id), pixels[rays.pixel[i]], float(free2[g])
+        sheet, pixel, reach2 = sheet_of(stage.surfaces, at.side_id), pixels[rays.pixel[i]], estimate.reach2
         contribution = splitting.sensitivity[pixel] * _reflected_share(stage, at, rays.throughput[i], gathers.weight[g])
         spread = spread_around(splitting, pixel, sheet)
-        count, _ = rays_beside(splitting, sheet, spread, contribution, around2, k, shrink2)
-        if count == 0:
-            disk = disk_area(splitting.sheets, sheet, spread, around2, k, shrink2)
-            if _is_cut(stage.surfaces, at, disk, patch):
-                count, _ = rays_alone(splitting, sheet, spread, contribution, around2, k, shrink2)
-        if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
-            count = max(count, _BESIDE_WALLS)
+        count, _ = rays_alone(splitting, sheet, spread, contribution, reach2, k, shrink2)
         gathers.contribution[g], gathers.rays[g], gathers.radius2[g] = contribution, count, 0.0
-        if count > 0 and sharing(splitting.sheets, sheet, spread, around2, k, shrink2) >= 1.0:
-            shared = shared_area(splitting.sheets, sheet, spread, around2, k, shrink2)
+        if count > 0 and sharing(splitting.sheets, sheet, spread, reach2, k, shrink2) >= 1.0:
+            shared = shared_area(splitting.sheets, sheet, spread, reach2, k, shrink2)
             gathers.radius2[g] = shared / math.pi
             gathers.is_cut[g] = _is_cut(stage.surfaces, at, shared, patch)
 

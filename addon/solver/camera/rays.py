@@ -35,7 +35,7 @@ class Rays(NamedTuple):
 
     origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32, row of the image to which the ray
     adds. path: (n,) uint64, key of the random numbers. final: (n,) bool, whether the ray belongs to a final gather.
-    continued: (n,) bool, whether it continues such a ray from its end (see NearDisks).
+    continued: (n,) bool, whether it continues such a ray from its end (see recall).
     """
 
     origin: np.ndarray
@@ -75,14 +75,14 @@ def start_paths(key, samples, pixels, rays):
 class Bounce(NamedTuple):
     """One bounce of n rays. number: from 0. hits: of the rays.
 
-    near: (n,) bool, set for rays of final gathers that end too near to their start to recall (see NearDisks).
-    goes_on: (n,) float32, for rays that are continued the factor on their throughput by roulette, else 0.
+    unresolved: (n,) bool, set for rays of final gathers at whose end the cache does not resolve the light (see recall).
+    goes_on: (n,) float32, for those of them that roulette continues the factor on their throughput, else 0.
     """
 
     number: int
     rays: Rays
     hits: Hits
-    near: np.ndarray
+    unresolved: np.ndarray
     goes_on: np.ndarray
 
 

@@ -16,7 +16,7 @@ from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
 from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
 from ..planning.pilot import SKY_RAYS
-from ..planning.splitting import gather_chance, recall_chance
+from ..planning.splitting import recall_chance
 from ..sampling.rng import uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
@@ -25,6 +25,7 @@ from .rays import largest_throughput
 from .shadow_rays import CANDIDATES, LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
 from .streams import LAMP_NUMBERS, LAMPS, RECALLING
 
+_SURE, _LATE_SURVIVAL = 8, 15.0 / 16.0  # after so many bounces a path survives with at most this chance
 _FAR = 4.0  # largest squared distance to a cached point that is recalled, over the squared radius of the largest disk
 
 
@@ -90,19 +91,21 @@ def _add_straight(stage, photons, index, at, scale, throughput, out):
                 out[b] += throughput[b] * rho[b] * f * photons.power[photon, b]
 
 
-def recall(stage, cache, estimate, bounce, image) -> Gathers:
-    """Add to the image what the ends of final gathers reflect, with the irradiance in the cache.
-
-    Sets bounce.goes_on for the rays that are continued. Returns gathers for the ends that have to ask photons: ends far
-    from all cached points, and the ends of continued rays, for caustics alone, as the continued ray finds all other
+def recall(stage, is_open, cache, estimate, bounce, image) -> Gathers:
+    """Add to the image what the ends of final gathers reflect, with the irradiance in the cache where it resolves the
     light.
+
+    It does not where no cached point lies near on this side of all walls, or where the disk of the nearest point is not
+    small against the distance to what is around it. Rays that end there are continued, in one direction of the diffuse
+    lobe: sets bounce.unresolved and bounce.goes_on. Returns gathers for the ends of continued rays, which ask photons
+    for caustics alone, as the continued ray finds all other light. is_open: see Surroundings.
     """
-    lost = empty_gathers(len(bounce.hits.triangle))
-    return first_gathers(lost, _recall(stage, cache, estimate, bounce, image, lost, empty_walk()))
+    continued = empty_gathers(len(bounce.hits.triangle))
+    return first_gathers(continued, _recall(stage, is_open, cache, estimate, bounce, image, continued, empty_walk()))
 
 
 @njit(**FAST_KERNEL)
-def _recall(stage, cache, estimate, bounce, image, lost, walk):
+def _recall(stage, is_open, cache, estimate, bounce, image, continued, walk):
     rays, splitting, found = bounce.rays, estimate.splitting, np.int64(0)
     for i in range(bounce.hits.triangle.size):
         if bounce.hits.triangle[i] < 0 or not rays.final[i]:
@@ -113,28 +116,25 @@ def _recall(stage, cache, estimate, bounce, image, lost, walk):
         if reflected == 0.0:
             continue
         sheet = sheet_of(stage.surfaces, at.side_id)
-        chance, choice = recall_chance(splitting, sheet, reflected), uniform(rays.path[i], RECALLING + bounce.number)
-        if choice >= chance:
-            continue
-        if bounce.near[i]:
-            bounce.goes_on[i] = 1.0 / chance
-            lost.ray[found], lost.weight[found], lost.rays[found] = i, 1.0 / chance, 1
-            found += 1
+        chance = min(recall_chance(splitting, sheet, reflected), 1.0 if bounce.number < _SURE else _LATE_SURVIVAL)
+        survives = uniform(rays.path[i], RECALLING + bounce.number) < chance
+        if not survives and not is_open[at.triangle, at.side_id & 1]:
             continue
         query = query_at(stage.surfaces, at.side_id, at.point)
         known = recalled(cache, query, _FAR * estimate.shrink2 * estimate.reach2, walk)
-        out = image[rays.pixel[i]]
-        if known >= 0:
-            scale = np.float32(diffuse / (math.pi * chance))
-            for layer in range(estimate.layers):
-                first = layer * rho.size
-                for b in range(rho.size):
-                    out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
+        bounce.unresolved[i] = known < 0 or not cache.resolved[known]
+        if not survives:
             continue
-        chance = gather_chance(splitting, sheet, reflected)
-        if choice < chance:
-            lost.ray[found], lost.weight[found] = i, 1.0 / chance
+        if bounce.unresolved[i]:
+            bounce.goes_on[i] = 1.0 / chance
+            continued.ray[found], continued.weight[found], continued.rays[found] = i, 1.0 / chance, 1
             found += 1
+            continue
+        out, scale = image[rays.pixel[i]], np.float32(diffuse / (math.pi * chance))
+        for layer in range(estimate.layers):
+            first = layer * rho.size
+            for b in range(rho.size):
+                out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
     return found
 
 
@@ -161,7 +161,7 @@ def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
         receiver = Receiver(
             at, rays.throughput[i], gathers.weight[g], rays.path[i], LAMPS + LAMP_NUMBERS * bounce.number, rays.pixel[i]
         )
-        if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.near[i]:
+        if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(surroundings, stage, receiver, shadows, sent)
             sent += SKY_RAYS
         if lighting.lamps.power > 0.0:

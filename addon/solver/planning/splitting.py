@@ -22,7 +22,6 @@ from .sheets import FALL, Sheets
 from .survey import Cells, Survey
 
 # Times, in units of the time of one ray of a final gather (tests/benchmarks/throughput.py)
-_GATHER = 6.0  # of an estimate from k photons
 _CAMERA = 0.75  # of a camera ray
 _FIXED = 4.0  # of a pixel, however many rays it sends
 _PHOTON = 2.0  # of a photon, traced and sorted, and its share of the cache
@@ -90,69 +89,51 @@ def spread_in(cells, cell):
 
 
 @njit(inline="always")
-def rays_beside(splitting, sheet, spread, contribution, free2, k, shrink2):
-    """Number of rays that a gather should send, a power of two, or 0 where photons are better; and the variance.
+def rays_alone(splitting, sheet, spread, contribution, reach2, k, shrink2):
+    """Number of rays that a gather should send, a power of two, and the variance.
 
-    spread: around the gather. contribution: see Gathers. free2: m2, squared radius of the free space around the gather.
-    k, shrink2: see Estimate.
+    spread: around the gather. contribution: see Gathers. reach2, k, shrink2: see Estimate.
     """
-    area = disk_area(splitting.sheets, sheet, spread, free2, k, shrink2)
-    by_photons = contribution * contribution * spread.brightness * splitting.sheets.photon_noise[sheet] / area
-    rays, by_rays = rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2)
-    if by_photons + _GATHER * splitting.price > by_rays + rays * splitting.price:
-        return rays, by_rays
-    return 0, by_photons
-
-
-@njit(inline="always")
-def rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2):
-    """rays_beside for a gather that must not ask photons: number of rays, a power of two, and the variance."""
-    noise = contribution * contribution * ray_variance(splitting.sheets, sheet, spread, free2, k, shrink2)
+    noise = contribution * contribution * ray_variance(splitting.sheets, sheet, spread, reach2, k, shrink2)
     best = (FALL * noise / splitting.price) ** (1.0 / (1.0 + FALL))
     rays = 1 << int(math.log2(min(max(best, float(_FEWEST)), float(_MOST))) + 0.5)
     return rays, noise * rays**-FALL
 
 
 @njit(inline="always")
-def disk_area(sheets, sheet, spread, free2, k, shrink2):
+def disk_area(sheets, sheet, spread, reach2, k, shrink2):
     """Area (m2) of a gather's disk: it holds k photons, or fills the free space of this squared radius (m2); shrunk."""
-    area, density = min(math.pi * free2, sheets.span[sheet]), spread.brightness * sheets.density[sheet]
+    area, density = min(math.pi * reach2, sheets.span[sheet]), spread.brightness * sheets.density[sheet]
     if density * area > k:
         area = k / density
     return max(area * shrink2, 1e-30)
 
 
 @njit(inline="always")
-def shared_area(sheets, sheet, spread, free2, k, shrink2):
+def shared_area(sheets, sheet, spread, reach2, k, shrink2):
     """Area (m2) of the disk in which final gathers share rays, before surfaces close by limit it (see NEAR)."""
-    return _SHARING * disk_area(sheets, sheet, spread, free2, k, shrink2)
+    return _SHARING * disk_area(sheets, sheet, spread, reach2, k, shrink2)
 
 
 @njit(inline="always")
-def sharing(sheets, sheet, spread, free2, k, shrink2):
+def sharing(sheets, sheet, spread, reach2, k, shrink2):
     """How many final gathers of equal weight share rays in the disk around one of them; below 1, none share."""
     near = NEAR / max(spread.closeness, 1e-30)
-    area = min(shared_area(sheets, sheet, spread, free2, k, shrink2), math.pi * near * near * shrink2)
+    area = min(shared_area(sheets, sheet, spread, reach2, k, shrink2), math.pi * near * near * shrink2)
     return min(_EQUAL_MOST, _EQUAL * spread.density * area)
 
 
 @njit(inline="always")
-def ray_variance(sheets, sheet, spread, free2, k, shrink2):
+def ray_variance(sheets, sheet, spread, reach2, k, shrink2):
     """Variance (W2 sr-2 m-4) of the radiance that a perfect reflector reflects, estimated from n rays of each final
     gather that shares, times n^FALL."""
-    return sheets.evenness * spread.ray_noise / max(1.0, sharing(sheets, sheet, spread, free2, k, shrink2))
+    return sheets.evenness * spread.ray_noise / max(1.0, sharing(sheets, sheet, spread, reach2, k, shrink2))
 
 
 @njit(inline="always")
 def recall_chance(splitting, sheet, throughput):
     """Chance with which a final ray's end on a sheet recalls irradiance. throughput: after the reflection there."""
     return _chance(splitting, sheet, throughput, _RECALL)
-
-
-@njit(inline="always")
-def gather_chance(splitting, sheet, throughput):
-    """Chance with which a final ray's end asks photons, where no cached point is near. See recall_chance."""
-    return _chance(splitting, sheet, throughput, _GATHER)
 
 
 @njit(inline="always")
@@ -204,7 +185,7 @@ def noise_and_time(splitting: Splitting, pixels: float, reach2: float, neighbour
     """Mean over the pixels of the variance and of the time of their gathers, without walls around."""
     rays, variance = _in_cells(splitting, reach2, neighbours)
     count = splitting.cells.count
-    return float(np.sum(count * variance)) / pixels, float(np.sum(count * np.where(rays, rays, _GATHER))) / pixels
+    return float(np.sum(count * variance)) / pixels, float(np.sum(count * rays)) / pixels
 
 
 def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, reach2: float, neighbours: int) -> float:
@@ -234,4 +215,4 @@ def _choose_in_cells(splitting, reach2, k, rays, variance):
     cells, labels = splitting.cells, splitting.sheets.density.size
     for cell in range(rays.size):
         sheet, contribution = cells.key[cell] % labels, math.sqrt(cells.contribution2[cell])
-        rays[cell], variance[cell] = rays_beside(splitting, sheet, spread_in(cells, cell), contribution, reach2, k, 1.0)
+        rays[cell], variance[cell] = rays_alone(splitting, sheet, spread_in(cells, cell), contribution, reach2, k, 1.0)
