@@ -77,12 +77,15 @@ def user_cache() -> Path:
     return Path(home) / "infrared_photons" / "benchmarks"
 
 
-def run_peer(engine, problem, threads, clock, seconds, polite=False):
-    """Images (n, height, width, bands) W m-2 sr-1 per band and s (n,), one for each of n budgets in seconds."""
+def run_peer(engine, problem, threads, clock, seconds, polite=False, python=None):
+    """Images (n, height, width, bands) W m-2 sr-1 per band and s (n,), one for each of n budgets in seconds.
+
+    python: the interpreter that has the peer, if it is not this one.
+    """
     with tempfile.TemporaryDirectory() as folder:
         problem.save(f"{folder}/problem.npz")
         files = [f"{folder}/{name}.npz" for name in ("problem", "images")]
-        command = [sys.executable, "-m", "tests.benchmarks.peers", engine, *files]
+        command = [python or sys.executable, "-m", "tests.benchmarks.peers", engine, *files]
         done = subprocess.run(
             [*command, str(threads), clock, *map(str, seconds)],
             cwd=ROOT,
@@ -149,7 +152,7 @@ def load_reference(name, scene, folder, threads):
     subtracted, seconds = REFERENCES.get(name, OTHER_REFERENCE)
     problem = build_problem(scene, subtracted)
     digest = hashlib.sha256()
-    for value in vars(problem).values():
+    for value in filter(lambda value: value is not None, vars(problem).values()):
         digest.update(np.round(np.ascontiguousarray(value, np.float64), 4).tobytes())
     path = Path(folder) / f"{name}-{digest.hexdigest()[:12]}.npy"
     if not path.exists():

@@ -15,7 +15,8 @@ class Problem:
     vertices (n, 3) m. triangles (m, 3) int32, fronts (counter-clockwise) are what can be seen; the few that are seen
     from both sides are there twice. part (m,) int32. Of each part p, in each of B bands: emission (p, B) W m-2 sr-1 and
     reflectance (p, B); mirror (p,) bool, else diffuse. world (B,) radiance of the surroundings. matrix (4, 4) camera to
-    world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top.
+    world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top. lobes (p, 2):
+    share of the reflectance that is specular, and its alpha; None where `mirror` says all, as most peers need it.
     """
 
     vertices: np.ndarray
@@ -30,9 +31,11 @@ class Problem:
     width: int
     height: int
     offset: np.ndarray
+    lobes: np.ndarray | None = None
 
     def save(self, path):
-        np.savez(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        np.savez(path, **{name: array for name, array in arrays.items() if array is not None})
 
     @classmethod
     def load(cls, path):
@@ -68,15 +71,20 @@ class Problem:
         return position, position - backward, up
 
 
-def build_problem(scene, reference: float = 0.0) -> Problem:
+def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Problem:
     """The scene's problem; with a reference (K), that of its excess over an isothermal scene, to which it is equal by
     linearity: emission is e(T) - eps B(T0) and offset B(T0).
+
+    all_lobes: also surfaces that are specular in part, and rough ones at the reference. What a rough lobe loses is
+    emitted at an angle, which no peer can; at the reference it is no excess.
     """
     from addon.solver import Settings
     from addon.solver.physics.spectrum import band_radiance
     from addon.solver.planning.preparation import prepare
 
-    bad = [m.name for m in scene.materials if m.specular not in (0.0, 1.0) or (m.specular and m.roughness)]
+    bad = [] if all_lobes else [m.name for m in scene.materials if m.specular % 1.0 or (m.specular and m.roughness)]
+    rough = np.array([m.alpha > 0.0 for m in scene.materials])[scene.material]
+    bad += ["rough surfaces that are not at the reference"] if np.any(scene.temperature[rough] != reference) else []
     if bad or scene.lights or scene.temperature.ndim > 1:
         raise ValueError(f"Only diffuse and mirror materials, emitting geometry and one temperature a triangle: {bad}")
     edges = scene.band_edges
@@ -100,6 +108,7 @@ def build_problem(scene, reference: float = 0.0) -> Problem:
         scene.camera.width,
         scene.camera.height,
         black,
+        np.array([(scene.materials[m].specular, scene.materials[m].alpha) for m in material]) if all_lobes else None,
     )
 
 

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whole families of hard scenes (families.py) against path tracers: are images right, and are they as sure as they say?
+
+    python -m tests.benchmarks.against_mitsuba [--families NAME ...] [--members N] [--passes M ...] [--brute]
+
+Mitsuba renders the reference of the excess over the ambient, in a process of its own; --python names the interpreter
+that has it, if it is another. With --brute references are by the path tracer of the tests, slower by far where small
+things are hot; pixels that none of its paths lit then seem to be known exactly. References are kept in the user's cache
+folder as independent images; a run that wants a longer one adds to them.
+
+Of each member it prints, for each number of passes:
+
+mean: error of the picture's mean, K, and over its own standard error. Passes are independent, so their spread tells it.
+rms: root mean square over the pixels of the error over the stated one; 1 is honest. The stated one is film.noise(),
+    with the reference's own standard error and ALLOWANCE in quadrature.
+>3, >5: share of pixels whose error is more than 3 and 5 stated ones.
+block: the block of 4 x 4 pixels that is off the most in its own standard errors (spread of passes, with the same in
+    quadrature), and where (column and row from the top); and the one that is off the most in K.
+
+Errors are differences of apparent temperatures; those of means are errors of radiance over dB/dT at the pixel's
+apparent temperature. With --excess LEFT TOP RIGHT BOTTOM the mean excess of a window is printed, too: radiance less
+that of a blackbody at the ambient temperature, over dB/dT there, in K.
+"""
+
+import argparse
+import hashlib
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from addon.solver import Settings, render
+from addon.solver.physics.spectrum import apparent_temperature
+from tests.benchmarks.families import FAMILIES, member
+from tests.benchmarks.peers.problem import build_problem
+from tests.benchmarks.speed_vs_error import run_peer, user_cache
+from tests.helpers.exact_cases import PHOTONS
+from tests.helpers.path_tracer import black_radiance, black_slope, standard_error, trace_paths
+
+ALLOWANCE = 0.002  # K, of what is not noise
+BLOCK = 4
+_CHUNKS = 16  # independent images of a reference, from which its standard error is told
+_SIZE = 1000.0  # that Mitsuba's scenes are enlarged to: it moves rays off a surface by 1e-4 of (1 + coordinate)
+
+
+@dataclass
+class Truth:
+    """excess (n, height, width): independent images of the excess radiance over the ambient, W m-2 sr-1.
+
+    edges of the band, um, and ambient, K. From them: radiance (height, width), its temperature, K, slope dB/dT there,
+    and error, the standard error in K.
+    """
+
+    excess: np.ndarray
+    edges: np.ndarray
+    ambient: float
+
+    def __post_init__(self):
+        self.radiance = self.excess.mean(axis=0) + black_radiance(self.edges, self.ambient)[0]
+        self.temperature = apparent_temperature(self.radiance, self.edges)
+        self.slope = slope(self.temperature, self.edges)
+        self.error = standard_error(self.excess) / self.slope
+
+
+def slope(kelvin, edges):
+    """dB/dT, W m-2 sr-1 K-1, at apparent temperatures of any shape."""
+    step = 1e-3 * kelvin
+    return (black_radiance(edges, kelvin + step) - black_radiance(edges, kelvin - step))[..., 0] / (2 * step)
+
+
+# References
+
+
+def load_truth(name, scene, options):
+    """Truth of a member from the cache folder, with as many seconds of rendering as are wanted added to it."""
+    path = options.cache / "families" / f"{name}-{'brute' if options.brute else 'mitsuba'}-{digest(scene)}.npz"
+    images, seconds = np.empty((0, scene.camera.height, scene.camera.width)), 0.0
+    if path.exists():
+        with np.load(path) as kept:
+            images, seconds = kept["images"], float(kept["seconds"])
+    wanted = options.seconds - seconds
+    if wanted > 0.1 * options.seconds:
+        brute = options.brute
+        more = brute_images(scene, wanted, len(images), options) if brute else mitsuba_images(scene, wanted, options)
+        images = np.concatenate((images, more))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, images=images, seconds=seconds + wanted)
+    return Truth(images, scene.band_edges, scene.world_temperature)
+
+
+def digest(scene):
+    """Twelve letters that change with the scene."""
+    of = hashlib.sha256()
+    for value in (scene.vertices, scene.triangles, scene.material, scene.temperature, scene.camera.matrix):
+        of.update(np.round(np.ascontiguousarray(value, np.float64), 7).tobytes())
+    surfaces = [(material.emissivity, material.specular, material.roughness) for material in scene.materials]
+    of.update(repr((surfaces, scene.camera, scene.band_edges, scene.world_temperature)).encode())
+    return of.hexdigest()[:12]
+
+
+def mitsuba_images(scene, seconds, options):
+    """(n, height, width) independent images of the excess."""
+    problem = build_problem(scene, scene.world_temperature, all_lobes=True)
+    scale = _SIZE / np.abs(problem.vertices).max()
+    problem.vertices, problem.matrix = problem.vertices * scale, np.array(problem.matrix, float)
+    problem.matrix[:3, 3] *= scale
+    budgets = [seconds / _CHUNKS] * _CHUNKS
+    images, _ = run_peer("mitsuba", problem, options.threads, "processor", budgets, polite=True, python=options.python)
+    return images[..., 0] - problem.offset[0]
+
+
+def brute_images(scene, seconds, first, options):
+    """The same by the tests' path tracer."""
+    trace_paths(scene, 1, 1)  # compiles
+    started = time.perf_counter()
+    trace_paths(scene, 32, 1)
+    rate = 32 / (time.perf_counter() - started)
+    samples = max(1, round(options.threads * rate * seconds / _CHUNKS))
+    return trace_paths(scene, samples, _CHUNKS, seed=1, first_batch=first, threads=options.threads).images[..., 0]
+
+
+# Our images
+
+
+@dataclass
+class Ours:
+    """Of a film after some passes: temperature and noise (height, width), K; radiance (height, width) W m-2 sr-1; and
+    passes (n, height / 4, width / 4), K: mean over each block of the radiance of each pass over the truth's slope."""
+
+    temperature: np.ndarray
+    noise: np.ndarray
+    radiance: np.ndarray
+    passes: np.ndarray
+
+
+def our_images(scene, truth, options):
+    """{passes: Ours} of one render."""
+    sums, kept = [np.zeros(truth.slope[::BLOCK, ::BLOCK].shape)], {}
+
+    def note(film):
+        excess = film.layer_means().reshape(truth.slope.shape)
+        sums.append(film.passes * blocks(excess / truth.slope))
+        if film.passes in options.passes:
+            radiance = excess + black_radiance(scene.band_edges, film.reference_temperature)[0]
+            kept[film.passes] = Ours(film.temperature(), film.noise(), radiance, np.diff(sums, axis=0))
+
+    settings = Settings(
+        max(options.passes), photons_per_pass=options.photons, seed=options.seed, threads=options.threads
+    )
+    render(scene, settings, note)
+    return kept
+
+
+def blocks(image):
+    """Means (..., height / 4, width / 4) of blocks of 4 x 4 pixels."""
+    *rest, height, width = image.shape
+    return image.reshape(*rest, height // BLOCK, BLOCK, width // BLOCK, BLOCK).mean(axis=(-3, -1))
+
+
+# Comparison
+
+
+@dataclass
+class Comparison:
+    """See the module's docstring. All in K or numbers; where: column and row of a block's first pixel, from the top."""
+
+    mean: float
+    mean_ratio: float
+    rms: float
+    beyond3: float
+    beyond5: float
+    block: float
+    block_ratio: float
+    where: tuple[int, int]
+    largest: float
+    largest_where: tuple[int, int]
+
+    def __str__(self):
+        return (
+            f"mean {self.mean:+8.4f} K ({self.mean_ratio:+6.1f})   rms {self.rms:6.2f}   >3 {self.beyond3:6.2%}   "
+            f">5 {self.beyond5:6.2%}   block {self.block_ratio:+7.1f}, {self.block:+8.3f} K at {self.where}   "
+            f"largest {self.largest:+8.3f} K at {self.largest_where}"
+        )
+
+
+def compare(ours, truth):
+    """Comparison of our image with the truth."""
+    stated = np.sqrt(ours.noise**2 + truth.error**2 + ALLOWANCE**2)
+    ratio = np.abs(ours.temperature - truth.temperature) / stated
+    difference = blocks((ours.radiance - truth.radiance) / truth.slope)
+    reference = blocks(truth.excess / truth.slope)
+    error = np.hypot(standard_error(ours.passes), standard_error(reference))
+    mean_error = np.hypot(*(standard_error(each.mean(axis=(1, 2))) for each in (ours.passes, reference)))
+    ratios = difference / np.hypot(error, ALLOWANCE)
+    worst, largest = (np.unravel_index(np.argmax(np.abs(each)), each.shape) for each in (ratios, difference))
+    return Comparison(
+        difference.mean(),
+        difference.mean() / np.hypot(mean_error, 0.1 * ALLOWANCE),
+        np.sqrt(np.mean(ratio**2)),
+        np.mean(ratio > 3),
+        np.mean(ratio > 5),
+        difference[worst],
+        ratios[worst],
+        place(worst, difference.shape),
+        difference[largest],
+        place(largest, difference.shape),
+    )
+
+
+def place(block, shape):
+    """Column and row from the top of the first pixel of a block (row from the bottom, column)."""
+    return int(BLOCK * block[1]), int(BLOCK * (shape[0] - 1 - block[0]))
+
+
+def window_excess(excess, truth, window):
+    """Mean over a window (left, top, right, bottom; ends are inside), K, of images (..., height, width)."""
+    left, top, right, bottom = window
+    rows = slice(excess.shape[-2] - 1 - bottom, excess.shape[-2] - top)
+    return excess[..., rows, left : right + 1].mean(axis=(-2, -1)) / black_slope(truth.edges, truth.ambient)
+
+
+def compare_member(family, index, options):
+    """{passes: Comparison}, which are printed."""
+    scene = member(family, index)
+    truth = load_truth(f"{family}{index}", scene, options)
+    print(
+        f"{family} {index}: {len(scene.triangles)} triangles; reference: standard error {np.median(truth.error):.4f} K "
+        f"in the median pixel, {np.sqrt(np.mean(truth.error**2)):.4f} K rms"
+    )
+    found = {}
+    for passes, ours in our_images(scene, truth, options).items():
+        found[passes] = compare(ours, truth)
+        print(f"  {passes:5d} passes: {found[passes]}", flush=True)
+        if options.excess:
+            excess = ours.radiance - black_radiance(truth.edges, truth.ambient)[0]
+            exact = window_excess(truth.excess, truth, options.excess)
+            print(
+                f"        excess in the window: {window_excess(excess, truth, options.excess):.4f} K, "
+                f"reference {exact.mean():.4f} +- {standard_error(exact):.4f} K"
+            )
+    return found
+
+
+def print_summary(results):
+    """One row for each family and number of passes: means of squares over the members, and the worst."""
+    print("\n| family | passes | members | mean, rms of ratios | rms | >3 | >5 | worst block, ratio | worst block, K |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
+    for family, members in results.items():
+        for passes in members[0]:
+            of = [each[passes] for each in members]
+            ratio, rms = (np.sqrt(np.mean(np.square(v))) for v in ([c.mean_ratio for c in of], [c.rms for c in of]))
+            far = [np.mean([getattr(c, name) for c in of]) for name in ("beyond3", "beyond5")]
+            worst = max((c.block_ratio for c in of), key=abs), max((c.largest for c in of), key=abs)
+            print(
+                f"| {family} | {passes} | {len(of)} | {ratio:.1f} | {rms:.2f} | {far[0]:.2%} | {far[1]:.2%} | "
+                f"{worst[0]:+.1f} | {worst[1]:+.3f} |"
+            )
+
+
+def parse_options():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
+    parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES), help="all of them")
+    parser.add_argument("--members", type=int, default=3, help="of each family (%(default)s)")
+    parser.add_argument("--first", type=int, default=0, help="index of the first member (%(default)s)")
+    parser.add_argument("--passes", type=int, nargs="+", default=[64, 512], help="of ours (%(default)s)")
+    parser.add_argument("--photons", type=int, default=PHOTONS, help="of ours in a pass (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of ours (%(default)s)")
+    parser.add_argument("--seconds", type=float, default=40.0, help="of each reference (%(default)s)")
+    parser.add_argument("--brute", action="store_true", help="references by the tests' path tracer")
+    parser.add_argument("--threads", type=int, default=1, help="of all (%(default)s)")
+    parser.add_argument("--python", help="interpreter that has Mitsuba, where it is not this one")
+    parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of the references (%(default)s)")
+    parser.add_argument("--excess", type=int, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"), help="a window")
+    return parser.parse_args()
+
+
+def main():
+    options = parse_options()
+    results = {}
+    for family in options.families:
+        indices = range(options.first, options.first + options.members)
+        results[family] = [compare_member(family, index, options) for index in indices]
+    print_summary(results)
+
+
+if __name__ == "__main__":
+    main()

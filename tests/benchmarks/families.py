@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Families of scenes that are hard for photon maps, caches and guides, in numbers: random members without end.
+
+Each family is a function of a random generator that returns a Scene of one narrow band, 64 x 48 pixels. FIXED are
+members that do not change, by the family's name. The surroundings have the ambient temperature, T0 of the excess.
+"""
+
+import zlib
+
+import numpy as np
+
+from addon.solver import Material
+from tests.benchmarks.speed_scenes import Parts, cylinder, grid, grid_triangles, revolve
+from tests.helpers.scenes import box, look, quad, sphere
+
+WIDTH, HEIGHT = 64, 48
+BAND = np.array([9.99, 10.01])  # um
+AMBIENT = 300.0  # K
+_VIEW = np.tan(np.radians(22.5))  # of half the horizontal field of view
+
+
+def view(position, target, tangent=_VIEW):
+    return look(position, target, WIDTH, HEIGHT, tangent)
+
+
+def turned(mesh, angle, axis=2):
+    """A mesh turned by an angle (rad) about a coordinate axis through the origin."""
+    vertices, triangles = mesh
+    i, j = [k for k in range(3) if k != axis]
+    turned_vertices = np.array(vertices, float)
+    turned_vertices[:, i] = np.cos(angle) * vertices[:, i] - np.sin(angle) * vertices[:, j]
+    turned_vertices[:, j] = np.sin(angle) * vertices[:, i] + np.cos(angle) * vertices[:, j]
+    return turned_vertices, triangles
+
+
+def block(size):
+    """A box (m) with its middle in the origin."""
+    vertices, triangles = box(size)
+    return vertices - 0.5 * np.asarray(size, float), triangles
+
+
+def floor(parts, material, kelvin=AMBIENT, half=1.0, height=0.0):
+    parts.add(quad((0, 0, height), (half, 0, 0), (0, half, 0)), kelvin, material)
+
+
+def shell(parts, size, kelvin, material, skip=()):
+    """Faces of a box from the origin, seen from inside, without those in skip (order of `box`: -x +x -y +y -z +z)."""
+    vertices, triangles = box(size)
+    kept = [t for face in range(6) if face not in skip for t in (2 * face, 2 * face + 1)]
+    parts.add((vertices, triangles[kept][:, ::-1]), kelvin, material)
+
+
+def wall_with_hole(parts, y, size, hole, material):
+    """Wall in a plane of constant y, from x = 0 and z = 0, with a rectangular hole (x0, x1, z0, z1)."""
+    (width, height), (x0, x1, z0, z1) = size, hole
+    for low, high, bottom, top in ((0, x0, 0, height), (x1, width, 0, height), (x0, x1, 0, z0), (x0, x1, z1, height)):
+        if high > low and top > bottom:
+            parts.add(grid((low, y, bottom), (high - low, 0, 0), (0, 0, top - bottom)), AMBIENT, material)
+
+
+def grey(emissivity, specular=0.0, roughness=0.0):
+    return Material(f"{emissivity:.3g} {specular:.3g} {roughness:.3g}", float(emissivity), specular, roughness)
+
+
+# Tubes and ducts
+
+TIN = grey(0.15)
+
+
+def tube(radius=0.1, bottom=0.5, top=1.5, wall=TIN, ball=(1.42, 0.02, 1000.0), square=False):
+    """A tube above a floor, open below, with a small hot ball in its upper end. ball: height, radius (m), kelvin."""
+    parts = Parts()
+    if square:
+        for x, y in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            across = (-y * radius, x * radius, 0)
+            parts.add(
+                quad((x * radius, y * radius, (top + bottom) / 2), across, (0, 0, (top - bottom) / 2)), AMBIENT, wall
+            )
+    else:
+        parts.add(revolve([(radius, bottom), (radius, top)], 64), AMBIENT, wall)
+    parts.add(quad((0, 0, top), (1.2 * radius, 0, 0), (0, 1.2 * radius, 0)), AMBIENT, wall)
+    height, size, kelvin = ball
+    parts.add(sphere(3, size), kelvin, grey(0.9), (0, 0, height))
+    floor(parts, grey(0.5))
+    return parts.scene(view((0.9, -1.2, 0.9), (0, 0, 0.35)), BAND, AMBIENT)
+
+
+def random_tube(rng):
+    radius, bottom = rng.uniform(0.04, 0.2), rng.uniform(0.15, 0.6)
+    length = rng.uniform(2.0, 12.0) * radius
+    size = radius * rng.uniform(0.1, 0.5)
+    height = bottom + length * rng.uniform(0.5, 0.9)
+    wall = grey(rng.uniform(0.03, 0.4), 1.0 if rng.random() < 0.3 else 0.0)
+    return tube(radius, bottom, bottom + length, wall, (height, size, rng.uniform(600, 1400)), rng.random() < 0.4)
+
+
+# Combs, fins, louvres, grooves
+
+
+def comb(count=40, gap=0.005, size=(0.1, 0.04), kelvin=(300.0, 400.0), emissivity=0.3, lean=0.0):
+    """Thin plates side by side on a base under a warm lid. size: width and height (m). lean: rad."""
+    parts = Parts()
+    width, height = size
+    for i in range(count):
+        vertices, triangles = turned(block((0.0002, width, height)), lean, axis=1)
+        at = ((i - (count - 1) / 2) * gap, 0, height / 2 * np.cos(lean) + 0.0001)
+        parts.add((vertices, triangles), kelvin[i % len(kelvin)], grey(emissivity), at)
+    half = 0.75 * max(count * gap, width)
+    floor(parts, grey(0.5), half=half)
+    floor(parts, grey(0.9), 320.0, half, 0.3)
+    camera = view((0.25 * half, -2.6 * half, 0.2), (0, -0.25 * half, 0.3 * height))
+    return parts.scene(camera, BAND, AMBIENT)
+
+
+def random_comb(rng):
+    gap, height = rng.uniform(0.002, 0.015), rng.uniform(0.02, 0.08)
+    kelvin = AMBIENT + rng.uniform(-40, 200, rng.integers(2, 5))
+    return comb(
+        int(rng.integers(10, 60)), gap, (rng.uniform(0.04, 0.2), height), kelvin, rng.uniform(0.05, 0.8),
+        rng.uniform(-0.5, 0.5) if rng.random() < 0.4 else 0.0,
+    )  # fmt: skip
+
+
+def fins(rng):
+    """A hot pipe with thin round fins above a floor."""
+    parts = Parts()
+    radius, count, gap = rng.uniform(0.02, 0.05), int(rng.integers(10, 50)), rng.uniform(0.004, 0.02)
+    outer, material = radius * rng.uniform(1.5, 4.0), grey(rng.uniform(0.05, 0.6))
+    half = count * gap / 2
+    kelvin = rng.uniform(320, 700)
+    parts.add(cylinder((-half, 0, 0.2), (half, 0, 0.2), radius, 48), kelvin, material)
+    for i in range(count):
+        x = (i - (count - 1) / 2) * gap
+        ring = [(radius, 0.0), (outer, 0.0), (outer, 0.0003), (radius, 0.0003), (radius, 0.0)]
+        cool = AMBIENT + (kelvin - AMBIENT) * rng.uniform(0.1, 0.9)
+        parts.add(revolve(ring, 48, (x, 0, 0.2), (1, 0, 0)), cool, material)
+    floor(parts, grey(0.6))
+    return parts.scene(view((0.3, -0.7, 0.5), (0, 0, 0.12)), BAND, AMBIENT)
+
+
+def louvres(rng):
+    """Slats before an opening of a box with a small hot thing in it; the floor before it is lit between them."""
+    parts = Parts()
+    depth, count = rng.uniform(0.2, 0.6), int(rng.integers(6, 30))
+    wall, slat = grey(rng.uniform(0.2, 0.9)), grey(rng.uniform(0.05, 0.7), 1.0 if rng.random() < 0.2 else 0.0)
+    shell(parts, (1.0, depth, 1.0), AMBIENT, wall, skip=(2,))
+    size = rng.uniform(0.02, 0.1)
+    parts.add(
+        sphere(3, size),
+        rng.uniform(500, 1200),
+        grey(0.9),
+        rng.uniform((0.2, 0.3 * depth, 0.2), (0.8, depth - size, 0.8)),
+    )
+    gap, lean = 1.0 / count, rng.uniform(-0.9, 0.9)
+    for i in range(count):
+        mesh = turned(block((0.99, gap * rng.uniform(0.8, 1.3), 0.001)), lean, axis=0)
+        parts.add(mesh, AMBIENT, slat, (0.5, -0.75 * gap, (i + 0.5) * gap))
+    parts.add(grid((-1, -2, -0.01), (3, 0, 0), (0, 2.0 + depth, 0)), AMBIENT, grey(0.5))
+    return parts.scene(view((2.0, -2.2, 1.4), (0.5, -0.5, 0.2)), BAND, AMBIENT)
+
+
+def grooves(rng):
+    """A plate with deep grooves, whose bottoms are warm, beside a small hot ball."""
+    parts = Parts()
+    count, gap = int(rng.integers(8, 40)), rng.uniform(0.005, 0.03)
+    depth, width = gap * rng.uniform(1.0, 8.0), rng.uniform(0.3, 0.9) * gap
+    ridge, bottom = grey(rng.uniform(0.03, 0.6)), grey(rng.uniform(0.2, 0.9))
+    half = count * gap / 2
+    for i in range(count + 1):
+        parts.add(
+            box((gap - width, 2 * half, depth)), AMBIENT, ridge, (i * gap - half - (gap - width) / 2, -half, 0.0001)
+        )
+    floor(parts, bottom, rng.uniform(310, 400), half + gap)
+    size = rng.uniform(0.02, 0.1) * half
+    parts.add(
+        sphere(3, size),
+        rng.uniform(500, 1200),
+        grey(0.9),
+        (rng.uniform(-half, half), 0, depth + rng.uniform(2, 6) * size),
+    )
+    return parts.scene(view((1.2 * half, -2.2 * half, 2.4 * half + depth), (0, 0, depth)), BAND, AMBIENT)
+
+
+# Landscapes
+
+
+def heights(x, y, hills):
+    """Of hills (n, 4): wave numbers (1/m) along x and y, phase, and height (m)."""
+    along, across, phase, height = np.transpose(hills)
+    return np.sum(height * np.sin(x[..., None] * along + y[..., None] * across + phase), axis=-1)
+
+
+def terrain(seed=1, cubes=12, kelvin=900.0, world=285.0, spread=40.0):
+    """2 km of hills at 285 K with hot cubes of 1 m that float 0.5 m above the ground around the middle."""
+    rng = np.random.default_rng(seed)
+    turn, length = rng.uniform(0, 2 * np.pi, 6), rng.uniform(80, 700, 6)
+    wave = 2 * np.pi / length
+    hills = np.column_stack((wave * np.cos(turn), wave * np.sin(turn), rng.uniform(0, 2 * np.pi, 6), 0.025 * length))
+    cells = 160
+    x, y = np.meshgrid(*(np.linspace(-1000.0, 1000.0, cells + 1),) * 2)
+    middle = heights(np.zeros(1), np.zeros(1), hills)[0]
+    ground = heights(x, y, hills) - middle
+    parts = Parts()
+    soil = grey(0.8)
+    parts.add((np.column_stack((x.ravel(), y.ravel(), ground.ravel())), grid_triangles(cells, cells)), 285.0, soil)
+    places = rng.uniform(-spread, spread, (cubes, 2))
+    step = 2000.0 / cells
+    for a, b in places:
+        i, j = (int((v + 1000.0) // step) for v in (a, b))
+        top = ground[j : j + 2, i : i + 2].max()  # of the cell, so that no cube touches the ground
+        parts.add(block((1.0, 1.0, 1.0)), kelvin, grey(0.9), (a, b, top + 1.0))
+    return parts.scene(view((0.0, -2.0 * spread, 0.6 * spread), (0, 0, 0)), BAND, world)
+
+
+def random_terrain(rng):
+    seed, cubes = int(rng.integers(1 << 30)), int(rng.integers(1, 40))
+    return terrain(seed, cubes, rng.uniform(400, 1200), 285.0 if rng.random() < 0.5 else 240.0, rng.uniform(10, 200))
+
+
+def many(rng):
+    """Many small emitters of a few temperatures above a floor and between walls."""
+    parts = Parts()
+    count = int(10 ** rng.uniform(1.5, 3.5))
+    kelvin = rng.uniform(280, 900, 5)
+    radius = 0.3 / np.sqrt(count) * rng.uniform(0.2, 0.8)
+    places = rng.uniform((0.05, 0.05, 0.05), (0.95, 0.95, 0.95), (count, 3))
+    size = radius * rng.uniform(0.5, 1.5, count)
+    for which, temperature in enumerate(kelvin):
+        chosen = places[which :: len(kelvin)], size[which :: len(kelvin)]
+        small = sphere(0 if count > 300 else 2)
+        vertices = np.concatenate([s * small[0] + at for at, s in zip(*chosen, strict=True)])
+        triangles = np.concatenate([small[1] + i * len(small[0]) for i in range(len(chosen[0]))])
+        parts.add((vertices, triangles), temperature, grey(rng.uniform(0.3, 0.95)))
+    shell(parts, (1.0, 1.0, 1.0), AMBIENT, grey(rng.uniform(0.2, 0.8)), skip=(2, 5) if rng.random() < 0.5 else (2,))
+    return parts.scene(view((0.5, -1.6, 0.6), (0.5, 0.5, 0.45)), BAND, AMBIENT)
+
+
+# Rooms, doors, holes
+
+
+def door(rng):
+    """Two rooms and a door ajar: a small hot thing in the dark one, the camera in the other."""
+    parts = Parts()
+    wall = grey(rng.uniform(0.2, 0.9))
+    shell(parts, (4.0, 6.0, 2.6), AMBIENT, wall)
+    wall_with_hole(parts, 3.0, (4.0, 2.6), (1.5, 2.4, 0.0, 2.0), wall)
+    parts.add(turned(box((0.9, 0.04, 1.99)), -rng.uniform(0.01, 0.6)), AMBIENT, wall, (1.5, 2.98, 0.005))
+    size = rng.uniform(0.03, 0.3)
+    parts.add(
+        block((size, size, size)), rng.uniform(400, 1200), grey(0.9), rng.uniform((0.4, 3.8, 0.4), (3.6, 5.6, 2.2))
+    )
+    return parts.scene(view((0.5, 0.4, 1.6), (2.2, 3.0, 0.7), 0.6), BAND, AMBIENT)
+
+
+def keyhole(rng):
+    """A closed box with a small hole, a hot ball inside, and the floor before the hole."""
+    parts = Parts()
+    wall, hole = grey(rng.uniform(0.05, 0.6)), rng.uniform(0.004, 0.04)
+    size = (0.5, 0.5)
+    x, z = rng.uniform(0.1, 0.4, 2)
+    wall_with_hole(parts, 0.0, size, (x - hole, x + hole, z - hole, z + hole), wall)
+    shell(parts, (0.5, 0.5, 0.5), AMBIENT, wall, skip=(2,))
+    radius = rng.uniform(0.01, 0.06)
+    parts.add(sphere(3, radius), rng.uniform(700, 1500), grey(0.9), rng.uniform((0.1, 0.15, 0.1), (0.4, 0.4, 0.4)))
+    parts.add(grid((-0.5, -1.0, -0.002), (1.5, 0, 0), (0, 1.6, 0)), AMBIENT, grey(0.5))
+    return parts.scene(view((1.2, -1.1, 0.9), (0.25, -0.25, 0.05)), BAND, AMBIENT)
+
+
+def nested(rng):
+    """Boxes in one another, each open at another side, with a hot ball in the middle."""
+    parts = Parts()
+    count = int(rng.integers(2, 5))
+    for i in range(count):
+        size = 1.0 - 0.7 * i / count
+        open_side = rng.integers(6)
+        kept = [face for face in range(6) if face != open_side]
+        vertices, triangles = block((size, size, size))
+        chosen = [t for face in kept for t in (2 * face, 2 * face + 1)]
+        skew = rng.uniform(-0.03, 0.03, 3)
+        parts.add(
+            (vertices, triangles[chosen]),
+            AMBIENT + rng.uniform(-5, 20),
+            grey(rng.uniform(0.05, 0.6)),
+            skew + (0, 0, 0.6),
+        )
+    parts.add(sphere(3, 0.05), rng.uniform(500, 1200), grey(0.9), (0, 0, 0.6))
+    floor(parts, grey(0.5), half=2.0)
+    return parts.scene(view((1.6, -2.4, 1.8), (0, 0, 0.45)), BAND, AMBIENT)
+
+
+def grate(rng):
+    """A grate of thin bars over a pit with hot plates in it, under a ceiling that they light through it."""
+    parts = Parts()
+    count, depth = int(rng.integers(8, 40)), rng.uniform(0.1, 0.6)
+    bar = grey(rng.uniform(0.05, 0.8))
+    thick = rng.uniform(0.1, 0.6) / count
+    for i in range(count):
+        at = -0.5 + (i + 0.5) / count
+        parts.add(block((thick, 1.0, thick)), AMBIENT, bar, (at, 0, 0))
+        parts.add(block((1.0, thick, thick)), AMBIENT, bar, (0, at, 1.01 * thick))
+    shell(parts, (1.0, 1.0, depth), AMBIENT, grey(rng.uniform(0.1, 0.8)), skip=(5,))
+    parts.vertices[-1] = parts.vertices[-1] - (0.5, 0.5, depth + thick)
+    plate = rng.uniform(0.02, 0.2)
+    x, y = rng.uniform(-0.35, 0.35, 2)
+    parts.add(block((plate, plate, 0.01)), rng.uniform(400, 1000), grey(0.9), (x, y, 0.02 - depth - thick))
+    floor(parts, grey(0.5), height=0.8)
+    return parts.scene(view((0.3, -1.9, 0.45), (0, 0, 0.3), 0.5), BAND, AMBIENT)
+
+
+def bulb(rng):
+    """A hot bulb in a shade, a cone that opens downwards, over a floor and beside a wall."""
+    parts = Parts()
+    narrow, wide, length = rng.uniform(0.02, 0.08), rng.uniform(0.1, 0.25), rng.uniform(0.1, 0.4)
+    bottom = rng.uniform(0.3, 0.9)
+    shade = grey(rng.uniform(0.03, 0.5), rng.choice((0.0, 0.0, 0.5, 1.0)))
+    parts.add(revolve([(wide, bottom), (narrow, bottom + length), (0.0, bottom + length)], 64), AMBIENT, shade)
+    size = narrow * rng.uniform(0.2, 0.8)
+    height = bottom + length * rng.uniform(0.3, 0.9) - size
+    parts.add(sphere(3, size), rng.uniform(700, 1500), grey(0.9), (0, 0, height))
+    floor(parts, grey(0.5))
+    parts.add(quad((0, 0.9, 0.75), (1, 0, 0), (0, 0, 0.75)), AMBIENT, grey(0.7))
+    return parts.scene(view((1.1, -1.8, 1.1), (0, 0, 0.4), 0.5), BAND, AMBIENT)
+
+
+def hidden(rng):
+    """A closed room with one hot bulb behind a screen: all that can be seen is lit at second hand."""
+    parts = Parts()
+    shell(parts, (3.0, 4.0, 2.5), AMBIENT, grey(rng.uniform(0.1, 0.8)))
+    x, z = rng.uniform(0.6, 2.4), rng.uniform(0.6, 1.9)
+    size = rng.uniform(0.01, 0.06)
+    parts.add(sphere(3, size), rng.uniform(700, 1500), grey(0.9), (x, 3.6, z))
+    parts.add(block((1.0, 0.02, 1.0)), AMBIENT, grey(rng.uniform(0.2, 0.9)), (x, 3.4, z))
+    parts.add(block((0.4, 0.4, 0.8)), AMBIENT, grey(0.6), (1.2, 2.0, 0.41))
+    return parts.scene(view((1.5, 0.3, 1.3), (1.5, 3.4, 1.0), 0.7), BAND, AMBIENT)
+
+
+# Mirrors and rough metal
+
+
+def mirrors(rng):
+    """Flat and round mirrors beside a small hot ball, over a floor that shows their reflections."""
+    parts = Parts()
+    metal = grey(rng.uniform(0.02, 0.3), rng.choice((0.6, 1.0, 1.0)))
+    if rng.random() < 0.5:
+        radius = rng.uniform(0.2, 0.6)
+        parts.add(revolve([(radius, 0.0001), (radius, rng.uniform(0.1, 0.4))], 128), AMBIENT, metal)
+    for _ in range(rng.integers(1, 4)):
+        turn = rng.uniform(0, 2 * np.pi)
+        away, across = np.array((np.cos(turn), np.sin(turn), 0.0)), np.array((-np.sin(turn), np.cos(turn), 0.0))
+        parts.add(quad(rng.uniform(0.65, 0.9) * away + (0, 0, 0.21), 0.2 * across, (0, 0, 0.2)), AMBIENT, metal)
+    size = rng.uniform(0.01, 0.06)
+    parts.add(sphere(3, size), rng.uniform(600, 1300), grey(0.9), rng.uniform((-0.3, -0.3, 0.08), (0.3, 0.3, 0.5)))
+    floor(parts, grey(0.5))
+    return parts.scene(view((0.6, -2.2, 1.7), (0, 0, 0.05)), BAND, AMBIENT)
+
+
+def rough(roughness=0.15, emissivity=0.2, specular=1.0, ball=((0.35, 0.1, 0.12), 0.03, 1200.0), lean=0.0):
+    """A plate of rough metal on a floor, beside a small hot ball. ball: place and radius (m), kelvin. lean: rad."""
+    parts = Parts()
+    plate = turned(block((0.5, 0.8, 0.01)), lean, axis=1)
+    parts.add(plate, AMBIENT, grey(emissivity, specular, roughness), (0, 0, 0.006 + 0.25 * abs(np.sin(lean))))
+    place, radius, kelvin = ball
+    parts.add(sphere(3, radius), kelvin, grey(0.9), place)
+    floor(parts, grey(0.5))
+    return parts.scene(view((-0.9, -0.9, 0.7), (0.05, 0, 0)), BAND, AMBIENT)
+
+
+def random_rough(rng):
+    place = rng.uniform((0.3, -0.3, 0.08), (0.5, 0.3, 0.4))
+    specular = rng.choice((0.4, 0.8, 1.0))
+    ball = place, rng.uniform(0.01, 0.05), rng.uniform(600, 1300)
+    return rough(rng.uniform(0.05, 0.7), rng.uniform(0.05, 0.5), specular, ball, rng.uniform(0, 0.6))
+
+
+FAMILIES = {
+    "tube": random_tube,
+    "comb": random_comb,
+    "fins": fins,
+    "louvres": louvres,
+    "grooves": grooves,
+    "terrain": random_terrain,
+    "many": many,
+    "door": door,
+    "keyhole": keyhole,
+    "nested": nested,
+    "grate": grate,
+    "bulb": bulb,
+    "hidden": hidden,
+    "mirrors": mirrors,
+    "rough": random_rough,
+}
+FIXED = {"tube": tube, "comb": comb, "terrain": terrain, "rough": rough}
+
+
+def member(family, index):
+    """Member of a family: 0 is the fixed one if there is one, others are random and always the same."""
+    if index == 0 and family in FIXED:
+        return FIXED[family]()
+    return FAMILIES[family](np.random.default_rng((zlib.crc32(family.encode()), index)))

@@ -1,0 +1,352 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A plain path tracer, slow and hard to get wrong, as a reference for any scene of surfaces and surroundings.
+
+Paths start in the camera and run until roulette ends them. There are no shadow rays, no cache, no guide, and no code of
+the solver but its data classes: Planck's law is that of exact_cases.py, rough lobes are drawn by another method. It
+traces the excess over an isothermal scene at T0 (docs/method.md, section 3), which changes the noise alone.
+
+What a rough lobe loses is emitted instead. The lobe's albedo is the mean weight of its samples, so a sample of weight w
+lets the surface emit 1 - w of a blackbody: no table of albedos is needed, and without roulette every single path in an
+isothermal enclosure brings exactly the blackbody's radiance.
+"""
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from tests.helpers.exact_cases import C1, C2, blackbody
+
+LOBES = "DGS"  # diffuse, glossy (a rough lobe), specular (a mirror)
+KIND_LENGTH = 4  # lobes that are told apart in a path
+LONGER = "longer"
+_CODES = 4**KIND_LENGTH + 1  # base 4, a digit for each lobe from the eye on; the last is for all longer paths
+_WAVE = 2**17  # paths that are followed together
+_NODES = 32  # of Planck's law in a band, where the temperature runs over a triangle
+_CLEARANCE = 1e-6  # of the scene's size, by which a ray leaves a surface: some 16 roundings of float32
+_ROULETTE_FROM = 4  # bounces that no path is ended before
+_MOST_SURVIVE = 0.98
+_UNIFORMS = 4  # random numbers of a bounce: lobe, direction (2), roulette
+
+
+class _Tables(NamedTuple):
+    """corners (m, 3, 3) m and normal (m, 3) of triangles; material (m,). black (m, b): radiance of a blackbody at their
+    temperature less that at T0. kelvin (m, 3), varies (m,) bool: where it is to be taken at the point instead, with
+    wavelength (b, n) um and weight (b, n) of Planck's law, and at_reference (b,). emissivity (k, b), specular (k,),
+    alpha (k,) of materials. world (b,) excess radiance of the surroundings. clearance: m.
+    """
+
+    corners: np.ndarray
+    normal: np.ndarray
+    material: np.ndarray
+    black: np.ndarray
+    kelvin: np.ndarray
+    varies: np.ndarray
+    wavelength: np.ndarray
+    weight: np.ndarray
+    at_reference: np.ndarray
+    emissivity: np.ndarray
+    specular: np.ndarray
+    alpha: np.ndarray
+    world: np.ndarray
+    clearance: float
+
+
+class _Paths(NamedTuple):
+    """n paths: pixel (n,), origin and direction (n, 3), throughput (n, b), kind (n,): code of the lobes so far, bounces
+    (n,)."""
+
+    pixel: np.ndarray
+    origin: np.ndarray
+    direction: np.ndarray
+    throughput: np.ndarray
+    kind: np.ndarray
+    bounces: np.ndarray
+
+
+@dataclass
+class PathTraced:
+    """images (batches, height, width, b): independent images of the mean excess radiance over a blackbody at
+    `reference` (K), W m-2 sr-1, row 0 the bottom. kinds (batches, codes, height, width): the same over all bands by
+    kinds of paths, no codes if they were not asked for.
+    """
+
+    images: np.ndarray
+    edges: np.ndarray
+    reference: float
+    kinds: np.ndarray = field(repr=False)
+
+    def excess(self) -> np.ndarray:
+        """(height, width, b) mean of the excess radiance, W m-2 sr-1."""
+        return self.images.mean(axis=0)
+
+    def standard_error(self) -> np.ndarray:
+        """(height, width, b) standard error of `excess`, of the spread of the batches."""
+        return standard_error(self.images)
+
+    def radiance(self) -> np.ndarray:
+        """(height, width, b) mean radiance, W m-2 sr-1."""
+        return self.excess() + black_radiance(self.edges, self.reference)
+
+    def excess_kelvin(self) -> tuple[np.ndarray, np.ndarray]:
+        """Excess of all bands together over dB/dT at the reference, and its standard error, (height, width) each, K."""
+        kelvin = self.images.sum(axis=-1) / black_slope(self.edges, self.reference)
+        return kelvin.mean(axis=0), standard_error(kelvin)
+
+    def by_kind(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Mean excess radiance of all bands and its standard error, (height, width) each, of every kind of path that
+        brought any: the lobes from the eye on, such as "DS"; "" is what is seen directly, LONGER all other paths."""
+        codes = np.flatnonzero(np.any(self.kinds, axis=(0, 2, 3)))
+        return {kind_name(c): (self.kinds[:, c].mean(axis=0), standard_error(self.kinds[:, c])) for c in codes}
+
+
+def standard_error(samples):
+    """Of the mean over the first axis of independent samples."""
+    return samples.std(axis=0, ddof=1) / np.sqrt(len(samples))
+
+
+def black_radiance(edges, kelvin):
+    """exact_cases.blackbody, s + (b,), where temperatures of shape s may be 0 K."""
+    kelvin = np.asarray(kelvin, float)
+    return np.where(kelvin[..., None] > 0, blackbody(edges, np.maximum(kelvin, 1.0)), 0.0)
+
+
+def black_slope(edges, kelvin):
+    """dB/dT of all bands together, W m-2 sr-1 K-1."""
+    step = 1e-3 * kelvin
+    return np.diff(black_radiance(edges, np.array([kelvin - step, kelvin + step])).sum(axis=-1))[0] / (2 * step)
+
+
+def kind_name(code):
+    """Lobes from the eye on of a code of _Paths.kind."""
+    if code == _CODES - 1:
+        return LONGER
+    digits = itertools.takewhile(bool, (code // 4**i for i in range(KIND_LENGTH)))
+    return "".join(LOBES[digit % 4 - 1] for digit in digits)[::-1]
+
+
+def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, reference=None, kinds=False):
+    """PathTraced of a Scene without light objects, with so many samples of every pixel in each of the batches.
+
+    A batch depends on seed and its index alone, so that renders can be continued and shared. Emissivities are constant
+    within each band, which makes one reflectance exact. reference: T0, K; that of the surroundings if it is None.
+    """
+    _check(scene)
+    reference = float(scene.world_temperature if reference is None else reference)
+    centre = 0.5 * (np.min(scene.vertices, axis=0) + np.max(scene.vertices, axis=0))
+    tables = _tables(scene, reference, centre)
+    embree = EmbreeScene()
+    corners = tables.corners.astype(np.float32).reshape(-1, 3)
+    TriangleMesh(embree, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # builds the tree before threads need it
+
+    def trace(index):
+        return _batch(scene.camera, centre, tables, embree, samples, np.random.default_rng((seed, index)), kinds)
+
+    with ThreadPoolExecutor(threads) as pool:
+        images, tallies = zip(*pool.map(trace, range(first_batch, first_batch + batches)), strict=True)
+    return PathTraced(np.array(images), np.asarray(scene.band_edges), reference, np.array(tallies))
+
+
+def _check(scene):
+    if scene.lights or scene.groups or scene.response is not None:
+        raise ValueError("Light objects, groups and responses are not traced")
+    camera = scene.camera
+    if camera.kind == "PANORAMA" or camera.lens_radius or camera.window or camera.clip != (0.0, np.inf):
+        raise ValueError("Only whole pictures of pinhole and orthographic cameras without clipping are traced")
+
+
+def _tables(scene, reference, centre):
+    edges = np.asarray(scene.band_edges, float)
+    corners = (np.asarray(scene.vertices, float) - centre)[scene.triangles].astype(np.float32).astype(float)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    kelvin = np.asarray(scene.temperature, float)
+    kelvin = kelvin if kelvin.ndim == 2 else np.repeat(kelvin[:, None], 3, axis=1)
+    unique, index = np.unique(kelvin[:, 0], return_inverse=True)
+    at_reference = black_radiance(edges, reference)
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    log = np.log(edges)[:, None]
+    wavelength = np.exp(log[:-1] + np.diff(log, axis=0) * (nodes + 1) / 2)
+    materials = scene.materials
+    return _Tables(
+        corners,
+        normal,
+        np.asarray(scene.material, np.int64),
+        (black_radiance(edges, unique) - at_reference)[index.ravel()],
+        kelvin,
+        np.ptp(kelvin, axis=1) > 0,
+        wavelength,
+        C1 / wavelength**4 * weights * np.diff(log, axis=0) / 2,
+        at_reference,
+        np.array([_emissivities(material, edges) for material in materials]),
+        np.array([material.specular for material in materials], float),
+        np.array([material.alpha for material in materials], float),
+        black_radiance(edges, scene.world_temperature) - at_reference,
+        _CLEARANCE * np.abs(corners).max(),
+    )
+
+
+def _emissivities(material, edges):
+    """(b,) of a material, which must be constant within each band."""
+    wavelengths, values = material.curve
+    inside = np.linspace(edges[:-1] * (1 + 1e-8), edges[1:] * (1 - 1e-8), 101)
+    curve = np.interp(inside, wavelengths, values)
+    if np.any(np.ptp(curve, axis=0) > 1e-6):
+        raise ValueError(f"The emissivity of '{material.name}' varies within a band")
+    return curve[0]
+
+
+def _batch(camera, centre, tables, embree, samples, random, kinds):
+    """Image (height, width, b) of so many samples a pixel, and its parts by kind (codes, height, width)."""
+    pixels, bands = camera.width * camera.height, len(tables.world)
+    image, tally = np.zeros((pixels, bands)), np.zeros((_CODES if kinds else 0, pixels))
+    for first in range(0, pixels * samples, _WAVE):
+        pixel = np.arange(first, min(first + _WAVE, pixels * samples)) // samples
+        paths = _camera_paths(camera, centre, pixel, bands, random)
+        count = len(pixel)
+        while count:
+            paths = _Paths(*(array[:count] for array in paths))
+            hits = embree.run(paths.origin.astype(np.float32), paths.direction.astype(np.float32), output=True)
+            uniforms = random.random((count, _UNIFORMS))
+            count = _bounce(tables, paths, (hits["primID"], hits["u"], hits["v"]), uniforms, image, tally)
+    shape = camera.height, camera.width
+    return image.reshape(*shape, bands) / samples, tally.reshape(-1, *shape) / samples
+
+
+def _camera_paths(camera, centre, pixel, bands, random):
+    """Paths through random points of pixels (n,)."""
+    left, right, bottom, top = camera.frame
+    s, t = random.random((2, len(pixel)))
+    x = left + (right - left) * (pixel % camera.width + s) / camera.width
+    y = bottom + (top - bottom) * (pixel // camera.width + t) / camera.height
+    matrix, zero, one = np.asarray(camera.matrix, float), np.zeros(len(pixel)), np.ones(len(pixel))
+    through, ahead = (
+        ((zero, zero, zero), (x, y, -one)) if camera.kind == "PERSPECTIVE" else ((x, y, zero), (zero, zero, -one))
+    )
+    direction = np.column_stack(ahead) @ matrix[:3, :3].T
+    return _Paths(
+        pixel,
+        np.column_stack(through) @ matrix[:3, :3].T + matrix[:3, 3] - centre,
+        direction / np.linalg.norm(direction, axis=1, keepdims=True),
+        np.ones((len(pixel), bands)),
+        np.zeros(len(pixel), np.int64),
+        np.zeros(len(pixel), np.int64),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _bounce(tables, paths, hits, uniforms, image, tally):
+    """Add what is emitted where paths arrive, and send them on; those that go on move to the front; their number."""
+    triangle, u, v = hits
+    kept = 0
+    black = np.empty(image.shape[1])
+    for i in range(triangle.size):
+        t, pixel, kind = triangle[i], paths.pixel[i], paths.kind[i]
+        throughput = paths.throughput[i]
+        if t < 0:
+            _add(throughput, tables.world, pixel, kind, image, tally)
+            continue
+        material = tables.material[t]
+        _black_at(tables, t, u[i], v[i], black)
+        direction, lobe, weight = _reflect(tables, material, t, paths.direction[i], uniforms[i])
+        emissivity = tables.emissivity[material]
+        # A sample of a rough lobe stands for what the lobe loses, too.
+        _add(throughput, (1.0 - (1.0 - emissivity) * weight) * black, pixel, kind, image, tally)
+        throughput *= (1.0 - emissivity) * weight
+        survival = 1.0 if paths.bounces[i] < _ROULETTE_FROM else min(_MOST_SURVIVE, throughput.max())
+        if throughput.max() <= 0.0 or uniforms[i, 3] >= survival:
+            continue
+        paths.pixel[kept] = pixel
+        paths.kind[kept] = min(4 * kind + lobe, _CODES - 1) if paths.bounces[i] < KIND_LENGTH else _CODES - 1
+        paths.bounces[kept] = paths.bounces[i] + 1
+        a, b, c = tables.corners[t]
+        away = 1.0 if np.dot(direction, tables.normal[t]) > 0.0 else -1.0
+        paths.origin[kept] = a + u[i] * (b - a) + v[i] * (c - a) + away * tables.clearance * tables.normal[t]
+        paths.direction[kept] = direction
+        paths.throughput[kept] = throughput / survival
+        kept += 1
+    return kept
+
+
+@numba.njit(cache=True, nogil=True)
+def _add(throughput, emitted, pixel, kind, image, tally):
+    total = 0.0
+    for band in range(throughput.size):
+        image[pixel, band] += throughput[band] * emitted[band]
+        total += throughput[band] * emitted[band]
+    if tally.shape[0] > 0:
+        tally[kind, pixel] += total
+
+
+@numba.njit(cache=True, nogil=True)
+def _black_at(tables, t, u, v, black):
+    """Set the excess of a blackbody at a point of a triangle, (b,)."""
+    black[:] = tables.black[t]
+    if not tables.varies[t]:
+        return
+    a, b, c = tables.kelvin[t]
+    kelvin = a + u * (b - a) + v * (c - a)
+    for band in range(black.size):
+        black[band] = -tables.at_reference[band]
+        for node in range(tables.wavelength.shape[1]):
+            x = C2 / (tables.wavelength[band, node] * max(kelvin, 1.0))
+            black[band] += tables.weight[band, node] / np.expm1(x) if x < 700.0 else 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _reflect(tables, material, t, incoming, uniforms):
+    """Direction (3,), lobe (1, 2, 3: D, G, S) and weight: BRDF times cosine over density at a reflectance of 1."""
+    z = tables.normal[t] if np.dot(tables.normal[t], incoming) < 0.0 else -tables.normal[t]
+    if uniforms[0] >= tables.specular[material]:
+        return _onto_hemisphere(z, uniforms[1], uniforms[2]), 1, 1.0
+    alpha = tables.alpha[material]
+    if alpha == 0.0:
+        mirrored = incoming - 2.0 * np.dot(incoming, z) * z
+        return mirrored / np.sqrt(np.dot(mirrored, mirrored)), 3, 1.0
+    facet = _visible_facet(z, -incoming, alpha, uniforms[1], uniforms[2])
+    out = incoming - 2.0 * np.dot(incoming, facet) * facet
+    out /= np.sqrt(np.dot(out, out))
+    cosine = np.dot(out, z)
+    if cosine <= 1e-9:
+        return out, 2, 0.0
+    before, after = _smith(alpha, max(-np.dot(incoming, z), 1e-9)), _smith(alpha, cosine)
+    return out, 2, (1.0 + before) / (1.0 + before + after)
+
+
+@numba.njit(cache=True, nogil=True)
+def _onto_hemisphere(z, s, t):
+    """Direction with density cos / pi around z: a point of the unit sphere that stands on the surface."""
+    height, turn = 2.0 * s - 1.0, 2.0 * np.pi * t
+    radius = np.sqrt(max(0.0, 1.0 - height * height))
+    direction = z + np.array((radius * np.cos(turn), radius * np.sin(turn), height))
+    length = np.sqrt(np.dot(direction, direction))
+    return direction / length if length > 1e-12 else z.copy()
+
+
+@numba.njit(cache=True, nogil=True)
+def _visible_facet(z, towards, alpha, s, t):
+    """Normal of a facet of a GGX surface that is seen from a direction: spherical caps (Dupuy and Benyoub 2023)."""
+    helper = np.array((1.0, 0.0, 0.0)) if abs(z[0]) < 0.6 else np.array((0.0, 1.0, 0.0))
+    x = np.cross(helper, z)
+    x /= np.sqrt(np.dot(x, x))
+    y = np.cross(z, x)
+    view = np.array((alpha * np.dot(towards, x), alpha * np.dot(towards, y), np.dot(towards, z)))
+    view /= np.sqrt(np.dot(view, view))
+    height = (1.0 - t) * (1.0 + view[2]) - view[2]
+    radius, turn = np.sqrt(max(0.0, 1.0 - height * height)), 2.0 * np.pi * s
+    half = np.array((radius * np.cos(turn), radius * np.sin(turn), height)) + view
+    facet = alpha * half[0] * x + alpha * half[1] * y + max(half[2], 1e-12) * z
+    return facet / np.sqrt(np.dot(facet, facet))
+
+
+@numba.njit(cache=True, nogil=True)
+def _smith(alpha, cosine):
+    """Lambda of Smith's shadowing for GGX (Heitz 2014, eq. 72)."""
+    tangent = alpha * np.sqrt(max(0.0, 1.0 - cosine * cosine)) / cosine
+    return 0.5 * (np.sqrt(1.0 + tangent * tangent) - 1.0)

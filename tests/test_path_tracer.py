@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The path tracer that serves as a reference (helpers/path_tracer.py), against scenes with an exact solution.
+
+Means must lie within 4 standard errors of the truth, which a sound tracer misses in one of 16,000 comparisons; seeds
+are fixed, so that a test which passes always does.
+"""
+
+import numpy as np
+import pytest
+
+from addon.solver import Material
+from tests.helpers.exact_cases import (
+    THERMAL,
+    WRONG,
+    cavity,
+    closed_sphere,
+    concentric,
+    corner,
+    isothermal,
+    mirrors,
+    plates,
+    ramp,
+    rough_emitter,
+    rough_mirror,
+    rough_plate,
+)
+from tests.helpers.path_tracer import LONGER, black_radiance, standard_error, trace_paths
+
+STEPS = (0.2, 0.9, 0.5)  # emissivities in THERMAL
+ROUNDING = 1e-6  # positions of hits are those of float32
+FACETS = 2e-4  # of a sphere's mesh
+CASES = {
+    "plates": (plates, {"view": "cold"}, {}, 0.0),
+    "half mirrors": (plates, {"view": "hot", "specular": 0.5}, {}, 0.0),
+    "mirrors": (plates, {"view": "cold", "specular": 1.0}, {}, 0.0),
+    "three bands": (plates, {"view": "hot", "hot": STEPS, "cold": STEPS[::-1], "edges": THERMAL}, {}, 0.0),
+    "concentric spheres": (concentric, {"view": "outer"}, {}, FACETS),
+    "closed sphere": (closed_sphere, {"view": "rest", "cap": 0.05, "rest": 0.05}, {}, FACETS),
+    "temperature that varies": (closed_sphere, {"view": "rest", "rest": 0.4, "hottest": 500.0}, {}, FACETS),
+    "ramp": (ramp, {"low": 250.0, "high": 500.0}, {}, 0.0),
+    "cavity": (cavity, {"cut": 0.8, "emissivity": 0.1, "sky": 270.0}, {}, FACETS),
+    "corner": (corner, {"width": 1, "height": 1, "edge": 1}, {}, 0.0),
+    "beside a mirror": (mirrors, {"count": 1}, {}, 0.0),
+    "rough plate": (rough_plate, {"degrees": 80, "roughness": 0.5, "plate": 300.0, "sky": 0.0}, {}, 1e-5),
+    "rough plate under a sky": (rough_plate, {"degrees": 60, "roughness": 1.0, "plate": 0.0, "sky": 300.0}, {}, 1e-5),
+    "rough plate, T0 = 250 K": (
+        rough_plate, {"degrees": 80, "roughness": 0.5, "plate": 300.0, "sky": 0.0}, {"reference": 250.0}, 1e-5
+    ),
+    "in a rough mirror": (rough_mirror, {"source": "rectangle", "roughness": 0.3}, {}, 0.0),
+    "beside a rough emitter": (rough_emitter, {}, {"samples": 32}, 2e-5),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_exact_case(name):
+    build, arguments, options, tolerance = CASES[name]
+    scene, truth = build(**arguments)
+    traced = trace_paths(scene, **{"samples": 8, "batches": 32} | options)
+    batches = traced.images.mean(axis=(1, 2)) + black_radiance(traced.edges, traced.reference)
+    deviation, error = batches.mean(axis=0) / truth - 1.0, standard_error(batches) / truth
+    print(f"deviation {deviation}, standard error {error}")
+    assert np.all(error < 0.03)
+    assert np.all(np.abs(deviation) <= 4.0 * error + tolerance + ROUNDING)
+
+
+@pytest.mark.parametrize(
+    "material", [Material("grey", 0.3), Material("rough", 0.3, 1.0, 1.0), Material("", 0.1, 0.5, 0.4)]
+)
+def test_isothermal_enclosure_is_black(material):
+    """Exactly if its temperature is T0; in the mean from another one, as only roulette makes paths differ then."""
+    scene, truth = isothermal(material)
+    same = trace_paths(scene, samples=4, batches=2, reference=300.0)
+    assert np.all(same.images == 0.0) and np.allclose(same.radiance(), truth)
+    other = trace_paths(scene, samples=16, batches=32, reference=WRONG["reference_temperature"])
+    batches = other.images.mean(axis=(1, 2)) + black_radiance(other.edges, other.reference)
+    assert np.abs(batches.mean() / truth[0] - 1.0) <= 4.0 * standard_error(batches) / truth[0] + ROUNDING
+
+
+def test_batches_depend_on_their_index_alone():
+    scene, _ = plates("cold")
+    whole = trace_paths(scene, samples=2, batches=4, seed=3, threads=2)
+    rest = trace_paths(scene, samples=2, batches=2, seed=3, first_batch=2)
+    assert np.array_equal(whole.images[2:], rest.images)
+    assert not np.array_equal(whole.images[0], whole.images[1])
+
+
+def test_kinds_of_paths_add_up():
+    """A floor that reflects a hot rectangle, directly and by way of an upright mirror."""
+    scene, _ = mirrors(1)
+    traced = trace_paths(scene, samples=64, batches=4, kinds=True)
+    kinds = traced.by_kind()
+    assert np.allclose(sum(mean for mean, _ in kinds.values()), traced.excess().sum(axis=-1))
+    assert {"D", "DS"} <= set(kinds) and not {"S", "SD", "G", LONGER} & set(kinds)
+    assert kinds["D"][0].mean() > kinds["DS"][0].mean() > 0.0
