@@ -204,8 +204,10 @@ def _is_beyond_wall(leaf, j, point):
 def look_around(
     tracer: Tracer, surfaces: Surfaces, reach2: float, points: tuple[np.ndarray, np.ndarray], key: np.uint64, first: int
 ) -> Vicinity:
-    """The Vicinity of points: (n, 3) float32, m, on sides (n,) int32, with free space of at most sqrt(reach2) m. key: of
-    the random numbers of the points, which are number first, first + 1, ..."""
+    """The Vicinity of points: (n, 3) float32, m, on sides (n,) int32, with free space of at most sqrt(reach2) m.
+
+    key: of the random numbers of the points, which are number first, first + 1, ...
+    """
     point, side_id = points[0].astype(np.float64), points[1]
     space = free_space(tracer, surfaces, reach2, point, side_id, uniforms(key, first, len(side_id)))
     rays, closeness = empty_ray_batch(_LOOKS * len(side_id)), np.empty(len(side_id))
