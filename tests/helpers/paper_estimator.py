@@ -17,7 +17,6 @@ from unittest import mock
 import numpy as np
 
 from addon.solver.camera.final_gather import choose_splits
-from addon.solver.camera.gathers import NearDisks
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.photons.emission import emit
 from addon.solver.planning.lamps import build_lamps
@@ -58,9 +57,7 @@ def no_walls(tracer, surfaces, reach2, point, *_):
     return unlimited(len(point), reach2)
 
 
-def no_near_disks(estimate):
-    """All ends of rays recall, however near they are to where the ray starts."""
-    return NearDisks(np.empty(0), 0.0)
+ALWAYS_RECALL = {"photons.irradiance_cache._RESOLVED": math.inf}  # however wide the disks
 
 
 def any_reach(area, pilot, photons, neighbours):
