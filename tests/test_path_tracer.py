@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from addon.solver import Material
+from tests.benchmarks.families import FAMILIES, HEIGHT, WIDTH, member
 from tests.helpers.exact_cases import (
     THERMAL,
     WRONG,
@@ -92,3 +93,16 @@ def test_kinds_of_paths_add_up():
     assert np.allclose(sum(mean for mean, _ in kinds.values()), traced.excess().sum(axis=-1))
     assert {"D", "DS"} <= set(kinds) and not {"S", "SD", "G", LONGER} & set(kinds)
     assert kinds["D"][0].mean() > kinds["DS"][0].mean() > 0.0
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_families_can_be_traced(family):
+    """Members are always the same, and their pictures show more than the surroundings."""
+    for index in range(3):
+        scene = member(family, index)
+        traced = trace_paths(scene, samples=16, batches=2)
+        image = traced.excess()[..., 0]
+        assert image.shape == (HEIGHT, WIDTH) and np.all(np.isfinite(image))
+        assert np.array_equal(scene.vertices, member(family, index).vertices)
+        if family not in ("door", "keyhole"):  # hardly any light comes through some of these
+            assert np.any(image != 0.0)

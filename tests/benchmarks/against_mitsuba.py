@@ -40,7 +40,7 @@ from tests.helpers.path_tracer import black_radiance, black_slope, standard_erro
 
 ALLOWANCE = 0.002  # K, of what is not noise
 BLOCK = 4
-_CHUNKS = 16  # independent images of a reference, from which its standard error is told
+_CHUNK = 2.0  # s of each independent image of a reference: they count alike, and their spread tells its standard error
 _SIZE = 1000.0  # that Mitsuba's scenes are enlarged to: it moves rays off a surface by 1e-4 of (1 + coordinate)
 
 
@@ -75,17 +75,17 @@ def slope(kelvin, edges):
 def load_truth(name, scene, options):
     """Truth of a member from the cache folder, with as many seconds of rendering as are wanted added to it."""
     path = options.cache / "families" / f"{name}-{'brute' if options.brute else 'mitsuba'}-{digest(scene)}.npz"
-    images, seconds = np.empty((0, scene.camera.height, scene.camera.width)), 0.0
+    images = np.empty((0, scene.camera.height, scene.camera.width))
     if path.exists():
         with np.load(path) as kept:
-            images, seconds = kept["images"], float(kept["seconds"])
-    wanted = options.seconds - seconds
-    if wanted > 0.1 * options.seconds:
+            images = kept["images"]
+    count = max(8, round(options.seconds / _CHUNK)) - len(images)
+    if count > 0:
         brute = options.brute
-        more = brute_images(scene, wanted, len(images), options) if brute else mitsuba_images(scene, wanted, options)
+        more = brute_images(scene, count, len(images), options) if brute else mitsuba_images(scene, count, options)
         images = np.concatenate((images, more))
         path.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(path, images=images, seconds=seconds + wanted)
+        np.savez(path, images=images)
     return Truth(images, scene.band_edges, scene.world_temperature)
 
 
@@ -99,25 +99,25 @@ def digest(scene):
     return of.hexdigest()[:12]
 
 
-def mitsuba_images(scene, seconds, options):
-    """(n, height, width) independent images of the excess."""
+def mitsuba_images(scene, count, options):
+    """(count, height, width) independent images of the excess, of _CHUNK seconds each."""
     problem = build_problem(scene, scene.world_temperature, all_lobes=True)
     scale = _SIZE / np.abs(problem.vertices).max()
     problem.vertices, problem.matrix = problem.vertices * scale, np.array(problem.matrix, float)
     problem.matrix[:3, 3] *= scale
-    budgets = [seconds / _CHUNKS] * _CHUNKS
+    budgets = [_CHUNK] * count
     images, _ = run_peer("mitsuba", problem, options.threads, "processor", budgets, polite=True, python=options.python)
     return images[..., 0] - problem.offset[0]
 
 
-def brute_images(scene, seconds, first, options):
+def brute_images(scene, count, first, options):
     """The same by the tests' path tracer."""
     trace_paths(scene, 1, 1)  # compiles
     started = time.perf_counter()
     trace_paths(scene, 32, 1)
     rate = 32 / (time.perf_counter() - started)
-    samples = max(1, round(options.threads * rate * seconds / _CHUNKS))
-    return trace_paths(scene, samples, _CHUNKS, seed=1, first_batch=first, threads=options.threads).images[..., 0]
+    samples = max(1, round(options.threads * rate * _CHUNK))
+    return trace_paths(scene, samples, count, seed=1, first_batch=first, threads=options.threads).images[..., 0]
 
 
 # Our images
