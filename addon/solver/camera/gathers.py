@@ -11,10 +11,11 @@ from ..geometry.segments import glow, transmit
 from ..geometry.stage import emission_at, layer_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
 from ..physics.radiometry import NONE
+from ..planning.lamps import share_of_ray
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
-from .rays import largest_throughput
+from .rays import ALONE, BLIND, largest_throughput
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING
 
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
@@ -67,8 +68,8 @@ def meet(stage, lighting, bounce, rows) -> Gathers:
     """Add to the rows what surfaces emit where rays meet them; return the gathers that ask for the reflected light.
 
     Rays of a pixel that meet the same sheet and material, with throughputs in the same proportion of bands, share a
-    gather. Roulette decides on gathers with little throughput. Rays of final gathers do not see lamps, which are left
-    to shadow rays.
+    gather. Roulette decides on gathers with little throughput. What rays meet counts as far as it is not left to shadow
+    rays, or to photons of caustics.
     """
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
@@ -96,15 +97,20 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
         side = at.side_id & 1
         if rays.final[i] and not rays.continued[i]:
             rows.closeness[pixel] += 1.0 / max(at.distance, 1e-15)
-        if not (rays.final[i] and lamps.shines[at.triangle, side]):
+        share = np.float32(1.0)
+        if rays.density[i] < ALONE:
+            share = np.float32(share_of_ray(rays.density[i], lamps, at))
+        elif rays.density[i] == BLIND and lamps.caustic[at.triangle, side]:
+            share = np.float32(0.0)
+        if share > 0.0:
             radiance, first = emission_at(stage, at, emitted), bands * layer_at(stage, at)
             for b in range(bands):
-                rows.image[pixel, first + b] += throughput[b] * radiance[b]
+                rows.image[pixel, first + b] += throughput[b] * (share * radiance[b])
         if stored_at(stage, at) == NONE:
             continue
         asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
-        if rays.final[i] and not (lamps.power > 0.0 or asks_sky):
-            continue  # the reflected light is recalled from the cache, or is found by a continued ray
+        if rays.final[i] and not (bounce.unresolved[i] or asks_sky):
+            continue  # the reflected light is recalled from the cache
         reflected = largest_throughput(throughput, reflectance_at(stage, at))
         if reflected == 0.0:
             continue

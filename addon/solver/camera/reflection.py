@@ -15,14 +15,16 @@ from ..geometry.surfaces import sheet_of
 from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
 from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
+from ..planning.lamps import CANDIDATES
 from ..planning.pilot import SKY_RAYS
 from ..planning.splitting import recall_chance
+from ..sampling.heuristics import TYPICAL_RAYS
 from ..sampling.rng import uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
 from .gathers import Gathers, empty_gathers, first_gathers
 from .rays import largest_throughput
-from .shadow_rays import CANDIDATES, LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
+from .shadow_rays import LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
 from .streams import LAMP_NUMBERS, LAMPS, RECALLING
 
 _SURE, _LATE_SURVIVAL = 8, 15.0 / 16.0  # after so many bounces a path survives with at most this chance
@@ -154,16 +156,19 @@ def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
     surroundings, rays, sky = lighting.surroundings, bounce.rays, False
     for b in range(surroundings.radiance.size):
         sky |= surroundings.radiance[b] != 0.0
-    sent = np.int64(0)
+    sent, lit = np.int64(0), lighting.points.entry.size > 0
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
+        lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
+        asking = (1.0 if bounce.unresolved[i] else 0.0) if rays.final[i] else TYPICAL_RAYS
         receiver = Receiver(
-            at, rays.throughput[i], gathers.weight[g], rays.path[i], LAMPS + LAMP_NUMBERS * bounce.number, rays.pixel[i]
-        )
+            at, lobes, reflectance_at(stage, at), asking, is_glossy(lobes) and not rays.final[i], rays.throughput[i], gathers.weight[g],
+            rays.path[i], dimension, rays.pixel[i],
+        )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(surroundings, stage, receiver, shadows, sent)
             sent += SKY_RAYS
-        if lighting.lamps.power > 0.0:
+        if lit and (receiver.rays > 0.0 or receiver.is_glossy):
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
     return sent

@@ -107,14 +107,14 @@ def build_irradiance_cache(
     surfaces: Surfaces,
     estimate,
     points: tuple[np.ndarray, np.ndarray],
-    look: Callable[[np.ndarray, np.ndarray, int], Vicinity],
+    look: Callable[[np.ndarray, np.ndarray, int], tuple[Vicinity, np.ndarray]],
     run=map,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> IrradianceCache:
     """The cache of a pass.
 
     estimate: see Estimate. points: (n, 3) float32, m, and side_ids (n,) int32, see ray_ends. look(point, side_id,
-    first): gives the Vicinity of points that are numbers first, first + 1, ... run: map, or a pool's. cancelled:
+    first): gives the Vicinity and the direct irradiance, as in value, of points that are numbers first, first + 1, ... run: map, or a pool's. cancelled:
     once it returns true the cache stays unfinished.
     """
     order = kd_order(points[0])
@@ -126,11 +126,12 @@ def build_irradiance_cache(
         if cancelled():
             return
         chosen = slice(first, first + _CHUNK)
-        vicinity = look(point[chosen], side_id[chosen], first)
+        vicinity, direct = look(point[chosen], side_id[chosen], first)
         area = np.empty(len(vicinity.closeness))
         fill_values(
             photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen], area
         )
+        value[chosen] += direct
         resolved[chosen] = area * vicinity.closeness**2 < math.pi * _RESOLVED**2
         _fill_leaves(surfaces, point[chosen], side_id[chosen], vicinity.space.wall, first, leaves)
 

@@ -204,7 +204,7 @@ def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, re
 
 
 def _in_cells(splitting, reach2, k):
-    """Rays (c,) of a gather in each cell without walls around, 0 where it asks photons, and the variance (c,)."""
+    """Rays (c,) of a gather in each cell, and the variance (c,)."""
     rays, variance = np.zeros((2, len(splitting.cells.key)))
     _choose_in_cells(splitting, reach2, k, rays, variance)
     return rays, variance
@@ -215,4 +215,5 @@ def _choose_in_cells(splitting, reach2, k, rays, variance):
     cells, labels = splitting.cells, splitting.sheets.density.size
     for cell in range(rays.size):
         sheet, contribution = cells.key[cell] % labels, math.sqrt(cells.contribution2[cell])
-        rays[cell], variance[cell] = rays_alone(splitting, sheet, spread_in(cells, cell), contribution, reach2, k, 1.0)
+        spread = spread_in(cells, cell)
+        rays[cell], variance[cell] = rays_alone(splitting, sheet, spread, contribution, reach2, k, 1.0)

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Multiple importance sampling: how two ways to find the same light share it (Veach 1997, chapter 9).
+
+The direct light of a lamp at a point is found by shadow rays, and also by rays of a final gather or of a rough lobe that
+meet the lamp by chance, or by photons. Each way counts the share of the light that this heuristic gives it, so that all
+light is counted once, and each way finds what it finds best.
+"""
+
+from ..system.kernels import INLINED, njit
+
+# Rays of a final gather that the heuristic counts with, also in place of photons. It is one number, whatever a gather
+# sends: the share must be the same for all gathers that share rays, and for all photons.
+TYPICAL_RAYS = 256.0
+
+
+@njit(**INLINED)
+def balance(mine, other):
+    """Share of the light that is left to one of two ways, which send so many samples, sr^-1, in its direction: Veach's
+    balance heuristic (eq. 9.8)."""
+    return mine / (mine + other) if other > 0.0 else 1.0
