@@ -14,9 +14,9 @@ from ..geometry.stage import Stage
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
 from .final_gather import choose_splits, open_finals, share
-from .gathers import asking_photons, locate_gathers, meet
+from .gathers import asking_photons, locate_gathers, meet, part_near
 from .onward import follow
-from .rays import Bounce, Estimate, Rows, empty_rays, start_paths
+from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
 from .shadow_rays import Lighting, add_unshadowed
 
@@ -54,13 +54,14 @@ def render_pixels(
     bands, numbers = stage.radiometry.reference.size, pixels.ravel()
     samples = shared.samples[numbers]
     rays, reach = _camera_rays(shared, samples, numbers)
-    rows = Rows(np.zeros((pixels.size, shared.weights.size), np.float32), np.zeros(pixels.size))
+    rows = empty_rows(np.zeros((pixels.size, shared.weights.size), np.float32))
     seen, finals = np.zeros(pixels.size, np.float32), []
     count, number = len(rays.origin), 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         if estimate.photons and number > 0:
+            part_near(bounce, rows)
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)
         if number == 0:
@@ -111,6 +112,7 @@ def _ask_photons(shared, numbers, bounce, gathers, rows, finals):
     if not gathers.rays.any():
         return rows
     finals.append(open_finals(stage, estimate, bounce, gathers, len(rows.image)))
-    further = len(finals[-1].pixel)
-    image = np.concatenate((rows.image, np.zeros((further, rows.image.shape[1]), np.float32)))
-    return Rows(image, np.concatenate((rows.closeness, np.zeros(further))))
+    count = len(finals[-1].pixel)
+    further = empty_rows(np.zeros((2 * count, rows.image.shape[1]), np.float32))
+    further.near[:count], further.apart[:count] = finals[-1].near, count
+    return Rows(*map(np.concatenate, zip(rows, further, strict=True)))

@@ -68,8 +68,8 @@ class Finals(NamedTuple):
 
     pixel: (n,) int32, in the tile. point: (n, 3) float64, m. side_id: (n,) int32. rays: (n,) int32, number of rays.
     radius2: (n,) float64, m2, squared radius of the disk within which neighbours share rays. is_cut: (n,) bool, whether
-    a rim cuts this disk.
-    row: the first of n rows in the image, one for each gather. A row holds the mean radiance that the rays meet, times
+    a rim cuts this disk. near: (n,) float32, m, see Rows.
+    row: the first of 2 n rows in the image: one for each gather, and one for each that is not shared. A row holds the mean radiance that the rays meet, times
     `contribution` (n,) float64, see Gathers: so the throughput of these rays says how much they count in the image, and
     roulette can go by it. factor: (n, layers * b) float32, by which the mean radiance is added to the pixel, the same
     for each layer.
@@ -81,6 +81,7 @@ class Finals(NamedTuple):
     rays: np.ndarray
     radius2: np.ndarray
     is_cut: np.ndarray
+    near: np.ndarray
     row: int
     contribution: np.ndarray
     factor: np.ndarray
@@ -93,7 +94,7 @@ def open_finals(stage, estimate, bounce, gathers, row):
     count, bands = chosen.size, stage.radiometry.reference.size
     finals = Finals(
         np.empty(count, np.int32), np.empty((count, 3)), np.empty(count, np.int32), gathers.rays[chosen],
-        gathers.radius2[chosen], gathers.is_cut[chosen], row, gathers.contribution[chosen],
+        gathers.radius2[chosen], gathers.is_cut[chosen], np.empty(count, np.float32), row, gathers.contribution[chosen],
         np.empty((count, estimate.layers * bands), np.float32),
     )  # fmt: skip
     for n in range(count):
@@ -103,6 +104,7 @@ def open_finals(stage, estimate, bounce, gathers, row):
         at = interact(stage.surfaces, bounce.hits, i, bounce.rays.direction)
         put_vector(at.point, finals.point, n)
         finals.pixel[n], finals.side_id[n] = bounce.rays.pixel[i], at.side_id
+        finals.near[n] = estimate.splitting.near[sheet_of(stage.surfaces, at.side_id)]
         rho, diffuse = reflectance_at(stage, at), gathers.weight[g] * diffuse_share(lobes_at(stage, at))
         for b in range(bands):
             finals.factor[n, b] = diffuse * bounce.rays.throughput[i, b] * rho[b]
@@ -158,8 +160,10 @@ def _share(surfaces, finals, shrink2, shape, rows, chain, mean):
                         for b in range(mean.size):
                             mean[b] += scale * image[finals.row + other, b]
                     other = following[other]
+        own, alone = np.float32(1.0 / finals.contribution[n]), finals.row + finals.pixel.size + n
         for b in range(mean.size):
-            image[finals.pixel[n], b] += finals.factor[n, b] * mean[b] / np.float32(total)
+            met = mean[b] / np.float32(total) + own * image[alone, b]
+            image[finals.pixel[n], b] += finals.factor[n, b] * met
 
 
 @njit(inline="always")

@@ -64,6 +64,20 @@ def first_gathers(gathers: Gathers, count: int) -> Gathers:
     return Gathers(*(column[:count] for column in gathers[:-1]), gathers.of)
 
 
+@njit(**KERNEL)
+def part_near(bounce, rows):
+    """Add up the closeness of what rays of final gathers meet, and give the rays that meet something near to a row of
+    their own, see Rows."""
+    rays, hits = bounce.rays, bounce.hits
+    for i in range(hits.triangle.size):
+        if hits.triangle[i] < 0 or not rays.final[i] or rays.continued[i]:
+            continue
+        row, distance = rays.pixel[i], max(hits.distance[i], np.float32(1e-15))
+        rows.closeness[row] += 1.0 / distance
+        if rays.density[i] < ALONE and distance < rows.near[row]:
+            rays.pixel[i] = row + rows.apart[row]
+
+
 def meet(stage, lighting, bounce, rows) -> Gathers:
     """Add to the rows what surfaces emit where rays meet them; return the gathers that ask for the reflected light.
 
@@ -95,8 +109,6 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
             continue
         at = interact(stage.surfaces, hits, i, rays.direction)
         side = at.side_id & 1
-        if rays.final[i] and not rays.continued[i]:
-            rows.closeness[pixel] += 1.0 / max(at.distance, 1e-15)
         share = np.float32(1.0)
         if rays.density[i] < ALONE:
             share = np.float32(share_of_ray(rays.density[i], lamps, at))

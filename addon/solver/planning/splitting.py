@@ -28,6 +28,7 @@ _PHOTON = 2.0  # of a photon, traced and sorted, and its share of the cache
 _RECALL = 1.6  # of recalling irradiance; more than measured, as neighbouring pixels share the noise of its roulette
 _FEWEST, _MOST = min(LATTICES), max(LATTICES)  # rays of a final gather
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over the area of the photons' disk
+_ALONE = 0.25  # distance below which what a ray meets is not shared, over that harmonic mean distance
 NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to what the rays meet: about 5 % of change
 # n final gathers in the disk, with weights w = 1 - r^2 / R^2, are worth _EQUAL n of equal weight: the ratio is
 # (sum of w)^2 / (n sum of w^2).
@@ -43,12 +44,14 @@ _PRICES = np.geomspace(1e-4, 1e1, 31)  # that are tried, over the price if all g
 class Splitting(NamedTuple):
     """All that the choice between photons and rays rests on.
 
-    sheets: see Sheets. cells: see Cells. block (p,) int32, sensitivity (p,) float64: by pixel, see Survey. price: W2
+    sheets: see Sheets. cells: see Cells. near: (labels,) float32, m, distance of what rays from a sheet meet below which
+    the light from there is not shared between gathers, as it changes from one to the next. block (p,) int32, sensitivity (p,) float64: by pixel, see Survey. price: W2
     sr-2 m-4, variance times squared sensitivity that a ray should save.
     """
 
     sheets: Sheets
     cells: Cells
+    near: np.ndarray
     block: np.ndarray
     sensitivity: np.ndarray
     price: float
@@ -147,7 +150,9 @@ def _chance(splitting, sheet, throughput, time):
 
 def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: int, photons: int) -> Splitting:
     """The Splitting with the price at which variance times time is least. For the arguments see measure_sheets."""
-    splitting = Splitting(sheets, survey.cells, survey.block, survey.sensitivity, math.inf)
+    splitting = Splitting(
+        sheets, survey.cells, _near(survey.cells, len(sheets.density)), survey.block, survey.sensitivity, math.inf
+    )
     pixels = len(survey.block)
     some = strata(pass_key(0, PRICED_PIXELS, PILOT), min(_PIXELS, pixels), pixels)
     variance, unknown, least = survey.variance[some], survey.unknown[some], least_price(survey.variance[some])
@@ -162,6 +167,16 @@ def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: in
         noise += float(edge_variance(variance, samples).mean()) + rest
         tried.append((noise * (fixed + time + _CAMERA * samples.mean()), price))
     return splitting._replace(price=min(tried)[1])
+
+
+def _near(cells: Cells, labels: int) -> np.ndarray:
+    """near of Splitting: a share of the harmonic mean distance to what rays from the sheet meet. It is one number for a
+    sheet, so that all gathers that share rays leave out the same."""
+    sheet = cells.key % labels
+    closeness = np.bincount(sheet, cells.count * cells.closeness, labels) / np.maximum(
+        np.bincount(sheet, cells.count, labels), 1
+    )
+    return (_ALONE / np.maximum(closeness, 1e-30)).astype(np.float32)
 
 
 def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:
