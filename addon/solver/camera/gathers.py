@@ -121,9 +121,11 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
         if stored_at(stage, at) == NONE:
             continue
         asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
-        if rays.final[i] and not (bounce.unresolved[i] or asks_sky):
-            continue  # the reflected light is recalled from the cache
+        if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky):
+            continue  # the reflected light is recalled from the cache, or roulette has ended the path
         reflected = largest_throughput(throughput, reflectance_at(stage, at))
+        if bounce.goes_on[i] > 0.0:
+            reflected *= bounce.goes_on[i]
         if reflected == 0.0:
             continue
         g = newest

@@ -127,12 +127,12 @@ def build_irradiance_cache(
             return
         chosen = slice(first, first + _CHUNK)
         vicinity, direct = look(point[chosen], side_id[chosen], first)
-        area = np.empty(len(vicinity.closeness))
+        radius2 = np.empty(len(vicinity.closeness))
         fill_values(
-            photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen], area
+            photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen], radius2
         )
         value[chosen] += direct
-        resolved[chosen] = area * vicinity.closeness**2 < math.pi * _RESOLVED**2
+        resolved[chosen] = radius2 * vicinity.closeness**2 < _RESOLVED**2
         _fill_leaves(surfaces, point[chosen], side_id[chosen], vicinity.space.wall, first, leaves)
 
     list(run(fill, range(0, len(side_id), _CHUNK)))
@@ -152,22 +152,22 @@ def _fill_leaves(surfaces, point, side_id, wall, first, leaves):
             leaves[leaf, 7 + axis, slot] = wall[i, axis]
 
 
-def fill_values(photon_map, surfaces, estimate, points, space, value, area) -> None:
-    """Fill value (n, layers * b) float32 with the irradiance at points (n, 3) on sides (n,), and area (n,) float64 with
-    the areas, m2, of the disks from which it is estimated. space: see FreeSpace."""
+def fill_values(photon_map, surfaces, estimate, points, space, value, radius2) -> None:
+    """Fill value (n, layers * b) float32 with the irradiance at points (n, 3) on sides (n,), and radius2 (n,) float64
+    with the squared radii, m2, of the disks from which it is estimated. space: see FreeSpace."""
     rooms = neighbours_room(estimate.neighbours), np.empty(value.shape[1])
-    _fill_values(photon_map, surfaces, estimate, points, space, (value, area), rooms)
+    _fill_values(photon_map, surfaces, estimate, points, space, (value, radius2), rooms)
 
 
 @njit(**FAST_KERNEL)
 def _fill_values(photon_map, surfaces, estimate, points, space, values, rooms):
-    guess, (point, side_id), (value, areas), (room, out) = estimate.reach2, points, values, rooms
+    guess, (point, side_id), (value, radius2), (room, out) = estimate.reach2, points, values, rooms
     for i in range(side_id.size):
         reach2 = largest_disk(space.cut2[i], estimate)
         disk = Disk(estimate.neighbours, reach2, estimate.shrink2, wall_of(space, i), False)
         kept, area, guess = gather(photon_map, surfaces, side_id[i], vector(point, i), disk, guess, room)
         irradiance(photon_map, room, kept, area, out)
-        areas[i] = area
+        radius2[i] = estimate.shrink2 * guess
         for b in range(out.size):
             value[i, b] = out[b]
 
