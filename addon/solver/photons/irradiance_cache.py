@@ -36,12 +36,12 @@ _RESOLVED = 0.5
 
 class IrradianceCache(NamedTuple):
     """Irradiance at n points: a tree whose leaves hold positions, normals, labels of sheets (see PhotonMap) and walls
-    (see FreeSpace); value (n, layers * b) float32, W m-2 per layer and band; and resolved (n,) bool, whether the disk
-    from which the value was estimated is small against the distance to what is around the point."""
+    (see FreeSpace); value (n, layers * b) float32, W m-2 per layer and band; and resolved2 (n,) float32, m2, squared
+    distance up to which the value tells the light around the point, 0 where not even at the point."""
 
     tree: PointTree
     value: np.ndarray
-    resolved: np.ndarray
+    resolved2: np.ndarray
 
 
 def cache_points(photons: int, shrink2: float) -> int:
@@ -119,7 +119,7 @@ def build_irradiance_cache(
     """
     order = kd_order(points[0])
     point, side_id = (column[order] for column in points)
-    leaves, resolved = empty_leaves(len(side_id), 10), np.zeros(len(side_id), np.bool_)
+    leaves, resolved2 = empty_leaves(len(side_id), 10), np.zeros(len(side_id), np.float32)
     value = np.empty((len(side_id), estimate.layers * photon_map.photons.power.shape[1]), np.float32)
 
     def fill(first):
@@ -132,11 +132,12 @@ def build_irradiance_cache(
             photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen], radius2
         )
         value[chosen] += direct
-        resolved[chosen] = radius2 * vicinity.closeness**2 < _RESOLVED**2
+        far = _RESOLVED / np.maximum(vicinity.closeness, 1e-15) - np.sqrt(radius2)
+        resolved2[chosen] = np.maximum(far, 0.0) ** 2
         _fill_leaves(surfaces, point[chosen], side_id[chosen], vicinity.space.wall, first, leaves)
 
     list(run(fill, range(0, len(side_id), _CHUNK)))
-    return IrradianceCache(build_tree(leaves), value, resolved)
+    return IrradianceCache(build_tree(leaves), value, resolved2)
 
 
 @njit(**KERNEL)
@@ -174,8 +175,8 @@ def _fill_values(photon_map, surfaces, estimate, points, space, values, rooms):
 
 @njit(inline="always")
 def recalled(cache, query, reach2, walk):
-    """Index of the cached point nearest to a Query, -1 if none is nearer than sqrt(reach2) m. A point does not count
-    from beyond its wall, where other light falls. walk: room, see Walk."""
+    """Index of the cached point nearest to a Query, -1 if none is nearer than sqrt(reach2) m or if that point does not
+    tell the light here. A point does not count from beyond its wall, where other light falls. walk: room, see Walk."""
     tree, bound = cache.tree, np.float32(reach2)
     near = walk.near
     best = -1
@@ -190,7 +191,7 @@ def recalled(cache, query, reach2, walk):
             for j in range(WIDTH):
                 if near[j] < bound and not _is_beyond_wall(tree.leaves[leaf], j, query.point):
                     best, bound = leaf * WIDTH + j, near[j]
-    return best
+    return best if best >= 0 and bound < cache.resolved2[best] else -1
 
 
 @njit(**INLINED)
