@@ -4,7 +4,14 @@
 from __future__ import annotations
 
 import atexit
+import logging
 import os
+from pathlib import Path
+
+log = logging.getLogger(__name__)
+
+DATA_FOLDER = "infrared_photons"  # among Blender's data files of the user
+MATERIALS = "my_materials.csv"
 
 _environment = {}  # variables that the solver reads, as they were before: name -> value or None
 
@@ -33,8 +40,8 @@ def unregister():
 
 
 def _use_own_folder():
-    """Let the solver keep compiled kernels, and the artist's materials, in the extension's own folder, which survives
-    updates and is writable.
+    """Let the solver keep compiled kernels in the extension's own folder, which survives updates and is writable, and
+    the artist's materials where they survive the extension, too.
 
     Without an extension (the add-on as a Python package) kernels stay beside the sources, and there are no such
     materials unless the environment names their file.
@@ -43,14 +50,36 @@ def _use_own_folder():
 
     try:
         kernels = bpy.utils.extension_path_user(__package__, path="kernels", create=True)
-        library = bpy.utils.extension_path_user(__package__, path="library", create=True)
+        earlier = Path(bpy.utils.extension_path_user(__package__, path="library")) / MATERIALS
     except (ValueError, OSError):
         return
     # The solver reads these; to tell it by importing it would load numba.
     names = ("INFRARED_PHOTONS_KERNELS", "INFRARED_PHOTONS_LIBRARY")
     _environment.update({name: os.environ.get(name) for name in names})
     os.environ["INFRARED_PHOTONS_KERNELS"] = kernels
-    os.environ.setdefault("INFRARED_PHOTONS_LIBRARY", os.path.join(library, "my_materials.csv"))
+    os.environ.setdefault("INFRARED_PHOTONS_LIBRARY", str(_own_materials(earlier)))
+
+
+def _own_materials(earlier: Path) -> Path:
+    """The file of the artist's materials: Blender deletes the extension's own folder with it, but no data files.
+
+    earlier: the file in the extension's own folder, where it used to be. It is copied once, and serves itself where
+    that fails. The folder is made when there is something to keep in it.
+    """
+    import bpy
+
+    from .solver.physics.library import copy_once
+
+    folder = bpy.utils.user_resource("DATAFILES", path=DATA_FOLDER)
+    if not folder:
+        return earlier
+    path = Path(folder) / MATERIALS
+    try:
+        copy_once(earlier, path)
+    except OSError as error:
+        log.warning("My materials stay where removing the extension deletes them, in '%s': %s", earlier, error)
+        return earlier
+    return path
 
 
 def _modules():

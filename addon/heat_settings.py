@@ -54,7 +54,12 @@ class HeatDisplaySettings:
         name="Range",
         description="Which temperatures get the two ends of the palette",
         items=(
-            ("AUTOMATIC", "Automatic", "From the coldest to the hottest of each image, outliers aside", 0),
+            (
+                "AUTOMATIC",
+                "Automatic",
+                "From the coldest to the hottest of each image; outliers and a 0 K background aside",
+                0,
+            ),
             ("FIXED", "Fixed", "The same in every image, so that images and frames can be compared", 1),
         ),
         default="AUTOMATIC",

@@ -20,6 +20,7 @@ bpy = pytest.importorskip("bpy")
 from addon.rendering import final_render  # noqa: E402
 from addon.rendering.last_render import forget_last_render  # noqa: E402
 from addon.rendering.render_files import layer_suffixes  # noqa: E402
+from addon.solver.physics import library  # noqa: E402
 from addon.solver.physics.spectrum import band_names, band_radiance  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
 from tests.helpers.blender import (  # noqa: E402
@@ -563,10 +564,49 @@ def test_kernels_are_kept_in_the_extensions_folder(monkeypatch, tmp_path):
         monkeypatch.delenv(variable)
     addon._use_own_folder()
     assert "INFRARED_PHOTONS_KERNELS" not in os.environ  # this is no installed extension
-    monkeypatch.setattr(bpy.utils, "extension_path_user", lambda package, path, create: str(tmp_path / path))
+    use_folders(monkeypatch, tmp_path)
     addon._use_own_folder()
-    assert os.environ["INFRARED_PHOTONS_KERNELS"] == str(tmp_path / "kernels")
-    assert os.environ["INFRARED_PHOTONS_LIBRARY"] == str(tmp_path / "library" / "my_materials.csv")
+    assert os.environ["INFRARED_PHOTONS_KERNELS"] == str(tmp_path / "extension" / "kernels")
+
+
+def use_folders(monkeypatch, folder):
+    """Let the add-on be an extension with its own folder, and Blender have its data files, in this folder."""
+    for variable in ("INFRARED_PHOTONS_KERNELS", "INFRARED_PHOTONS_LIBRARY"):
+        monkeypatch.setenv(variable, "")
+        monkeypatch.delenv(variable)
+    monkeypatch.setattr(
+        bpy.utils, "extension_path_user", lambda package, path, create=False: str(folder / "extension" / path)
+    )
+    monkeypatch.setattr(bpy.utils, "user_resource", lambda kind, path: str(folder / kind / path))
+
+
+def test_materials_of_the_artist_are_kept_outside_the_extensions_folder(monkeypatch, tmp_path):
+    """Blender deletes that folder with the extension. Nothing is made before there is something to keep."""
+    import addon
+
+    use_folders(monkeypatch, tmp_path)
+    addon._use_own_folder()
+    assert library.user_file() == tmp_path / "DATAFILES" / "infrared_photons" / "my_materials.csv"
+    assert not list(tmp_path.iterdir())
+
+
+def test_materials_of_an_earlier_version_are_still_found(monkeypatch, tmp_path, caplog):
+    import addon
+
+    use_folders(monkeypatch, tmp_path)
+    earlier = tmp_path / "extension" / "library" / "my_materials.csv"
+    earlier.parent.mkdir(parents=True)
+    text = "material,wavelength_um,emissivity,source\nOak,8.0,0.9,me\n"
+    earlier.write_text(text)
+    (tmp_path / "DATAFILES").write_text("a file, not a folder")
+    addon._use_own_folder()
+    assert library.user_file() == earlier and list(library.user_materials()) == ["Oak"]
+    assert "My materials stay where removing the extension deletes them" in caplog.text
+    (tmp_path / "DATAFILES").unlink()
+    use_folders(monkeypatch, tmp_path)
+    addon._use_own_folder()
+    assert library.user_file().is_relative_to(tmp_path / "DATAFILES")
+    assert list(library.user_materials()) == ["Oak"] and earlier.read_text() == text
 
 
 def test_defaults_are_the_solvers():

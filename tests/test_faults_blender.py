@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import OpenEXR
@@ -129,6 +130,63 @@ def test_a_render_that_needs_too_much_memory_is_refused(infrared, monkeypatch):
     assert "This render needs about " in message and "0.1 GB are available. The photons of a pass need most" in message
     infrared.photons_per_pass = 1000
     render()
+
+
+@pytest.fixture
+def untouched(monkeypatch):
+    """The scene's reader and Blender's own images must not be reached."""
+    for name in ("read_scene", "_render"):
+        monkeypatch.setattr(final_render, name, Mock(side_effect=AssertionError(f"{name} was called")))
+
+
+def test_an_image_too_large_is_refused_before_anything_is_read_or_taken(infrared, untouched, monkeypatch):
+    monkeypatch.setattr(memory, "available_memory", lambda: 24 * 10**9)
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 60_000
+    infrared.band_count = 16
+    begin = time.monotonic()
+    message = failed_render()
+    assert time.monotonic() - begin < 1.0  # s
+    assert "This render of 60,000 x 60,000 pixels and 16 bands needs about 2,736.0 GB of memory, 24.0 GB are" in message
+    assert "The images of every band need most, 1,886.4 GB: lower the resolution, the number of bands" in message
+
+
+@pytest.mark.parametrize("more", ["view layer", "data passes"])
+def test_what_blender_keeps_of_view_layers_and_passes_counts(infrared, untouched, monkeypatch, more):
+    """A render that would just fit is refused if it has one more of them."""
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = 4000
+    foreseen, _ = final_render.images_beforehand(scene.render, 3, final_render.IMAGE_COPIES)
+    monkeypatch.setattr(memory, "available_memory", lambda: sum(foreseen.values()))
+    assert "read_scene was called" in failed_render()  # it fits
+    if more == "view layer":
+        scene.view_layers.new("Second")
+    else:
+        bpy.context.view_layer.use_pass_normal = True
+    message = failed_render()
+    assert "4,000 x 4,000 pixels and 3 bands needs about" in message and "view layers" in message
+
+
+def test_the_frame_around_a_render_region_counts(infrared, untouched, monkeypatch):
+    """Blender pastes the region into it; a cropped one it leaves alone."""
+    monkeypatch.setattr(memory, "available_memory", lambda: 10**9)
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 10_000
+    render.use_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.5, 0.501, 0.5, 0.501
+    message = failed_render()
+    assert "This render of 10 x 10 pixels of 10,000 x 10,000 and 3 bands needs about 2.0 GB" in message
+    assert "crop to the render region" in message
+    render.use_crop_to_border = True
+    assert "read_scene was called" in failed_render()
+
+
+def test_a_mesh_too_large_is_refused_before_blender_takes_room(infrared, monkeypatch):
+    monkeypatch.setattr(final_render, "_render", Mock(side_effect=AssertionError("begin_result would be called")))
+    monkeypatch.setattr(memory, "available_memory", lambda: 10**8)
+    bpy.data.objects["Floor"].modifiers.new("Finer", "SUBSURF").render_levels = 8
+    message = failed_render()
+    assert "8 x 6 pixels and 3 bands needs about" in message and "The triangles need most" in message
 
 
 def test_running_out_of_memory_is_a_message(infrared, monkeypatch, capfd, caplog):

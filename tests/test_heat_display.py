@@ -135,6 +135,24 @@ def test_an_automatic_range_spans_the_image(tmp_path):
     assert np.all(combined[:, 0, :3] == 0.0) and np.allclose(combined[:, -1, :3], 1.0, atol=ROUNDING)
 
 
+def test_a_background_without_a_temperature_takes_no_part_in_an_automatic_range(tmp_path):
+    """Neither in the picture nor in the range of the last render, of which a second view layer shows nothing else."""
+    walls()
+    for obj in bpy.data.objects:
+        if obj.type == "MESH":
+            obj.scale, obj.location = (1.0, 2.0, 1.0), (0.5 if obj.name == "Right" else -0.5, 0.0, 0.0)
+    choose("WHITE_HOT")
+    combined = render_to_exr(tmp_path)["ViewLayer"]["Combined"][..., 0]
+    temperature = final_render.finished_layers["ViewLayer"]["temperature"]
+    assert (temperature == 0.0).any()
+    np.testing.assert_allclose(combined[temperature > 339.0], 1.0, atol=0.01)
+    np.testing.assert_array_equal(combined[temperature <= 280.0], 0.0)  # the left wall as well as the background
+    final_render.finished_layers["Empty"] = {"temperature": np.zeros((3, 5), np.float32)}
+    assert bpy.ops.infrared.range_from_render() == {"FINISHED"}
+    infrared = bpy.context.scene.infrared
+    assert (infrared.range_low, infrared.range_high) == (pytest.approx(280.0, abs=0.1), pytest.approx(340.0, abs=0.1))
+
+
 @pytest.mark.skipif(bpy.app.version < (5, 0), reason="Blender 4.5 has one working space")
 def test_combined_is_in_the_working_space_of_the_file(tmp_path):
     """Blender's own conversion of the pixels back to Rec.709 gives the palette's colours."""

@@ -18,6 +18,8 @@ def cube(reset_blender):
     cube = link("Cube", cube_mesh(), temperature=300.0)
     cube.data.materials.append(material(emissivity=0.9))
     link("Lamp", bpy.data.lights.new("Lamp", "AREA"), temperature=3000.0)
+    bpy.context.scene.world = bpy.data.worlds.new("Night")
+    bpy.context.scene.world["temperature"] = 0.0
     return cube
 
 

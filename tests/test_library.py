@@ -292,6 +292,37 @@ def test_without_a_place_nothing_is_kept(monkeypatch, tmp_path):
     monkeypatch.delenv(library.USER_VARIABLE, raising=False)
     with pytest.raises(OSError, match=library.USER_VARIABLE):
         library.add_user_material("Oak", CURVE, "")
-    monkeypatch.setenv(library.USER_VARIABLE, str(tmp_path / "nowhere" / "my.csv"))
-    with pytest.raises(OSError, match="nowhere"):
+    (tmp_path / "file").write_text("a file, not a folder")
+    monkeypatch.setenv(library.USER_VARIABLE, str(tmp_path / "file" / "my.csv"))
+    with pytest.raises(library.LibraryError, match="file"):
         library.add_user_material("Oak", CURVE, "")
+
+
+def test_the_folder_is_made_when_there_is_something_to_keep(monkeypatch, tmp_path):
+    path = tmp_path / "datafiles" / "infrared_photons" / "my.csv"
+    monkeypatch.setenv(library.USER_VARIABLE, str(path))
+    assert library.user_materials() == {} and not list(tmp_path.iterdir())
+    library.add_user_material("Oak", CURVE, "")
+    assert path.exists() and list(library.user_materials()) == ["Oak"]
+
+
+def test_a_file_at_the_earlier_place_is_copied_once_and_stays(tmp_path):
+    earlier, path = tmp_path / "library" / "my.csv", tmp_path / "data" / "infrared_photons" / "my.csv"
+    earlier.parent.mkdir()
+    library.copy_once(earlier, path)
+    assert not path.parent.exists()  # there was nothing to copy
+    earlier.write_text("whatever the artist has, even damaged")
+    library.copy_once(earlier, path)
+    assert path.read_bytes() == earlier.read_bytes() == b"whatever the artist has, even damaged"
+    path.unlink()
+    library.copy_once(earlier, path)
+    assert not path.exists()  # the artist wanted it away
+
+
+def test_no_copy_replaces_a_file_of_the_artist(tmp_path):
+    earlier, path = tmp_path / "library" / "my.csv", tmp_path / "my.csv"
+    earlier.parent.mkdir()
+    earlier.write_text("old")
+    path.write_text("mine")
+    library.copy_once(earlier, path)
+    assert (earlier.read_text(), path.read_text()) == ("old", "mine")

@@ -109,11 +109,50 @@ def test_an_automatic_range_is_that_of_the_image():
     np.testing.assert_array_equal(scale.colours(image), thermal(image))
 
 
+def backed(kelvin, size=40):
+    """A square of rows from 290 K to 310 K before a background, with a mixture of both at its edge."""
+    image = np.full((size, size), kelvin, np.float32)
+    image[9:-9, 9:-9] = 0.5 * (kelvin + 290.0)
+    image[10:-10, 10:-10] = np.linspace(290, 310, size - 20)[:, None]
+    return image
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_automatic_range_leaves_a_background_at_0_k_out(turned):
+    image = backed(0.0).T if turned else backed(0.0)
+    scale = TemperatureScale().fitted(image)
+    assert (scale.low, scale.high) == (pytest.approx(290.0), pytest.approx(310.0))
+    np.testing.assert_array_equal(TemperatureScale().colours(image), scale.colours(image))  # nor do colours count it
+    np.testing.assert_array_equal(TemperatureScale().colours(image)[0, 0], PALETTES["IRON"][0])
+
+
+def test_any_other_background_counts():
+    """However cold: somebody gave it this temperature."""
+    scale = TemperatureScale().fitted(backed(2.7))
+    assert (scale.low, scale.high) == (pytest.approx(2.7), pytest.approx(310.0))
+
+
+def test_what_is_only_edges_keeps_its_range():
+    """A wire before the background: its pixels are all there is; beside a plate it still gives the hot end."""
+    image = np.zeros((60, 60), np.float32)
+    image[:, 4] = np.linspace(400.0, 500.0, 60)
+    scale = TemperatureScale().fitted(image)
+    assert (scale.low, scale.high) == (pytest.approx(400.0, abs=1.0), pytest.approx(500.0, abs=1.0))
+    image[10:50, 20:40] = 300.0
+    scale = TemperatureScale().fitted(image)
+    assert (scale.low, scale.high) == (pytest.approx(300.0), pytest.approx(500.0, abs=5.0))
+
+
+def test_one_end_may_be_fixed_above_a_background_at_0_k():
+    scale = TemperatureScale(high=320.0).fitted(backed(0.0))
+    assert (scale.low, scale.high) == (pytest.approx(290.0), 320.0)
+
+
 def test_a_range_given_upside_down_is_turned():
     assert TemperatureScale(low=310.0, high=290.0).fitted(np.array(300.0)) == TemperatureScale(low=290.0, high=310.0)
 
 
-@pytest.mark.parametrize("image", [np.full((2, 2), np.nan), np.full((2, 2), 300.0), np.empty((0, 3))])
+@pytest.mark.parametrize("image", [np.full((2, 2), np.nan), np.full((2, 2), 300.0), np.zeros((2, 2)), np.empty((0, 3))])
 def test_any_image_fits_a_scale_with_a_bar(image):
     scale = TemperatureScale().fitted(image)
     assert scale.high > scale.low and np.isfinite(scale.bar(10)).all() and scale.ticks(CELSIUS)

@@ -221,7 +221,13 @@ def test_view_is_the_width_of_the_picture_where_it_meets_the_scene(distance):
     assert seen.pilot.view == pytest.approx(0.02 * distance, rel=1e-4)  # the cosine at the picture's rim
 
 
+def test_the_background_is_the_share_of_camera_rays_that_meet_nothing():
+    """A square of 2 m, seen from 10 m above by a camera whose frame is 8 m wide and 6 m high there."""
+    seen = explored([(*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 0)], look((0, 0, 10), (0, 0, 0), tangent=0.4))
+    assert seen.pilot.background == pytest.approx(1 - 4 / 48, abs=4 * sigma(4 / 48))
+
+
 def test_a_camera_that_sees_nothing_needs_nothing():
     seen = explored([(*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 0)], look((0, 0, 1), (0, 0, 2)))
-    assert seen.pilot.view == math.inf and seen.pilot.openness == 0.0
+    assert seen.pilot.view == math.inf and seen.pilot.openness == 0.0 and seen.pilot.background == 1.0
     assert not seen.pilot.reachable.any() and not seen.pilot.importance.any() and len(seen.pilot.point) == 0

@@ -392,7 +392,13 @@ def test_installing_upgrading_and_removing_leave_no_trace(first, installed, newe
     same = [name for name in found if name.startswith("same after")]
     assert len(same) == 4 and all(found[name] is True for name in same), found
     assert set(found["left when disabled"]) == {"files"}, found
-    assert found["left when removed"] == {} and found["files when removed"] == []
+    assert found["left when removed"] == {}
+    assert found["files when removed"] == ["datafiles/infrared_photons"]
+    assert found["my materials of an earlier version at once"] == []  # the file appears while the extension is enabled
+    assert found["my materials of an earlier version"] == ["Oak"]
+    for when in ("", " after the upgrade", " when installed again"):
+        assert found[f"my materials{when}"] == ["Oak", "Beech"], found
+    assert found["earlier file when removed"] is False  # Blender does this: the copy is what remains
     assert found["temperature of an object"] == 330.0  # K: files keep what they hold
 
 

@@ -138,27 +138,19 @@ def spread(low: float, high: float) -> tuple[float, float]:
     return low, high
 
 
-def fit(values: np.ndarray, low: float | None, high: float | None) -> tuple[float, float]:
-    """The range from low to high as `spread` makes it, in the unit of the values; None takes that end from
-    `robust_range` of the values.
-    """
-    if low is None or high is None:
-        robust_low, robust_high = robust_range(values)
-        low = robust_low if low is None else low
-        high = robust_high if high is None else high
-    return spread(low, high)
-
-
 def thermal(
     values: np.ndarray, low: float | None = None, high: float | None = None, palette: str = "IRON"
 ) -> np.ndarray:
     """Colours of values (any shape s, any unit): s + (3,) float32, linear Rec.709, 0..1 and always finite.
 
-    low and high get the ends of the palette, a name in PALETTES, as `fit` makes them. Values outside get the nearer
-    end, NaN gets the low end.
+    low and high get the ends of the palette, a name in PALETTES, as `spread` makes them; None takes that end from
+    `robust_range` of the values. Values outside get the nearer end, NaN gets the low end.
     """
     values = np.asarray(values, dtype=np.float32)
-    low, high = fit(values, low, high)
+    if low is None or high is None:
+        robust = robust_range(values)
+        low, high = robust[0] if low is None else low, robust[1] if high is None else high
+    low, high = spread(low, high)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite or far outside is settled below
         position = np.clip((values - np.float32(low)) * np.float32((_SIZE - 1) / (high - low)), 0, _SIZE - 1)
     position = np.where(np.isnan(position), 0, position)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .palette import fit, linear, thermal
+from .palette import linear, robust_range, spread, thermal
 
 TICKS = 8  # most of them on a bar
 
@@ -51,7 +51,7 @@ class Isotherm:
 class TemperatureScale:
     """The colour of each temperature: a palette (a name in PALETTES) from low to high, K, and an isotherm or None.
 
-    None for low or high takes that end from the image that is painted.
+    None for low or high takes that end from the image that is painted, see automatic_range.
     """
 
     palette: str = "IRON"
@@ -60,15 +60,20 @@ class TemperatureScale:
     isotherm: Isotherm | None = None
 
     def fitted(self, temperature: np.ndarray) -> TemperatureScale:
-        """The same scale with both ends, for an image in K of any shape."""
-        low, high = fit(temperature, self.low, self.high)
+        """The same scale with both ends in ascending order, for an image in K of any shape; rows and columns last."""
+        low, high = self.low, self.high
+        if low is None or high is None:
+            coldest, hottest = automatic_range(temperature)
+            low, high = coldest if low is None else low, hottest if high is None else high
+        low, high = spread(low, high)
         return replace(self, low=low, high=high)
 
     def colours(self, temperature: np.ndarray) -> np.ndarray:
         """Colours of temperatures (any shape s, K): s + (3,) float32, linear Rec.709."""
         isotherm = self.isotherm
         palette = "WHITE_HOT" if isotherm and isotherm.grey else self.palette
-        result = thermal(temperature, self.low, self.high, palette)
+        ends = self.fitted(temperature)
+        result = thermal(temperature, ends.low, ends.high, palette)
         if isotherm:
             low, high = sorted((isotherm.low, isotherm.high))
             result[(temperature >= low) & (temperature <= high)] = linear(isotherm.colour)
@@ -86,6 +91,36 @@ class TemperatureScale:
         return [
             ((unit.in_kelvin(value) - self.low) / span, f"{value:.{decimals}f}") for value in ticks(low, high, most)
         ]
+
+
+def automatic_range(temperature: np.ndarray) -> tuple[float, float]:
+    """(low, high) in K of an image of any shape, with rows and columns last: as `robust_range`, without a background at
+    exactly 0 K.
+
+    Surroundings without a temperature are that cold and no surface is, so the background says nothing about what is in
+    front of it. Pixels beside it show an edge, a mixture with it, and do not count for the low end either. An image of
+    nothing else keeps its range.
+    """
+    temperature = np.asarray(temperature)
+    background = temperature == 0.0
+    if not background.any():
+        return robust_range(temperature)
+    shown, inner = temperature[~background], temperature[~_grown(background)]
+    if not np.isfinite(shown).any():
+        return robust_range(temperature)
+    low, high = robust_range(shown)
+    return robust_range(inner)[0] if np.isfinite(inner).any() else low, high
+
+
+def _grown(mask: np.ndarray) -> np.ndarray:
+    """A mask (..., rows, columns) and all pixels beside it, those at a corner too. A list of values has no beside."""
+    grown = mask.copy()
+    for axis in (-2, -1) if mask.ndim > 1 else ():
+        along = np.moveaxis(grown, axis, 0)
+        before = along.copy()
+        along[1:] |= before[:-1]
+        along[:-1] |= before[1:]
+    return grown
 
 
 def tick_step(low: float, high: float, most: int = TICKS) -> float:

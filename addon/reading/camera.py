@@ -146,6 +146,12 @@ def render_window(render) -> tuple[int, int, int, int] | None:
     return int(x0), int(y0), int(x1), int(y1)
 
 
+def rendered_size(render) -> tuple[int, int]:
+    """(width, height) in pixels of what is rendered: the border, if there is one, else the whole frame."""
+    x0, y0, x1, y1 = render_window(render) or (0, 0, *render_size(render))
+    return x1 - x0, y1 - y0
+
+
 def _rigid(matrix: np.ndarray) -> np.ndarray:
     """The matrix without its scale: as in Blender, the scale of a camera object does not zoom."""
     result = matrix.copy()

@@ -19,6 +19,25 @@ def read_number(id_block, key: str, default: float, owner: str, unit: str) -> fl
     return float(value)
 
 
+def driver_remark(id_block, key: str = "temperature", unit: str = "K") -> str:
+    """What is wrong with the driver of a custom property, and which value counts; an empty text if nothing is.
+
+    Blender puts 0 where a driver fails, gives no number or may not run its script, and only of a failure it leaves a
+    sign. So any 0 is told: hardly anybody drives a temperature there.
+    """
+    animation, value = (id_block.original or id_block).animation_data, id_block.get(key)
+    curve = animation.drivers.find(f'["{key}"]') if animation else None
+    if curve is None or curve.mute or not isinstance(value, int | float):
+        return ""
+    driver = curve.driver
+    name = f"the driver '{driver.expression}' of {key}" if driver.type == "SCRIPTED" else f"the driver of {key}"
+    if not driver.is_valid:
+        return f"{name} fails; what the property holds counts: {value:.5g} {unit}"
+    if value == 0.0:
+        return f"{name} gives 0 {unit}, as it does if its result is no number or scripts may not run; 0 {unit} counts"
+    return ""
+
+
 def describe(value) -> str:
     """A custom property's value as users know it, shortened to 60 characters."""
     if hasattr(value, "to_dict"):

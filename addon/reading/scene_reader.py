@@ -15,6 +15,7 @@ import numpy as np
 from ..solver.scene import Scene, SceneError
 from .bands import read_band_edges
 from .camera import read_camera
+from .custom_properties import driver_remark
 from .groups import GroupReader, read_group
 from .ignored import ignored_scene_settings, ignored_settings
 from .lights import metres_per_unit, read_light
@@ -71,12 +72,16 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
             surfaces.add(obj, matrix)
         elif obj.type == "LIGHT":
             lights.extend(read_light(obj, matrix, metres))
+            if remark := driver_remark(obj):
+                warnings.add(obj.name, remark)
             if surfaces.groups is not None and read_group(obj, f"Light '{obj.name}'"):
                 warnings.add(obj.name, "temperature groups are for surfaces; the light stays as it is")
         elif obj.type in UNSUPPORTED:
             warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
     check_faces(layer, bool(surfaces.triangles))
     world = layer_world(scene, layer)
+    if world is not None and (remark := driver_remark(world)):
+        warnings.add(world.name, remark)
     return surfaces.arrays(world) | {
         "band_edges": read_band_edges(scene.infrared),
         "world_temperature": world_temperature(world),

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..solver.scene import Material, SceneError
-from .custom_properties import read_temperature
+from .custom_properties import driver_remark, read_temperature
 from .groups import GroupReader
 from .materials import read_material
 from .meshes import MeshData, read_mesh
@@ -119,6 +119,8 @@ class SurfaceReader:
             return mesh.temperature
         if obj.get("temperature") is None:
             self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
+        if remark := driver_remark(obj):
+            self.warnings.add(obj.name, remark)
         temperature = read_temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")
         return np.full(len(mesh.triangles), temperature, dtype=np.float32)
 

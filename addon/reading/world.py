@@ -5,10 +5,19 @@ from __future__ import annotations
 
 from .custom_properties import read_temperature
 
+WHERE_TO_SET = "World properties, panel Surroundings"
+
 
 def layer_world(scene, layer):
     """The world that a view layer shows, or None: its own if it overrides the scene's."""
     return layer.world_override or scene.world
+
+
+def unset_surroundings(world) -> str:
+    """What surroundings without a temperature lack; an empty text if somebody set it, be it to 0 K."""
+    if world is None:
+        return "The scene has no world"
+    return "" if world.get("temperature") is not None else f"World '{world.name}' has no temperature"
 
 
 def world_temperature(world) -> float:

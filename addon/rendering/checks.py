@@ -6,7 +6,7 @@ Whether a value can be rendered, the scene's reader decides; nothing here judges
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -14,17 +14,19 @@ import numpy as np
 
 from ..reading.bands import read_adaptive_bands, read_band_edges, read_band_range
 from ..reading.camera import read_camera
+from ..reading.custom_properties import driver_remark
 from ..reading.groups import read_group_temperatures
 from ..reading.ignored import ignored_scene_settings, ignored_settings
 from ..reading.lights import read_light
 from ..reading.materials import read_material
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
+from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
 from ..reading.sensor import read_response
 from ..reading.settings import read_defaults, read_settings
 from ..reading.surface_temperature import object_temperatures, temperature_source
 from ..reading.warnings import Warnings
-from ..reading.world import layer_world, world_temperature
+from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings, world_temperature
 from ..solver.physics import library
 from ..solver.physics.sensors import share_outside
 from ..solver.scene import SceneError, check_response
@@ -155,13 +157,35 @@ def _owner(obj) -> str:
 
 def _temperature_checks(obj, infrared, view_layer) -> list[Check]:
     if obj.type == "LIGHT":
-        return problems(read_light, obj, np.array(obj.matrix_world, dtype=np.float64))
+        return problems(read_light, obj, np.array(obj.matrix_world, dtype=np.float64)) + _driver_checks(
+            obj, _owner(obj)
+        )
     if obj.type not in SURFACE_TYPES:
         return []
-    if obj.get("temperature") is None and temperature_source(obj, _evaluated(view_layer)) == "AMBIENT":
+    source = temperature_source(obj, _evaluated(view_layer))
+    if obj.get("temperature") is None and source == "AMBIENT":
         ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
         return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
-    return problems(object_temperatures, obj, 0.0)
+    found = problems(object_temperatures, obj, 0.0)
+    return found if source == "ATTRIBUTE" else found + _driver_checks(obj, _owner(obj))
+
+
+def _driver_checks(id_block, owner: str) -> list[Check]:
+    remark = driver_remark(id_block)
+    return [Check("WARNING", f"{owner}: {remark}")] if remark else []
+
+
+def world_checks(scene, view_layer, objects: Collection) -> list[Check]:
+    """Checks of the world that a view layer shows. objects: those that it renders."""
+    world = layer_world(scene, view_layer)
+    unset = unset_surroundings(world)
+    if not unset:
+        return problems(world_temperature, world) + _driver_checks(world, f"World '{world.name}'")
+    if scene.camera is not None and surely_open(_evaluated(view_layer), objects, scene.camera):
+        return [
+            Check("WARNING", f"{unset}, and the scene is open: rays that leave it see 0 K. Set it in {WHERE_TO_SET}")
+        ]
+    return [Check("HINT", f"{unset}: if rays leave the scene, they see 0 K")]
 
 
 def _evaluated(view_layer):
@@ -186,7 +210,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += [Check("WARNING", message) for message in ignored_scene_settings(scene, view_layer)]
     found += problems(check_faces, view_layer, any(map(may_have_faces, objects)))
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
-    found += problems(world_temperature, layer_world(scene, view_layer))
+    found += world_checks(scene, view_layer, objects)
     for material in materials:
         found += material_checks(material, infrared)
     for obj in objects:

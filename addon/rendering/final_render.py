@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import atexit
 import logging
+import math
 import sys
 import threading
 import time
@@ -25,12 +26,14 @@ from ..output.formats import FORMATS
 from ..output.frame import FurtherImage
 from ..output.temperature_scale import TemperatureScale
 from ..reading.bands import read_band_edges
+from ..reading.camera import render_size, rendered_size
 from ..reading.scene_reader import read_scene, render_reader
 from ..reading.settings import read_settings
+from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
 from ..solver import first_hit_images, layered_image, render
 from ..solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
 from ..solver.geometry.surfaces import Geometry, build_geometry
-from ..solver.memory import check_memory, memory_beforehand
+from ..solver.memory import check_memory, memory_beforehand, memory_of_images
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
 from .last_render import FinishedFrame, finished_frames, finished_groups, finished_layers, forget_last_render
@@ -50,6 +53,7 @@ POLL = 0.05  # s between looks at Esc and at the solver
 LAST_WAIT = 30.0  # s, most that Blender waits at its end for passes to be saved
 LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
 LIVE_SHARE = 0.1  # most of the time that updates may take
+LEAST_OPENNESS = 1e-3  # share of rays that leave a scene; fewer may slip through where the walls of a room meet
 IMAGE_COPIES = 5  # of all passes that are held at once: a live one, the last one, Blender's own and some on their way
 LAYER_COPIES = 2  # of all passes that a finished view layer keeps: Blender's, and one for the export
 
@@ -93,9 +97,13 @@ def render_view_layer(engine, depsgraph) -> None:
     check_paths(scene.infrared)
     settings, edges = read_settings(scene.infrared), read_band_edges(scene.infrared)
     passes, further = render_passes(scene, view_layer), further_passes(scene, view_layer)
+    copies = (IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)) * size_beside_usual(passes, further)
+    foreseen, name = images_beforehand(scene.render, len(edges) - 1, copies)
+    check_memory(foreseen, name)  # before the scene is read, which may take long
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
     surfaces = render_reader(depsgraph)
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
+    check_memory(foreseen | memory_beforehand(solver_scene, copies), name)  # before Blender takes room for the images
     detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
     effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
     if scene.infrared.group_exr_path and not solver_scene.groups:
@@ -124,7 +132,6 @@ def render_view_layer(engine, depsgraph) -> None:
         engine.geometries.clear()
     for each in passes[1:]:  # Combined is there already
         engine.add_pass(each.name, len(each.channels), each.channels, layer=layer)
-    copies = (IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)) * size_beside_usual(passes, further)
     scale, slot = read_scale(scene.infrared), render_slot()
     paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
     job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, fillers)
@@ -134,6 +141,9 @@ def render_view_layer(engine, depsgraph) -> None:
     log.info("%s: %s", layer, job.status())
     if effects and effects.warning():
         _warn(engine, f"{layer}: {effects.warning()}")
+    unset = unset_surroundings(layer_world(scene, view_layer))
+    if images and unset and job.film.openness > LEAST_OPENNESS:
+        _warn(engine, f"{layer}: {unset}, and rays leave the scene: they see 0 K. Set it in {WHERE_TO_SET}")
     if images:
         facts = effects.facts() if effects else {}
         finished = layer_images(job, images, further, facts)
@@ -201,6 +211,18 @@ def size_beside_usual(passes: Sequence[RenderPass], further: Sequence[RenderPass
     return total / (total - asked)
 
 
+def images_beforehand(render, bands: int, copies: float) -> tuple[dict[str, float], str]:
+    """Bytes of all images of a render by part, Blender's own among them, and what messages call this render.
+
+    render: Blender's render settings. copies: number of float32 copies of all passes that are held at once.
+    """
+    width, height = rendered_size(render)
+    frame = (width, height) if render.use_crop_to_border else render_size(render)
+    around = math.prod(frame) - width * height  # Blender pastes what is rendered into its whole frame
+    name = f"This render of {width:,} x {height:,} pixels" + (f" of {frame[0]:,} x {frame[1]:,}" if around else "")
+    return memory_of_images(width * height, bands, copies, around=around), f"{name} and {bands} bands"
+
+
 def _warn(engine, message: str) -> None:
     log.warning(message)
     engine.report({"WARNING"}, message)
@@ -256,7 +278,6 @@ def _solver_with_first_pictures(solve: Callable) -> Callable:
 
     def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
         for step in takewhile(lambda step: step >= LEAST_STEP, steps(scene.camera)):
-            check_memory(memory_beforehand(scene, image_copies))
             geometry = build_geometry(scene, geometry)
             coarse = replace(scene, camera=coarser(scene.camera, step))
             render(coarse, hasty(settings, step), partial(on_pass, step=step), cancelled, geometry=geometry)
@@ -272,7 +293,6 @@ def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], label
     """
 
     def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
-        check_memory(memory_beforehand(scene, image_copies))
         geometry = build_geometry(scene, geometry)
         names = [name for name in data if name not in labels]
         found = first_hit_images(scene, names, labels, geometry, settings.workers, cancelled)
@@ -289,7 +309,6 @@ def _solver_with_kept_geometry(solve: Callable, geometries: dict[str, Geometry],
     """
 
     def solve_and_keep(scene, settings, on_pass, cancelled, image_copies):
-        check_memory(memory_beforehand(scene, image_copies))
         geometry = geometries[layer] = build_geometry(scene, geometries.get(layer))
         return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
 

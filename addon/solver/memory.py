@@ -7,6 +7,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                                               results of the survey
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
+    frame      20 F                           of F pixels around a render region: Combined, and as a screen shows it
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
@@ -38,6 +39,7 @@ _KEPT = 31 << 20  # bytes; glibc's thresholds follow freed blocks of up to 32 MB
 _PARTS = {
     "film": ("the sums for every pixel and band", "the resolution or the number of bands or temperature groups"),
     "images": ("the images of every band", "the resolution, the number of bands or of view layers"),
+    "frame": ("the pixels around the render region", "the resolution, or crop to the render region"),
     "photons": ("the photons of a pass", "the photons per pass or the number of bands"),
     "rays": ("the rays under way", "the number of threads or of bands"),
     "geometry": ("the triangles", "the subdivision of the meshes"),
@@ -45,26 +47,37 @@ _PARTS = {
 }
 
 
-def memory_beforehand(scene: Scene, copies: int = 0) -> dict[str, float]:
+def memory_of_images(pixels: float, bands: int, copies: float = 0, layers: int = 1, around: float = 0) -> dict:
+    """Bytes of the film and of all images, by part, known before anything of the scene is read.
+
+    copies: see memory_beforehand. layers: of temperature groups. around: number of pixels of the frame that lie around
+    the render region and are shown with it.
+    """
+    film = 12 * layers * bands + 44 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
+    parts = {"film": float(pixels) * film, "images": float(pixels) * (4 * copies * (bands + 7) + 64)}
+    return parts | ({"frame": 20.0 * around} if around else {})
+
+
+def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     """Bytes that a render needs beyond the scene before its photons are known, by part (the formulae above).
 
     copies: number of float32 copies of all images that are held at once beside the film.
     """
     rows = table_rows(emission_range(scene.temperature.reshape(len(scene.triangles), -1)))
-    return _images(scene, copies) | {
+    return _images_of(scene, copies) | {
         "geometry": 560.0 * len(scene.triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count,
     }
 
 
 def memory_of_passes(
-    scene: Scene, settings: Settings, copies: int, hits_per_photon: float, rays_per_pixel: float
+    scene: Scene, settings: Settings, copies: float, hits_per_photon: float, rays_per_pixel: float
 ) -> dict[str, float]:
     """Bytes that the passes need once the geometry is there, by part. hits_per_photon: mean number of stored hits of a
     photon. rays_per_pixel: rays under way at once, in the tile where they are most."""
     hits, bands = settings.photons_per_pass * hits_per_photon, scene.band_count
     further = len(scene_layers(scene)[0]) - 1
-    return _images(scene, copies) | {
+    return _images_of(scene, copies) | {
         "photons": hits * (1.25 * (2 * (4 * bands + 29) + 30) + further * bands),
         "rays": (4.0 * bands + 90.0) * min(_pixels(scene), TILE**2 * settings.workers) * rays_per_pixel,
     }
@@ -75,23 +88,23 @@ def _pixels(scene: Scene) -> float:
     return float(x1 - x0) * (y1 - y0)
 
 
-def _images(scene: Scene, copies: int) -> dict[str, float]:
-    pixels, bands = _pixels(scene), scene.band_count
-    layers = len(scene_layers(scene)[0])
-    film = 12 * layers * bands + 44 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
-    return {"film": pixels * film, "images": pixels * (4 * copies * (bands + 7) + 64)}
+def _images_of(scene: Scene, copies: float) -> dict[str, float]:
+    return memory_of_images(_pixels(scene), scene.band_count, copies, len(scene_layers(scene)[0]))
 
 
-def check_memory(required: dict[str, float]) -> None:
-    """Raise SceneError, naming the largest part, if more bytes are required than available. required: by part."""
+def check_memory(required: dict[str, float], render: str = "This render") -> None:
+    """Raise SceneError, naming the largest part, if more bytes are required than available.
+
+    required: by part. render: what the message calls the render.
+    """
     total, available = sum(required.values()), available_memory()
     if available is None or total <= available:
         return
     name = max(required, key=required.get)
     what, remedy = _PARTS[name]
     raise SceneError(
-        f"This render needs about {total / _GIGABYTE:.1f} GB of memory, {available / _GIGABYTE:.1f} GB are available. "
-        f"{what.capitalize()} need most, {required[name] / _GIGABYTE:.1f} GB: lower {remedy}"
+        f"{render} needs about {total / _GIGABYTE:,.1f} GB of memory, {available / _GIGABYTE:.1f} GB are available. "
+        f"{what.capitalize()} need most, {required[name] / _GIGABYTE:,.1f} GB: lower {remedy}"
     )
 
 

@@ -18,6 +18,7 @@ ARCHIVE, NEWER = sys.argv[1:]
 MODULE = "bl_ext.user_default.infrared_photons"
 ENGINE = "INFRARED_PHOTONS"
 FOLDER = Path(bpy.utils.user_resource("EXTENSIONS"))
+USER = Path(bpy.utils.resource_path("USER"))
 PROPERTIES = ("passes", "seed", "band_count")
 
 
@@ -44,7 +45,7 @@ def traces() -> dict[str, list[str]]:
         "keys": [f"{keymap.name} {item.idname}" for keymap in keymaps for item in keymap.keymap_items],
         "threads": [thread.name for thread in threading.enumerate()],
         "environment": list(os.environ),
-        "files": [str(path) for path in FOLDER.rglob("*infrared_photons*")],
+        "files": [str(path) for path in USER.rglob("*infrared_photons*")],
         "libraries": [path.name for path in FOLDER.glob(".local/**/site-packages/*")],
     }
 
@@ -86,6 +87,11 @@ def content() -> dict:
     }
 
 
+def my_materials() -> list[str]:
+    """Names of the artist's own materials."""
+    return list(sys.modules[f"{MODULE}.solver.physics.library"].user_materials())
+
+
 def make_scene() -> None:
     scene, cube = bpy.context.scene, bpy.data.objects["Cube"]
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 16, 12, 100
@@ -110,6 +116,17 @@ for engine in ("CYCLES", "BLENDER_EEVEE"):
         bpy.ops.render.render()
     fact(f"same after {engine}", content() == set_by_artist and render() == image)
 
+# as an earlier version kept them, in a folder that Blender deletes with the extension
+earlier = Path(bpy.utils.extension_path_user(MODULE, path="library", create=True)) / "my_materials.csv"
+earlier.write_text("material,wavelength_um,emissivity,source\nOak,8.0,0.9,me\n")
+fact("my materials of an earlier version at once", my_materials())
+addon_utils.disable(MODULE, default_set=True)
+addon_utils.enable(MODULE, default_set=True)
+fact("my materials of an earlier version", my_materials())
+bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
+bpy.ops.infrared.library_save(name="Beech", source="me")
+fact("my materials", my_materials())
+
 addon_utils.disable(MODULE, default_set=True)
 fact("left when disabled", left_behind(before))
 addon_utils.enable(MODULE, default_set=True)
@@ -117,11 +134,16 @@ fact("same after enabling", content() == set_by_artist and render() == image)
 
 install(NEWER)
 fact("newer version", version())
+fact("my materials after the upgrade", my_materials())
 fact("same after the upgrade", content() == set_by_artist and render() == image)
 
 repository = [repo.module for repo in bpy.context.preferences.extensions.repos].index("user_default")
 bpy.ops.extensions.package_uninstall(repo_index=repository, pkg_id="infrared_photons")
-fact("left when removed", left_behind(before))
-fact("files when removed", traces()["files"])
+left = left_behind(before)
+fact("files when removed", [Path(path).relative_to(USER).as_posix() for path in left.pop("files", [])])
+fact("left when removed", left)
+fact("earlier file when removed", earlier.exists())
 fact("temperature of an object", bpy.data.objects["Cube"]["temperature"])
+install(ARCHIVE)
+fact("my materials when installed again", my_materials())
 fact("end", True)

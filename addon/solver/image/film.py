@@ -28,6 +28,7 @@ class Film:
     width, height: pixels. band_edges: (b + 1,) um. reference_temperature: K, 0 without subtraction.
     weights: (b,) response of the sensor in each band (`sensors.band_weights`), by which the bands count in radiance();
     None counts all alike. correction: of temperature() and noise(); it may be changed at any time.
+    openness: share of the rays that leave the scene and see its surroundings, as far as the pilot knows.
     layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
     seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
     passes. passes: number of finished passes. photons: emitted in these passes.
@@ -50,6 +51,7 @@ class Film:
         self.reference_temperature = reference_temperature
         self.weights = np.ones(self.band_count) if weights is None else np.asarray(weights, dtype=np.float64)
         self.correction = Correction()
+        self.openness = 0.0
         self.layers = layers
         self._factors = layer_factors(layers, self.band_edges, reference_temperature)
         self.ranges = [(seed, first_pass, first_pass)]

@@ -9,7 +9,7 @@ The data are two tables beside this file, both plain CSV with a header row, whic
 docs/materials.md shows them and says how they were made.
 
 Artists keep materials of their own in a third file, which the environment variable INFRARED_PHOTONS_LIBRARY names (the
-add-on sets it to a file in its user folder):
+add-on sets it to a file among Blender's data files of the user):
 
     material, wavelength_um, emissivity, source: the points of each curve; the source stands in its first row
 """
@@ -20,6 +20,8 @@ import csv
 import difflib
 import logging
 import os
+import shutil
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -37,6 +39,7 @@ POINTS_HEADER = ["material", "wavelength_um", "emissivity"]
 SOURCES_HEADER = ["material", "category", "kind", "source", "note"]
 USER_HEADER = [*POINTS_HEADER, "source"]
 USER_VARIABLE = "INFRARED_PHOTONS_LIBRARY"  # environment variable: the file of the artist's own materials
+COPIED = "my_materials_copied.txt"  # beside a file of the artist's materials: it was copied to another place
 USER_CATEGORY = "my materials"
 
 KINDS = {
@@ -80,6 +83,23 @@ def user_file() -> Path | None:
     """The file of the artist's own materials, whether or not it exists yet; None if USER_VARIABLE names none."""
     path = os.environ.get(USER_VARIABLE)
     return Path(path) if path else None
+
+
+def copy_once(earlier: Path, path: Path) -> None:
+    """Copy the artist's materials from the file where they used to be kept, which stays as it is.
+
+    Nothing happens if there is no such file, if there is a file at path, whatever it holds, or if it was copied before:
+    a note beside it says so, as the artist may have deleted the copy since. Raises OSError if it cannot be copied.
+    """
+    note = earlier.with_name(COPIED)
+    if path.exists() or note.exists() or not earlier.is_file():
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path, "my materials") as unfinished:
+        shutil.copyfile(earlier, unfinished)
+    with suppress(OSError):  # it is copied all the same
+        note.write_text(f"{earlier.name} was copied to {path}, which is the file that counts.\n", encoding="utf-8")
+    log.info("My materials were copied from '%s' to '%s'", earlier, path)
 
 
 def user_materials() -> dict[str, LibraryMaterial]:
@@ -204,6 +224,7 @@ def _write_user(kept: list[LibraryMaterial]) -> None:
     path = user_file()
     if path is None:
         raise OSError(f"My materials have no place: the environment variable {USER_VARIABLE} names no file")
+    path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path, "my materials") as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(USER_HEADER)

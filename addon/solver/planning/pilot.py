@@ -47,6 +47,7 @@ class Pilot(NamedTuple):
         surroundings were equally bright. sky: the share of the surroundings, lowered for open sides, which find the
         surroundings by rays. The sum of all shares is at most 1.
     openness: share of cosine-distributed directions from reachable sides that leave the scene; 0 without such sides.
+    background: share of the camera's rays that meet nothing.
     view: m, width of the frame at the median distance where camera rays meet the scene; infinite if they meet nothing.
     point, normal: (r, 3) float64, points where camera paths gather, m, and the normals there. side_id: (r,) int32,
     sides
@@ -62,6 +63,7 @@ class Pilot(NamedTuple):
     importance: np.ndarray
     sky: float
     openness: float
+    background: float
     view: float
     point: np.ndarray
     normal: np.ndarray
@@ -129,11 +131,11 @@ def explore(stage: Stage, tracer: Tracer, eye: Eye, area: np.ndarray) -> Pilot:
     )
     labels = sheet_count(surfaces)
     tally = _Tally(np.zeros(labels, np.bool_), np.zeros(len(sheet) + 1), *np.zeros((4, labels)))
-    view, sights = math.inf, []
+    view, background, sights = math.inf, 0.0, []
     for bounce in range(_BOUNCES):
         hits = tracer.trace(paths.origin, paths.direction, reach)
         if bounce == 0:
-            view = _view_width(surfaces, eye, hits)
+            view, background = _view_width(surfaces, eye, hits), float(np.mean(hits.triangle < 0))
         on_way = paths.label >= 0
         sights.append((paths.label[on_way], hits.triangle[on_way]))
         _bounce(stage, pass_key(0, PATHS, PILOT), bounce, hits, paths, gathers, tally)
@@ -150,6 +152,7 @@ def explore(stage: Stage, tracer: Tracer, eye: Eye, area: np.ndarray) -> Pilot:
         importance=importance[:-1],
         sky=float(importance[-1] * _hidden(tally, is_open)),
         openness=_openness(surfaces, tracer, area, reachable),
+        background=background,
         view=view,
         point=gathers.point[gathers.found],
         normal=gathers.normal[gathers.found],

@@ -65,7 +65,8 @@ class Model:
     visible: where camera paths gather. splitting: None without photons. reference_temperature: K. weights: (b,)
     response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
     b) by which the bands of each layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a
-    trial photon. rays_per_pixel: rays under way at once, in the tile where they are most.
+    trial photon. rays_per_pixel: rays under way at once, in the tile where they are most. openness: share of the rays
+    that leave the scene, of those from the camera or of those from what the image depends on, whichever is larger.
     """
 
     tracer: Tracer
@@ -85,6 +86,7 @@ class Model:
     photons_per_pass: int
     hits_per_photon: float
     rays_per_pixel: float
+    openness: float
 
 
 def prepare(
@@ -160,6 +162,7 @@ def prepare(
         photons_per_pass=photons,
         hits_per_photon=hits,
         rays_per_pixel=float(rays),
+        openness=max(pilot.openness, pilot.background),
     )
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import blf
 import bpy
 import gpu
-import numpy as np
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator, Panel
 from gpu_extras.batch import batch_for_shader
@@ -17,8 +16,8 @@ from ...heat_settings import read_scale, scene_unit, use_true_colours, view_prob
 from ...interface import ENGINE
 from ...output.colour_bar import BACKGROUND, INK, ColourBar
 from ...output.heat_picture import write_picture
-from ...output.palette import display
-from ...output.temperature_scale import TemperatureScale
+from ...output.palette import display, spread
+from ...output.temperature_scale import TemperatureScale, automatic_range
 from ...rendering.last_render import finished_layers
 from ...rendering.live_pictures import picture_in
 from ...rendering.render_files import layer_suffixes
@@ -210,9 +209,11 @@ class INFRARED_OT_range_from_render(AfterRender, Operator):
 
     def execute(self, context):
         images = list(finished_layers.values())
-        scale = TemperatureScale().fitted(np.concatenate([layer["temperature"].ravel() for layer in images]))
+        ranges = [automatic_range(layer["temperature"]) for layer in images]
+        warm = [each for each in ranges if each[1] > 0.0] or ranges  # a layer may show nothing but a 0 K background
+        low, high = spread(min(low for low, _ in warm), max(high for _, high in warm))
         infrared = context.scene.infrared
-        infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", scale.low, scale.high
+        infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", low, high
         return {"FINISHED"}
 
 
