@@ -15,22 +15,21 @@ import numpy as np
 from ..geometry.interaction import emit_at, leave
 from ..geometry.point_tree import morton_order
 from ..geometry.segments import Tracer, empty_ray_batch
-from ..geometry.stage import Stage
+from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of
-from ..geometry.triangles import CLEAR, areas, centroids
+from ..geometry.triangles import CLEAR, areas, centroids, normal
 from ..photons.lights import SUN, LightTable, light_totals
-from ..sampling.heuristics import TYPICAL_RAYS, balance
-from ..sampling.rng import LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
+from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
+from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
 from ..sampling.vectors import difference, dot, moved, vector
 from ..sampling.warps import triangle_point
-from ..system.kernels import KERNEL, njit
+from ..system.kernels import INLINED, KERNEL, njit
 from .pilot import Pilot
 
-CANDIDATES = 32  # lamp points that compete for a shadow ray
 _RECEIVERS, _FEWEST_RECEIVERS = 512, 32  # points at which lamps are judged
 _PAIRS = 1 << 20  # of lamps and such points, about
-_BEST = 256.0  # rays of a final gather that a shadow ray to a lamp which nothing hides is worth
 _AIMED = 8192  # trial shadow rays between such pairs
+_TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
 _LEAST_NEED = 1.0 / 64.0  # least need of a lamp, over the mean, as the points say little of others
 
 
@@ -114,7 +113,8 @@ def build_lamps(
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
-    worth = chance[: len(side_id)] / (variance + 1.0 / _BEST)
+    variance += _candidate_variance(stage, pilot, side_id, cumulative, power * visible)
+    worth = chance[: len(side_id)] / (variance + 1.0 / BEST)
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
     of_sheet = np.bincount(label, worth, len(need))[label]
@@ -244,6 +244,60 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
         faces[i] = dot(way, n) > 0.0 and dot(way, lamp.normal) < 0.0
         # the ray ends a little beyond the point, or the lamp would hide its own point: see send_shadow
         leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(dot(way, way)), lamp.normal), rays, i)
+
+
+def _candidate_variance(stage, pilot, side_id, cumulative, strength) -> float:
+    """Variance of a shadow ray over the square of the light that it looks for, in the mean over where camera paths
+    gather, even if nothing hides any lamp: what the candidates would bring differs, and a lamp may not shine alike all
+    over one triangle."""
+    if len(pilot.point) == 0 or cumulative[-1] == 0.0:
+        return 0.0
+    receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
+    key, room = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
+    return _compare_candidates(stage, receivers, side_id, (cumulative, strength), key, room)
+
+
+@njit(**KERNEL)
+def _compare_candidates(stage, receivers, side_id, chances, key, room):
+    (cumulative, strength), variance, total = chances, 0.0, 0.0
+    for i in range(receivers.side_id.size):
+        path, n = path_key(key, i), vector(receivers.normal, i)
+        here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
+        first = second = uneven = 0.0
+        for c in range(CANDIDATES):
+            pick = (c + uniform(path, 3 * c)) / CANDIDATES
+            entry = min(np.searchsorted(cumulative, pick, side="right") - 1, strength.size - 1)
+            if entry >= side_id.size:
+                continue
+            u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
+            lamp = emit_at(stage.surfaces, side_id[entry], u, v, _TYPICAL_COSINE)
+            way = difference(lamp.point, here)
+            distance = math.sqrt(max(dot(way, way), 1e-30))
+            cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
+            if cosine <= 0.0 or lamp_cosine <= 0.0:
+                continue
+            chance = cumulative[entry + 1] - cumulative[entry]
+            area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
+            view = lamp_cosine / (distance * distance)
+            shared = balance(BEST * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
+            brought = cosine * view * shared * strength[entry] / chance
+            fill_emission(stage, lamp, room)
+            first += brought
+            second += brought * brought
+            uneven += brought * (math.pi * area * _total(room) / strength[entry] - 1.0) ** 2
+        mean = first / CANDIDATES
+        variance += (second / CANDIDATES - mean * mean) / CANDIDATES + uneven / CANDIDATES * mean
+        total += mean * mean
+    return variance / total if total > 0.0 else 0.0
+
+
+@njit(**INLINED)
+def _total(radiance):
+    """Sum over the bands of the absolute value of a radiance (b,)."""
+    total = 0.0
+    for b in range(radiance.size):
+        total += abs(radiance[b])
+    return total
 
 
 def _light_need(lights: LightTable, pilot: Pilot) -> np.ndarray:
