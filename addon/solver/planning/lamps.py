@@ -113,7 +113,7 @@ def build_lamps(
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
-    variance += _candidate_variance(stage, pilot, side_id, cumulative, power * visible)
+    variance += _candidate_variance(stage, pilot, side_id, cumulative, power, visible)
     worth = chance[: len(side_id)] / (variance + 1.0 / BEST)
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
@@ -246,7 +246,7 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
         leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(dot(way, way)), lamp.normal), rays, i)
 
 
-def _candidate_variance(stage, pilot, side_id, cumulative, strength) -> float:
+def _candidate_variance(stage, pilot, side_id, cumulative, power, visible) -> float:
     """Variance of a shadow ray over the square of the light that it looks for, in the mean over where camera paths
     gather, even if nothing hides any lamp: what the candidates would bring differs, and a lamp may not shine alike all
     over one triangle."""
@@ -254,19 +254,19 @@ def _candidate_variance(stage, pilot, side_id, cumulative, strength) -> float:
         return 0.0
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
     key, room = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
-    return _compare_candidates(stage, receivers, side_id, (cumulative, strength), key, room)
+    return _compare_candidates(stage, receivers, side_id, (cumulative, power, visible), key, room)
 
 
 @njit(**KERNEL)
 def _compare_candidates(stage, receivers, side_id, chances, key, room):
-    (cumulative, strength), variance, total = chances, 0.0, 0.0
+    (cumulative, power, visible), variance, total = chances, 0.0, 0.0
     for i in range(receivers.side_id.size):
         path, n = path_key(key, i), vector(receivers.normal, i)
         here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
         first = second = uneven = 0.0
         for c in range(CANDIDATES):
             pick = (c + uniform(path, 3 * c)) / CANDIDATES
-            entry = min(np.searchsorted(cumulative, pick, side="right") - 1, strength.size - 1)
+            entry = min(np.searchsorted(cumulative, pick, side="right") - 1, power.size - 1)
             if entry >= side_id.size:
                 continue
             u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
@@ -280,11 +280,11 @@ def _compare_candidates(stage, receivers, side_id, chances, key, room):
             area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
             view = lamp_cosine / (distance * distance)
             shared = balance(BEST * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
-            brought = cosine * view * shared * strength[entry] / chance
+            brought = cosine * view * shared * visible[entry] * power[entry] / chance
             fill_emission(stage, lamp, room)
             first += brought
             second += brought * brought
-            uneven += brought * (math.pi * area * _total(room) / strength[entry] - 1.0) ** 2
+            uneven += brought * (math.pi * area * _total(room) / power[entry] - 1.0) ** 2
         mean = first / CANDIDATES
         variance += (second / CANDIDATES - mean * mean) / CANDIDATES + uneven / CANDIDATES * mean
         total += mean * mean
