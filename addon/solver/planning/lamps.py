@@ -259,36 +259,44 @@ def _candidate_variance(stage, pilot, side_id, cumulative, power, visible) -> fl
 
 @njit(**KERNEL)
 def _compare_candidates(stage, receivers, side_id, chances, key, room):
-    (cumulative, power, visible), variance, total = chances, 0.0, 0.0
+    variance = total = 0.0
     for i in range(receivers.side_id.size):
         path, n = path_key(key, i), vector(receivers.normal, i)
         here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
-        first = second = uneven = 0.0
-        for c in range(CANDIDATES):
-            pick = (c + uniform(path, 3 * c)) / CANDIDATES
-            entry = min(np.searchsorted(cumulative, pick, side="right") - 1, power.size - 1)
-            if entry >= side_id.size:
-                continue
-            u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
-            lamp = emit_at(stage.surfaces, side_id[entry], u, v, _TYPICAL_COSINE)
-            way = difference(lamp.point, here)
-            distance = math.sqrt(max(dot(way, way), 1e-30))
-            cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
-            if cosine <= 0.0 or lamp_cosine <= 0.0:
-                continue
-            chance = cumulative[entry + 1] - cumulative[entry]
-            area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
-            view = lamp_cosine / (distance * distance)
-            shared = balance(BEST * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
-            brought = cosine * view * shared * visible[entry] * power[entry] / chance
-            fill_emission(stage, lamp, room)
-            first += brought
-            second += brought * brought
-            uneven += brought * (math.pi * area * _total(room) / power[entry] - 1.0) ** 2
-        mean = first / CANDIDATES
-        variance += (second / CANDIDATES - mean * mean) / CANDIDATES + uneven / CANDIDATES * mean
-        total += mean * mean
+        # two sets of candidates, as their strata differ less than single candidates do
+        one, uneven = _candidates(stage, (here, n), side_id, chances, path_key(path, 0), room)
+        other, _ = _candidates(stage, (here, n), side_id, chances, path_key(path, 1), room)
+        variance += 0.5 * (one - other) ** 2 + uneven * one
+        total += one * other
     return variance / total if total > 0.0 else 0.0
+
+
+@njit(**KERNEL)
+def _candidates(stage, receiver, side_id, chances, path, room):
+    """What CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, in the mean, and the
+    part of it that comes from points brighter or darker than their triangle, times the square of the difference."""
+    (cumulative, power, visible), (here, n), total, uneven = chances, receiver, 0.0, 0.0
+    for c in range(CANDIDATES):
+        pick = (c + uniform(path, 3 * c)) / CANDIDATES
+        entry = min(np.searchsorted(cumulative, pick, side="right") - 1, power.size - 1)
+        if entry >= side_id.size:
+            continue
+        u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
+        lamp = emit_at(stage.surfaces, side_id[entry], u, v, _TYPICAL_COSINE)
+        way = difference(lamp.point, here)
+        distance = math.sqrt(max(dot(way, way), 1e-30))
+        cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
+        if cosine <= 0.0 or lamp_cosine <= 0.0:
+            continue
+        chance = cumulative[entry + 1] - cumulative[entry]
+        area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
+        view = lamp_cosine / (distance * distance)
+        shared = balance(BEST * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
+        brought = cosine * view * shared * visible[entry] * power[entry] / chance / CANDIDATES
+        fill_emission(stage, lamp, room)
+        total += brought
+        uneven += brought * (math.pi * area * _total(room) / power[entry] - 1.0) ** 2
+    return total, uneven
 
 
 @njit(**INLINED)
