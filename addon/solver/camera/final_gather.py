@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Final gathers: which gathers of camera paths send rays of their own, and how neighbouring pixels share these rays.
+"""Final gathers: how many rays the gathers of camera paths send, and how neighbouring pixels share these rays.
 
 Final gathers of neighbouring pixels on one sheet, within a disk, average the radiance that their rays meet. The disk is
 a part of the disk from which photons would be gathered. It is small where surfaces are close or bent, as irradiance
@@ -69,10 +69,10 @@ class Finals(NamedTuple):
     pixel: (n,) int32, in the tile. point: (n, 3) float64, m. side_id: (n,) int32. rays: (n,) int32, number of rays.
     radius2: (n,) float64, m2, squared radius of the disk within which neighbours share rays. is_cut: (n,) bool, whether
     a rim cuts this disk. near: (n,) float32, m, see Rows.
-    row: the first of 2 n rows in the image: one for each gather, and one for each that is not shared. A row holds the mean radiance that the rays meet, times
-    `contribution` (n,) float64, see Gathers: so the throughput of these rays says how much they count in the image, and
-    roulette can go by it. factor: (n, layers * b) float32, by which the mean radiance is added to the pixel, the same
-    for each layer.
+    row: the first of 2 n rows in the image: one for each gather, of what it shares, and n rows further one for what it
+    does not share. A row holds the mean radiance that the rays meet, times `contribution` (n,) float64, see Gathers: so
+    the throughput of these rays says how much they count in the image, and roulette can go by it. factor: (n, layers *
+    b) float32, by which the mean radiance is added to the pixel, the same for each layer.
     """
 
     pixel: np.ndarray

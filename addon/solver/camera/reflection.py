@@ -162,8 +162,8 @@ def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
         lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
         asking = (SINGLE_RAY if bounce.unresolved[i] else 0.0) if rays.final[i] else TYPICAL_RAYS
         receiver = Receiver(
-            at, lobes, reflectance_at(stage, at), asking, is_glossy(lobes) and not rays.final[i], rays.throughput[i], gathers.weight[g],
-            rays.path[i], dimension, rays.pixel[i],
+            at, lobes, reflectance_at(stage, at), asking, is_glossy(lobes) and not rays.final[i], rays.throughput[i],
+            gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(surroundings, stage, receiver, shadows, sent)

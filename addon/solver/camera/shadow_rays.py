@@ -188,10 +188,10 @@ def empty_shadows(count: int, bands: int) -> Shadows:
 class Receiver(NamedTuple):
     """Where a camera path asks for direct light.
 
-    at: the Interaction. lobes, reflectance (b,) float32: there. rays: number of rays of the diffuse lobe that look for light, too; 0
-    where it does not ask. is_glossy: whether the rough lobe asks. throughput: (b,) float32, of the path so far. weight:
-    a factor on the throughput. path: key of the random numbers. dimension: the first one that is free. pixel: row of
-    the image.
+    at: the Interaction. lobes, reflectance (b,) float32: there. rays: number of rays of the diffuse lobe that look for
+    light, too; 0 where it does not ask. is_glossy: whether the rough lobe asks. throughput: (b,) float32, of the path
+    so far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
+    pixel: row of the image.
     """
 
     at: Interaction
@@ -313,8 +313,8 @@ def add_unshadowed(stage, hits, shadows, image):
 def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray:
     """The part of the direct light at points that is left to shadow rays and not to photons, see stored_share.
 
-    points: (n, 3) float32, m, and side_ids (n,) int32. key: of the random numbers of the points, which are number first,
-    first + 1, ... Returns the irradiance (n, layers * b) float32, W m-2.
+    points: (n, 3) float32, m, and side_ids (n,) int32. key: of the random numbers of the points, which are number
+    first, first + 1, ... Returns the irradiance (n, layers * b) float32, W m-2.
     """
     bands, layers = stage.radiometry.reference.size, lighting.layers
     value = np.zeros((len(points[1]), layers * bands), np.float32)

@@ -114,8 +114,9 @@ def build_irradiance_cache(
     """The cache of a pass.
 
     estimate: see Estimate. points: (n, 3) float32, m, and side_ids (n,) int32, see ray_ends. look(point, side_id,
-    first): gives the Vicinity and the direct irradiance, as in value, of points that are numbers first, first + 1, ... run: map, or a pool's. cancelled:
-    once it returns true the cache stays unfinished.
+    first): gives the Vicinity of points, which are number first, first + 1, ..., and the part of their direct light
+    that photons do not find, W m-2, as in value. run: map, or a pool's. cancelled: once it returns true the cache stays
+    unfinished.
     """
     order = kd_order(points[0])
     point, side_id = (column[order] for column in points)

@@ -91,7 +91,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
             kept_share = stored_share(wave, i, at)
             is_stored = kept_share >= 1.0 or uniform(path, _DIMENSIONS * bounce + _STORING) < kept_share
         else:
-            is_stored = straight and stores == STRAIGHT and bounce > 0
+            is_stored = straight and stores == STRAIGHT and wave.aimed[i] == 0.0
         if is_stored:
             _store(optics, at, straight, wave, i, stored, kept)
             if optics.keep_caustic:

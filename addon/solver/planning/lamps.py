@@ -125,7 +125,10 @@ def build_lamps(
 def _need(surfaces, tracer, side_power, side_id, pilot, sign) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """By label of the sheet, (labels,) float64 each: how much irradiance, m-2, that rays of final gathers seldom find
     each W of the sheet's power brings to where camera paths gather; the share of that which no surface hides; and how
-    many of those rays meet the sheet, in the mean over its light."""
+    many of those rays meet the sheet, in the mean over its light. And the variance, see _variance.
+
+    side_power, side_id: see build_lamps. sign: (labels,) -1 for sheets that are colder than the reference, else 1.
+    """
     labels = int(surfaces.sheet.max()) + 1 if surfaces.sheet.size else 0
     power = np.bincount(surfaces.sheet.ravel()[side_id], side_power[side_id >> 1], labels)
     emitting = np.flatnonzero(power > 0.0)
@@ -314,7 +317,7 @@ def _light_need(lights: LightTable, pilot: Pilot) -> np.ndarray:
         return np.ones(len(lights.kind))
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
     way = lights.position[:, None] - receivers.point
-    distance2 = np.maximum(np.sum(way**2, axis=2), 1e-12)
+    distance2 = np.maximum(np.sum(way**2, axis=2), 1e-300)
     cosine = np.maximum(np.sum(way * receivers.normal, axis=2), 0.0) / np.sqrt(distance2)
     near = np.mean(cosine / (4.0 * math.pi * distance2), axis=1)
     sun = np.mean(np.maximum(-lights.axis @ receivers.normal.T, 0.0), axis=1) / (math.pi * lights.scene_radius**2)

@@ -45,12 +45,8 @@ from .survey import survey_pixels
 
 log = logging.getLogger(__name__)
 
-_TRIAL_PHOTONS = (
-    1024,
-    8192,
-    16384,
-    65536,
-)  # of one trial after the other; the first tells whether a guide would help
+# of one trial after the other; the first tells whether a guide would help
+_TRIAL_PHOTONS = 1024, 8192, 16384, 65536
 _KNOWN = 512  # contributing photons that suffice, so that no larger trial is made
 _PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
 _ENOUGH = 0.15  # share of contributing photons above which unequal weights would cost more than a guide brings

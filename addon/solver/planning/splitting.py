@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Splitting: whether a gather estimates reflection from the photons around it or from rays of its own, and how many
-rays.
+"""Splitting: how many rays a gather of a camera path sends, and at which of their ends roulette stops.
 
-The variance and the time of both can be foreseen. The best choice makes the product of variance and time least. There,
-a further ray saves the same variance everywhere in the image: the variance of the image over its time, called the price
-of a ray (Rath et al. 2022 split paths by this rule). So a gather sends more rays where the contributions of these rays
-differ more, and asks photons where photons are cheaper.
+Variance and time can be foreseen. The best choice makes the product of variance and time least. There, a further ray
+saves the same variance everywhere in the image: the variance of the image over its time, called the price of a ray
+(Rath et al. 2022 split paths by this rule). So a gather sends more rays where the contributions of these rays differ
+more.
 """
 
 import math
@@ -42,11 +41,11 @@ _PRICES = np.geomspace(1e-4, 1e1, 31)  # that are tried, over the price if all g
 
 
 class Splitting(NamedTuple):
-    """All that the choice between photons and rays rests on.
+    """All that the number of rays rests on.
 
-    sheets: see Sheets. cells: see Cells. near: (labels,) float32, m, distance of what rays from a sheet meet below which
-    the light from there is not shared between gathers, as it changes from one to the next. block (p,) int32, sensitivity (p,) float64: by pixel, see Survey. price: W2
-    sr-2 m-4, variance times squared sensitivity that a ray should save.
+    sheets: see Sheets. cells: see Cells. near: (labels,) float32, m: light from what rays from a sheet meet within this
+    distance is not shared between gathers, as it changes from one to the next. block (p,) int32, sensitivity (p,)
+    float64: by pixel, see Survey. price: W2 sr-2 m-4, variance times squared sensitivity that a ray should save.
     """
 
     sheets: Sheets

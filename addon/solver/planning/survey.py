@@ -238,8 +238,8 @@ class _Surveyor:
         return _Chunk(pixels, seen.reshape(shape), unclear.reshape(shape).any(axis=1), gathers, tried)
 
     def _see(self, hits, rays, density=None) -> np.ndarray:
-        """(n,) excess radiance of all bands, W m-2 sr-1, that rays see. density: (n,) float32, of rays of final gathers,
-        which leave a part of the light of lamps to shadow rays, see Rays; None for rays that see all."""
+        """(n,) excess radiance of all bands, W m-2 sr-1, that rays see. density: (n,) float32, see Rays, of rays of
+        final gathers, which leave a part of the light of lamps to shadow rays; None for rays that see all."""
         lamps = self.excess.lamps
         density = np.empty(0, np.float32) if density is None else density
         radiance = self.excess.surroundings.radiance

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Multiple importance sampling: how two ways to find the same light share it (Veach 1997, chapter 9).
 
-The direct light of a lamp at a point is found by shadow rays, and also by rays of a final gather or of a rough lobe that
-meet the lamp by chance, or by photons. Each way counts the share of the light that this heuristic gives it, so that all
-light is counted once, and each way finds what it finds best.
+The direct light of a lamp at a point is found by shadow rays, and also by rays of a final gather or of a rough lobe
+that meet the lamp by chance, or by photons. Each way counts the share of the light that this heuristic gives it, so
+that all light is counted once, and each way finds what it finds best.
 """
 
 from ..system.kernels import INLINED, njit
