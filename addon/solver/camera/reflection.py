@@ -58,7 +58,7 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
             continue
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, rho, out = lobes_at(stage, at), reflectance_at(stage, at), image[rays.pixel[i]]
-        by_lobe = is_glossy(lobes) and estimate.straight and not are_ends
+        by_lobe = is_glossy(lobes) and estimate.straight and not rays.final[i]
         is_diffuse = lobes.flags & DIFFUSE != 0 and rays.final[i] == are_ends
         if not (is_diffuse or by_lobe):
             continue
