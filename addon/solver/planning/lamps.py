@@ -250,9 +250,11 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
 
 
 def _unevenness(stage, side_id, chance, power) -> float:
-    """Variance of a shadow ray over the square of the light that it looks for, as the point of a triangle that is chosen
-    may shine more or less than the triangle in the mean. power: (n,) float64, W, of the sides (n,), which are chosen with
-    these chances."""
+    """Variance of a shadow ray over the square of the light that it looks for, as the point of a triangle that is
+    chosen may shine more or less than the triangle in the mean.
+
+    power: (n,) float64, W, of the sides (n,), which are chosen with these chances.
+    """
     if stage.surfaces.temperature.shape[1] == 1:
         return 0.0
     key, room = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
