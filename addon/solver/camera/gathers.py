@@ -215,6 +215,6 @@ def _locate_gathers(surfaces, bounce, gathers, points):
 
 def asking_photons(bounce, gathers, photon_map, estimate) -> np.ndarray:
     """Indices of the gathers that ask photons, so that the free space around them has to be known: those that send rays
-    ask for caustics alone."""
+    ask for caustics alone, ends of final gathers for nothing here."""
     caustics, ends = len(photon_map.photons.caustic) > 0, bounce.rays.final[gathers.ray]
-    return np.flatnonzero(estimate.straight | (~ends & (caustics | (gathers.rays == 0))))
+    return np.flatnonzero(~ends & (estimate.straight | caustics | (gathers.rays == 0)))

@@ -16,7 +16,7 @@ from ..physics.lobes import (
     sample_diffuse,
     sample_specular,
 )
-from ..sampling.heuristics import TYPICAL_RAYS
+from ..sampling.heuristics import SINGLE_RAY, TYPICAL_RAYS
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
@@ -108,7 +108,7 @@ def _go_on(stage, at, bounce, i, onward, sent):
     direction = sample_diffuse(at.shading_normal, uniform(path, 0), uniform(path, 1))
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent] = onward.continued[sent] = True
-    onward.density[sent] = diffuse_density(at.shading_normal, direction)
+    onward.density[sent] = SINGLE_RAY * diffuse_density(at.shading_normal, direction)
     scale = np.float32(diffuse_share(lobes_at(stage, at)) * bounce.goes_on[i])
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * scale
@@ -138,7 +138,7 @@ def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
     onward.density[sent] = BLIND if rays.final[i] else ALONE
     if is_glossy(lobes) and not rays.final[i]:
-        onward.density[sent] = glossy_density(lobes, at, direction)
+        onward.density[sent] = SINGLE_RAY * glossy_density(lobes, at, direction)
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
     return 1

@@ -15,10 +15,9 @@ from ..geometry.surfaces import sheet_of
 from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
 from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
-from ..planning.lamps import CANDIDATES
 from ..planning.pilot import SKY_RAYS
 from ..planning.splitting import recall_chance
-from ..sampling.heuristics import TYPICAL_RAYS
+from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, TYPICAL_RAYS
 from ..sampling.rng import uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
@@ -59,7 +58,7 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
             continue
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, rho, out = lobes_at(stage, at), reflectance_at(stage, at), image[rays.pixel[i]]
-        by_lobe = is_glossy(lobes) and estimate.straight and not are_ends
+        by_lobe = is_glossy(lobes) and estimate.straight and not rays.final[i]
         is_diffuse = lobes.flags & DIFFUSE != 0 and rays.final[i] == are_ends
         if not (is_diffuse or by_lobe):
             continue
@@ -161,7 +160,7 @@ def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
-        asking = (1.0 if bounce.unresolved[i] else 0.0) if rays.final[i] else TYPICAL_RAYS
+        asking = (SINGLE_RAY if bounce.unresolved[i] else 0.0) if rays.final[i] else TYPICAL_RAYS
         receiver = Receiver(
             at, lobes, reflectance_at(stage, at), asking, is_glossy(lobes) and not rays.final[i], rays.throughput[i],
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],

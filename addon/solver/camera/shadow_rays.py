@@ -22,9 +22,9 @@ from ..photons.lights import (
     spot_brightness,
 )
 from ..physics.lobes import DIFFUSE, Lobes, diffuse_share, evaluate_glossy, glossy_density
-from ..planning.lamps import CANDIDATES, Lamps
+from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
-from ..sampling.heuristics import TYPICAL_RAYS, balance
+from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, TYPICAL_RAYS, balance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
 from ..sampling.warps import cone_direction, cosine_stratum, to_world, triangle_point
@@ -154,7 +154,7 @@ def _shared_brdf(receiver, way, distance, aimed):
         brdf += diffuse_share(lobes) / math.pi * balance(aimed, met)
     if receiver.is_glossy:
         direction = scaled(way, 1.0 / distance)
-        met = glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
+        met = SINGLE_RAY * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
         brdf += lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
     return brdf
 

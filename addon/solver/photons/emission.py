@@ -16,7 +16,7 @@ from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .guide import DIMENSIONS, Guide, even_guide
 from .lights import LightTable, light_ray, light_totals
-from .wave import LIT_BY_LAMP, LIT_BY_LIGHT
+from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
@@ -215,7 +215,7 @@ def _emit(emitters, stage, batch, wave, emitted):
         share = 1.0 / (batch.total * probability * guide.density[cell])
         caustic, layer = entry < surface_end and emitters.caustic[entry], 0
         wave.photon[i], wave.arrival[i] = photon, -1
-        wave.chain[i] = LIT_BY_LIGHT if entry >= sky_end else LIT_BY_LAMP if caustic else 0
+        wave.chain[i] = STRAIGHT_FROM_LIGHT if entry >= sky_end else CAUSTIC if caustic else 0
         wave.aimed[i] = np.inf if entry >= sky_end else 0.0
         if entry >= sky_end:
             light = entry - sky_end

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.free_space import FreeSpace, free_space, largest_disk, wall_of
+from ..geometry.free_space import LEAST_FREE, FreeSpace, free_space, largest_disk, wall_of
 from ..geometry.interaction import interact, leave
 from ..geometry.point_tree import WIDTH, PointTree, build_tree, empty_leaves, kd_order, open_node, start_walk
 from ..geometry.segments import Tracer, empty_ray_batch
@@ -128,11 +128,9 @@ def build_irradiance_cache(
             return
         chosen = slice(first, first + _CHUNK)
         vicinity, direct = look(point[chosen], side_id[chosen], first)
-        radius2 = np.empty(len(vicinity.closeness))
-        fill_values(
-            photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen], radius2
-        )
+        fill_values(photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen])
         value[chosen] += direct
+        radius2 = _expected_radius2(surfaces, estimate, side_id[chosen], vicinity.space)
         far = _RESOLVED / np.maximum(vicinity.closeness, 1e-15) - np.sqrt(radius2)
         resolved2[chosen] = np.maximum(far, 0.0) ** 2
         _fill_leaves(surfaces, point[chosen], side_id[chosen], vicinity.space.wall, first, leaves)
@@ -154,22 +152,32 @@ def _fill_leaves(surfaces, point, side_id, wall, first, leaves):
             leaves[leaf, 7 + axis, slot] = wall[i, axis]
 
 
-def fill_values(photon_map, surfaces, estimate, points, space, value, radius2) -> None:
-    """Fill value (n, layers * b) float32 with the irradiance at points (n, 3) on sides (n,), and radius2 (n,) float64
-    with the squared radii, m2, of the disks from which it is estimated. space: see FreeSpace."""
+def _expected_radius2(surfaces: Surfaces, estimate, side_id: np.ndarray, space: FreeSpace) -> np.ndarray:
+    """(n,) float64, m2, squared radii that the disks around points on sides (n,) are expected to have.
+
+    It goes by the photons of the trial pass. If it went by those of this pass, points where many fell by chance would
+    be recalled rather than others, and the image would be too bright.
+    """
+    sheet = surfaces.sheet[side_id >> 1, side_id & 1]
+    free2 = np.maximum(space.cut2 / estimate.shrink2, LEAST_FREE * estimate.reach2)
+    radius2 = estimate.neighbours / (math.pi * np.maximum(estimate.splitting.sheets.density[sheet], 1e-300))
+    return estimate.shrink2 * np.minimum(np.minimum(free2, estimate.reach2), radius2)
+
+
+def fill_values(photon_map, surfaces, estimate, points, space, value) -> None:
+    """Fill value (n, layers * b) float32 with the irradiance at points (n, 3) on sides (n,). space: see FreeSpace."""
     rooms = neighbours_room(estimate.neighbours), np.empty(value.shape[1])
-    _fill_values(photon_map, surfaces, estimate, points, space, (value, radius2), rooms)
+    _fill_values(photon_map, surfaces, estimate, points, space, value, rooms)
 
 
 @njit(**FAST_KERNEL)
-def _fill_values(photon_map, surfaces, estimate, points, space, values, rooms):
-    guess, (point, side_id), (value, radius2), (room, out) = estimate.reach2, points, values, rooms
+def _fill_values(photon_map, surfaces, estimate, points, space, value, rooms):
+    guess, (point, side_id), (room, out) = estimate.reach2, points, rooms
     for i in range(side_id.size):
         reach2 = largest_disk(space.cut2[i], estimate)
         disk = Disk(estimate.neighbours, reach2, estimate.shrink2, wall_of(space, i), False)
         kept, area, guess = gather(photon_map, surfaces, side_id[i], vector(point, i), disk, guess, room)
         irradiance(photon_map, room, kept, area, out)
-        radius2[i] = estimate.shrink2 * guess
         for b in range(out.size):
             value[i, b] = out[b]
 

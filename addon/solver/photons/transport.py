@@ -16,7 +16,7 @@ from ..sampling.vectors import put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
-from .wave import LIT_BY_LAMP, LIT_BY_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
+from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
 
 # Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
 # of the survivors makes up for it.
@@ -85,7 +85,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
         share = _reflected_share(optics, wave.power[i], rho)
         if not share > 0.0:
             continue
-        straight, stores = wave.chain[i] == LIT_BY_LIGHT and is_glossy(lobes), stored_at(stage, at)
+        straight, stores = wave.chain[i] == STRAIGHT_FROM_LIGHT and is_glossy(lobes), stored_at(stage, at)
         path = path_key(key, wave.photon[i])
         if stores == ALL:
             kept_share = stored_share(wave, i, at)
@@ -108,10 +108,9 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
             if weight <= 0.0:
                 continue
             scale *= weight
-            # A light's photon is straight as long as it meets mirrors alone; a lamp's photon is part of a caustic after
-            # rough lobes, too
-            if wave.chain[i] == LIT_BY_LAMP or not is_glossy(lobes):
-                chain = wave.chain[i]
+            # A light's photon is straight as long as it meets mirrors alone, and part of a caustic after rough lobes,
+            # too: no ray hits a light, and ends of final gathers ask none for what their rough lobes reflect
+            chain = CAUSTIC if wave.chain[i] != 0 and is_glossy(lobes) else wave.chain[i]
         else:
             direction = sample_diffuse(at.shading_normal, s, w)
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)

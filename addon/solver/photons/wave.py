@@ -11,7 +11,7 @@ from ..sampling.heuristics import TYPICAL_RAYS, balance
 from ..sampling.vectors import scaled, vector
 from ..system.kernels import INLINED, njit
 
-LIT_BY_LIGHT, LIT_BY_LAMP = 1, 2
+STRAIGHT_FROM_LIGHT, CAUSTIC = 1, 2  # see Wave.chain
 
 
 class Wave(NamedTuple):
@@ -20,8 +20,9 @@ class Wave(NamedTuple):
     origin, direction: (n, 3) float32. power: (n, b) float32, W. photon: (n,) int64, number in the pass.
     aimed: (n,) float32, m-2, points that compete for a shadow ray on each m2 across the direction of the emission,
     where the next hit is direct light, see stored_share; 0 where shadow rays find nothing of the light, infinite where
-    they find all. chain: (n,) int8, LIT_BY_LIGHT or LIT_BY_LAMP where the photon has met nothing but specular surfaces
-    (after a light: nothing but mirrors) since a light, or a lamp that throws caustics, emitted it, else 0.
+    they find all. chain: (n,) int8, STRAIGHT_FROM_LIGHT where the photon has met nothing but mirrors since a light
+    emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones too, since a light or a lamp that
+    throws caustics emitted it, else 0.
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
     ray leads back: it arrives if that ray leaves the scene. -1 for photons that travel forwards. u, v: (n,) float32,
     barycentric coordinates on that side. layer: (n,) uint8 as in Photons.

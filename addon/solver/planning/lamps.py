@@ -15,22 +15,21 @@ import numpy as np
 from ..geometry.interaction import emit_at, leave
 from ..geometry.point_tree import morton_order
 from ..geometry.segments import Tracer, empty_ray_batch
-from ..geometry.stage import Stage
+from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of
-from ..geometry.triangles import CLEAR, areas, centroids
+from ..geometry.triangles import CLEAR, areas, centroids, normal
 from ..photons.lights import SUN, LightTable, light_totals
-from ..sampling.heuristics import TYPICAL_RAYS, balance
-from ..sampling.rng import LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
+from ..sampling.heuristics import BEST, TYPICAL_RAYS, balance
+from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
 from ..sampling.vectors import difference, dot, moved, vector
 from ..sampling.warps import triangle_point
-from ..system.kernels import KERNEL, njit
+from ..system.kernels import INLINED, KERNEL, njit
 from .pilot import Pilot
 
-CANDIDATES = 32  # lamp points that compete for a shadow ray
 _RECEIVERS, _FEWEST_RECEIVERS = 512, 32  # points at which lamps are judged
 _PAIRS = 1 << 20  # of lamps and such points, about
-_BEST = 256.0  # rays of a final gather that a shadow ray to a lamp which nothing hides is worth
 _AIMED = 8192  # trial shadow rays between such pairs
+_TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
 _LEAST_NEED = 1.0 / 64.0  # least need of a lamp, over the mean, as the points say little of others
 
 
@@ -114,7 +113,8 @@ def build_lamps(
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
-    worth = chance[: len(side_id)] / (variance + 1.0 / _BEST)
+    variance += _unevenness(stage, side_id, chance[: len(side_id)], power[: len(side_id)])
+    worth = chance[: len(side_id)] / (variance + 1.0 / BEST)
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
     of_sheet = np.bincount(label, worth, len(need))[label]
@@ -247,6 +247,40 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
         faces[i] = dot(way, n) > 0.0 and dot(way, lamp.normal) < 0.0
         # the ray ends a little beyond the point, or the lamp would hide its own point: see send_shadow
         leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(dot(way, way)), lamp.normal), rays, i)
+
+
+def _unevenness(stage, side_id, chance, power) -> float:
+    """Variance of a shadow ray over the square of the light that it looks for, as the point of a triangle that is
+    chosen may shine more or less than the triangle in the mean.
+
+    power: (n,) float64, W, of the sides (n,), which are chosen with these chances.
+    """
+    if stage.surfaces.temperature.shape[1] == 1:
+        return 0.0
+    key, room = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
+    return _mean_unevenness(stage, side_id, (chance, power), key, room)
+
+
+@njit(**KERNEL)
+def _mean_unevenness(stage, side_id, chances, key, room):
+    (chance, power), variance = chances, 0.0
+    for i in range(side_id.size):
+        path = path_key(key, i)
+        u, v = triangle_point(uniform(path, 0), uniform(path, 1))
+        lamp = emit_at(stage.surfaces, side_id[i], u, v, _TYPICAL_COSINE)
+        fill_emission(stage, lamp, room)
+        area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
+        variance += chance[i] * (math.pi * area * _total(room) / power[i] - 1.0) ** 2
+    return variance
+
+
+@njit(**INLINED)
+def _total(radiance):
+    """Sum over the bands of the absolute value of a radiance (b,)."""
+    total = 0.0
+    for b in range(radiance.size):
+        total += abs(radiance[b])
+    return total
 
 
 def _light_need(lights: LightTable, pilot: Pilot) -> np.ndarray:

@@ -11,6 +11,11 @@ from ..system.kernels import INLINED, njit
 # Rays of a final gather that the heuristic counts with, also in place of photons. It is one number, whatever a gather
 # sends: the share must be the same for all gathers that share rays, and for all photons.
 TYPICAL_RAYS = 256.0
+CANDIDATES = 32  # lamp points that compete for a shadow ray
+BEST = 256.0  # rays that a shadow ray to a lamp which nothing hides is worth, where the light varies little over lamps
+# Single rays, of rough lobes and continued ones, count as so many: where the light varies much over the lamps, as in a
+# narrow lobe, a shadow ray is worth no more than its candidates, and a larger share would make it noisy beyond bounds.
+SINGLE_RAY = BEST / CANDIDATES
 
 
 @njit(**INLINED)
