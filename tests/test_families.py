@@ -82,7 +82,7 @@ def print_reference(name, samples, threads):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_nothing_is_off_as_it_was(name):
-    """Each block of the picture in which the reference is known to 2 %, to 4 standard errors of both."""
+    """Each block of the picture in which the reference is known to 1.5 %, to 4 standard errors of both."""
     scene = small(name)
     truth, its_error = np.array(REFERENCES[name])
     background = band_radiance(BAND, AMBIENT).sum()
@@ -90,7 +90,7 @@ def test_nothing_is_off_as_it_was(name):
     images = [render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(16)]
     values = blocks(np.asarray(images, float) - background)
     error = np.hypot(standard_error(values), its_error)
-    known = its_error < 0.02 * truth
+    known = its_error < 0.015 * truth
     deviation, error = (values.mean(axis=0) / truth - 1.0)[known], (error / truth)[known]
     print(np.column_stack((np.flatnonzero(known), deviation, error)))
     assert np.all(error < 0.025)

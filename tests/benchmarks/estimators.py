@@ -72,7 +72,7 @@ VARIANTS = {
         "planning.caustics._UNSURE": np.inf,
     },
     "lamps by power alone": {"planning.lamps._LEAST_NEED": 1e9},
-    "shadow rays worth a quarter": {"planning.lamps._BEST": 64.0},
+    "shadow rays worth a quarter": {"planning.lamps.BEST": 64.0},
     "1 lamp candidate": {"camera.shadow_rays.CANDIDATES": 1, "camera.reflection.CANDIDATES": 1},
     "lamps in mesh order": {"planning.lamps.morton_order": lambda points: np.arange(len(points))},
     "no final gathers": {"camera.eye_paths.choose_splits": no_final_gathers},
