@@ -95,7 +95,7 @@ VARIANTS = {
     "no guide": {"planning.preparation._ENOUGH": -1.0},
     "guide always": {"planning.preparation._ENOUGH": 2.0, "planning.preparation._WORTHWHILE": 0.0},
     "emission by power alone": {"planning.pilot._density": by_power_alone},
-    "no feelers": {"camera.eye_paths.free_space": no_walls, "passes.free_space": no_walls},
+    "no feelers": {"camera.eye_paths.free_space": no_walls, "photons.irradiance_cache.free_space": no_walls},
     "20 neighbours": {"neighbours": 20},
     "150 neighbours": {"neighbours": 150},
     "fixed radius": {"shrink": False},
