@@ -19,7 +19,7 @@ from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, areas, centroids, normal
 from ..photons.lights import SUN, LightTable, light_totals
-from ..sampling.heuristics import BEST, TYPICAL_RAYS, balance
+from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
 from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
 from ..sampling.vectors import difference, dot, moved, vector
 from ..sampling.warps import triangle_point
@@ -113,7 +113,7 @@ def build_lamps(
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
-    variance += _unevenness(stage, side_id, chance[: len(side_id)], power[: len(side_id)])
+    variance += _candidate_variance(stage, pilot, side_id, cumulative, power, visible)
     worth = chance[: len(side_id)] / (variance + 1.0 / BEST)
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
@@ -249,29 +249,59 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
         leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(dot(way, way)), lamp.normal), rays, i)
 
 
-def _unevenness(stage, side_id, chance, power) -> float:
-    """Variance of a shadow ray over the square of the light that it looks for, as the point of a triangle that is
-    chosen may shine more or less than the triangle in the mean.
-
-    power: (n,) float64, W, of the sides (n,), which are chosen with these chances.
-    """
-    if stage.surfaces.temperature.shape[1] == 1:
+def _candidate_variance(stage, pilot, side_id, cumulative, power, visible) -> float:
+    """Variance of a shadow ray over the square of the light that it looks for, in the mean over where camera paths
+    gather, even if nothing hides any lamp: what the candidates would bring differs, and a lamp may not shine alike all
+    over one triangle."""
+    if len(pilot.point) == 0 or cumulative[-1] == 0.0:
         return 0.0
+    receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
     key, room = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
-    return _mean_unevenness(stage, side_id, (chance, power), key, room)
+    return _compare_candidates(stage, receivers, side_id, (cumulative, power, visible), key, room)
 
 
 @njit(**KERNEL)
-def _mean_unevenness(stage, side_id, chances, key, room):
-    (chance, power), variance = chances, 0.0
-    for i in range(side_id.size):
-        path = path_key(key, i)
-        u, v = triangle_point(uniform(path, 0), uniform(path, 1))
-        lamp = emit_at(stage.surfaces, side_id[i], u, v, _TYPICAL_COSINE)
-        fill_emission(stage, lamp, room)
+def _compare_candidates(stage, receivers, side_id, chances, key, room):
+    variance, lit = 0.0, 0
+    for i in range(receivers.side_id.size):
+        path, n = path_key(key, i), vector(receivers.normal, i)
+        here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
+        # two sets of candidates, as their strata differ less than single candidates do
+        one, uneven = _candidates(stage, (here, n), side_id, chances, path_key(path, 0), room)
+        other, _ = _candidates(stage, (here, n), side_id, chances, path_key(path, 1), room)
+        mean = 0.5 * (one + other)
+        if mean > 0.0:
+            variance += (0.5 * (one - other) ** 2 + uneven * mean) / (mean * mean)
+            lit += 1
+    return variance / max(lit, 1)
+
+
+@njit(**KERNEL)
+def _candidates(stage, receiver, side_id, chances, path, room):
+    """What CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, in the mean, and the
+    part of it that comes from points brighter or darker than their triangle, times the square of the difference."""
+    (cumulative, power, visible), (here, n), total, uneven = chances, receiver, 0.0, 0.0
+    for c in range(CANDIDATES):
+        pick = (c + uniform(path, 3 * c)) / CANDIDATES
+        entry = min(np.searchsorted(cumulative, pick, side="right") - 1, power.size - 1)
+        if entry >= side_id.size:
+            continue
+        u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
+        lamp = emit_at(stage.surfaces, side_id[entry], u, v, _TYPICAL_COSINE)
+        way = difference(lamp.point, here)
+        distance = math.sqrt(max(dot(way, way), 1e-30))
+        cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
+        if cosine <= 0.0 or lamp_cosine <= 0.0:
+            continue
+        chance = cumulative[entry + 1] - cumulative[entry]
         area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
-        variance += chance[i] * (math.pi * area * _total(room) / power[i] - 1.0) ** 2
-    return variance
+        view = lamp_cosine / (distance * distance)
+        shared = balance(BEST * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
+        brought = cosine * view * shared * visible[entry] * power[entry] / chance / CANDIDATES
+        fill_emission(stage, lamp, room)
+        total += brought
+        uneven += brought * (math.pi * area * _total(room) / power[entry] - 1.0) ** 2
+    return total, uneven
 
 
 @njit(**INLINED)

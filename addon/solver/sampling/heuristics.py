@@ -6,6 +6,8 @@ that meet the lamp by chance, or by photons. Each way counts the share of the li
 that all light is counted once, and each way finds what it finds best.
 """
 
+import math
+
 from ..system.kernels import INLINED, njit
 
 # Rays of a final gather that the heuristic counts with, also in place of photons. It is one number, whatever a gather
@@ -21,5 +23,9 @@ SINGLE_RAY = BEST / CANDIDATES
 @njit(**INLINED)
 def balance(mine, other):
     """Share of the light that is left to one of two ways, which send so many samples, sr^-1, in its direction: Veach's
-    balance heuristic (eq. 9.8)."""
-    return mine / (mine + other) if other > 0.0 else 1.0
+    power heuristic (eq. 9.13, with the exponent 2). A way that sends few samples gets next to nothing, as its rare finds
+    would be noise that no pass foresees."""
+    if not other > 0.0:
+        return 1.0
+    ratio = other / mine if mine > 0.0 else math.inf
+    return 1.0 / (1.0 + ratio * ratio)
