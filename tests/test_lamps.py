@@ -459,7 +459,10 @@ def test_half_hidden_ball_leaves_half_to_chance():
 
 def test_hot_and_cold_balls_leave_their_difference_to_chance():
     """Two balls that give and take alike, at equal distances: a shadow ray brings all of the one or of the other, with
-    either sign, so its variance is the square of what it brings. Both take half of them."""
+    either sign, so its variance is the square of what it brings. Both take half of them.
+
+    The variance is of some 16 trial rays from each receiver, spread evenly over the lamps: up to 1 / 8 too large.
+    """
     kelvin = np.linspace(300.0, 800.0, 50_001)
     radiance = band_radiance(EDGES, kelvin).sum(axis=1)
     reference, hot = 700.0, 800.0
@@ -474,7 +477,7 @@ def test_hot_and_cold_balls_leave_their_difference_to_chance():
     )  # fmt: skip
     model, _, visible, _, variance = judged(scene, reference)
     np.testing.assert_allclose(by_part(model, 1280, 1280), 0.5, atol=0.01)
-    assert variance == pytest.approx(1.0, abs=0.05)
+    assert 0.95 < variance < 1.15
     # which makes them worth as little
     worth = model.lamps.density.ravel() * np.repeat(areas(model.stage.surfaces.corners), 2)
     assert worth.sum() == pytest.approx(1.0 / (variance + 1.0 / 256.0), rel=1e-4)

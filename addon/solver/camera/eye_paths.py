@@ -69,7 +69,7 @@ def render_pixels(
             np.einsum("pb,b->p", rows.image, shared.weights, out=seen)
         if estimate.photons:
             rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
-        shadows = shadow_rays(stage, lighting, bounce, gathers)
+        shadows = shadow_rays(stage, lighting, bounce, samples, gathers)
         if len(shadows.reach):
             met = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
             add_unshadowed(stage, met, shadows, rows.image)

@@ -44,8 +44,11 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
             at = interact(stage.surfaces, hits, i, rays.direction)
             # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
             # of it
-            full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
-            sent += _reflect_specularly(stage, at, bounce, i, full, onward, sent)
+            if rays.final[i]:
+                full, alike = _largest(rays.throughput[i]), 0.0
+            else:
+                full, alike = _WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
+            sent += _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent)
         if bounce.goes_on[i] > 0.0:
             _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, onward, sent)
             sent += 1
@@ -123,9 +126,10 @@ def _largest(throughput):
 
 
 @njit(inline="always")
-def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
+def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     """Send ray i on in one direction of the specular lobe, as ray `sent` of onward; returns 1 if it survives roulette,
-    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces."""
+    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces. alike:
+    number of rays of the pixel that share the light with one shadow ray, see shadow_rays."""
     rays, rho, lobes = bounce.rays, reflectance_at(stage, at), lobes_at(stage, at)
     path, dimension = rays.path[i], DIMENSIONS * bounce.number
     direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
@@ -138,7 +142,7 @@ def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
     onward.density[sent] = BLIND if rays.final[i] else ALONE
     if is_glossy(lobes) and not rays.final[i]:
-        onward.density[sent] = SINGLE_RAY * glossy_density(lobes, at, direction)
+        onward.density[sent] = alike * glossy_density(lobes, at, direction)
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
     return 1

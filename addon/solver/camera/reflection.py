@@ -139,19 +139,23 @@ def _recall(stage, is_open, cache, estimate, bounce, image, continued, walk):
     return found
 
 
-def shadow_rays(stage, lighting, bounce, gathers) -> Shadows:
-    """The shadow rays of the gathers, to lamps and lights and, from open sides, to the surroundings."""
+def shadow_rays(stage, lighting, bounce, samples, gathers) -> Shadows:
+    """The shadow rays of the gathers, to lamps and lights and, from open sides, to the surroundings.
+
+    samples: (pixels,), camera rays of each pixel. Where they meet a rough surface, each sends a ray of its own in the
+    lobe, and shares the light of lamps with the one shadow ray of the gather.
+    """
     bands = stage.radiometry.reference.size
     if len(gathers.ray) == 0:
         return empty_shadows(0, bands)
     shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
     room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
-    sent = _send_shadows(stage, lighting, bounce, gathers, shadows, room)
+    sent = _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room)
     return Shadows(*(column[:sent] for column in shadows))
 
 
 @njit(**FAST_KERNEL)
-def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
+def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room):
     surroundings, rays, sky = lighting.surroundings, bounce.rays, False
     for b in range(surroundings.radiance.size):
         sky |= surroundings.radiance[b] != 0.0
@@ -161,13 +165,14 @@ def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
         asking = (SINGLE_RAY if bounce.unresolved[i] else 0.0) if rays.final[i] else TYPICAL_RAYS
+        in_lobe = SINGLE_RAY * samples[rays.pixel[i]] if is_glossy(lobes) and not rays.final[i] else 0.0
         receiver = Receiver(
-            at, lobes, reflectance_at(stage, at), asking, is_glossy(lobes) and not rays.final[i], rays.throughput[i],
+            at, lobes, reflectance_at(stage, at), asking, in_lobe, rays.throughput[i],
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(surroundings, stage, receiver, shadows, sent)
             sent += SKY_RAYS
-        if lit and (receiver.rays > 0.0 or receiver.is_glossy):
+        if lit and (receiver.rays > 0.0 or receiver.in_lobe > 0.0):
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
     return sent

@@ -24,7 +24,7 @@ from ..photons.lights import (
 from ..physics.lobes import DIFFUSE, Lobes, diffuse_share, evaluate_glossy, glossy_density
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
-from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, TYPICAL_RAYS, balance
+from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, balance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
 from ..sampling.warps import cone_direction, cosine_stratum, to_world, triangle_point
@@ -152,9 +152,9 @@ def _shared_brdf(receiver, way, distance, aimed):
         cosine = max(0.0, dot(way, at.shading_normal)) / distance
         met = receiver.rays * cosine / math.pi if aimed > 0.0 else 0.0
         brdf += diffuse_share(lobes) / math.pi * balance(aimed, met)
-    if receiver.is_glossy:
+    if receiver.in_lobe > 0.0:
         direction = scaled(way, 1.0 / distance)
-        met = SINGLE_RAY * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
+        met = receiver.in_lobe * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
         brdf += lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
     return brdf
 
@@ -189,8 +189,8 @@ class Receiver(NamedTuple):
     """Where a camera path asks for direct light.
 
     at: the Interaction. lobes, reflectance (b,) float32: there. rays: number of rays of the diffuse lobe that look for
-    light, too; 0 where it does not ask. is_glossy: whether the rough lobe asks. throughput: (b,) float32, of the path
-    so far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
+    light, too; 0 where it does not ask. in_lobe: the same of the rough lobe. throughput: (b,) float32, of the path so
+    far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
     pixel: row of the image.
     """
 
@@ -198,7 +198,7 @@ class Receiver(NamedTuple):
     lobes: Lobes
     reflectance: np.ndarray
     rays: float
-    is_glossy: bool
+    in_lobe: float
     throughput: np.ndarray
     weight: float
     path: int
@@ -335,7 +335,7 @@ def _send_from_points(stage, lighting, points, keys, white, shadows, room):
         at, path = stand_at(stage.surfaces, side_id[i], vector(point, i)), path_key(key, first + i)
         for ray in range(_FROM_POINTS):
             receiver = Receiver(
-                at, lobes, white, TYPICAL_RAYS, False, white, math.pi / _FROM_POINTS, path, _SHADOWING + 2 * ray, i
+                at, lobes, white, TYPICAL_RAYS, 0.0, white, math.pi / _FROM_POINTS, path, _SHADOWING + 2 * ray, i
             )
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
     return sent
