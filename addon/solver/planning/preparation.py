@@ -61,11 +61,12 @@ class Model:
     """A scene made ready to render.
 
     samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
-    visible: where camera paths gather. splitting: None without photons. reference_temperature: K. weights: (b,)
-    response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
-    b) by which the bands of each layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a
-    trial photon. rays_per_pixel: rays under way at once, in the tile where they are most. openness: share of the rays
-    that leave the scene, of those from the camera or of those from what the image depends on, whichever is larger.
+    estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons.
+    reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature groups that the
+    image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's signal.
+    hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays under way at once, in the tile
+    where they are most. openness: share of the rays that leave the scene, of those from the camera or of those from
+    what the image depends on, whichever is larger.
     """
 
     tracer: Tracer
@@ -76,6 +77,7 @@ class Model:
     eye: Eye
     samples: np.ndarray
     reach2: float
+    estimated: np.ndarray
     visible: VisiblePoints
     splitting: Splitting | None
     reference_temperature: float
@@ -152,6 +154,7 @@ def prepare(
         eye=eye,
         samples=samples,
         reach2=reach2,
+        estimated=survey.estimated,
         visible=VisiblePoints(pilot.point, pilot.normal, pilot.side_id, np.cumsum(pilot.throughput)),
         splitting=splitting,
         reference_temperature=reference,
