@@ -23,18 +23,17 @@ import numpy as np
 
 from .camera.eye_paths import CameraPass, render_pixels
 from .camera.rays import Estimate
-from .camera.shadow_rays import Lighting, lamp_points
-from .geometry.free_space import free_space
+from .camera.shadow_rays import Lighting, direct_irradiance, lamp_points
 from .geometry.surfaces import Geometry
 from .image.film import Film
 from .image.tiles import tiles
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
 from .photons.emission import Batch
-from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, ray_ends
+from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
 from .photons.transport import trace_photons
 from .planning.preparation import Model, photon_store, prepare
-from .sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key, uniforms
+from .sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key
 from .scene import Scene
 from .settings import Settings
 
@@ -148,14 +147,16 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, image:
         model.splitting,
         len(model.layers),
     )
+    points = lamp_points(model.lamps, model.stage.surfaces, pass_key(settings.seed, index, LAMPS))
+    lighting = Lighting(model.emitters.surroundings, model.lamps, points, len(model.layers))
     cache = None
     if estimate.photons:
-        cache = cache_irradiance(model, photon_map, estimate, pass_key(settings.seed, index, CACHE), work)
-    points = lamp_points(model.lamps, model.stage.surfaces, pass_key(settings.seed, index, LAMPS))
+        key = pass_key(settings.seed, index, CACHE)
+        cache = cache_irradiance(model, photon_map, estimate, lighting, key, work)
     shared = CameraPass(
         tracer=model.tracer,
         stage=model.stage,
-        lighting=Lighting(model.emitters.surroundings, model.lamps, points),
+        lighting=lighting,
         eye=model.eye,
         samples=model.samples,
         photon_map=photon_map,
@@ -195,14 +196,14 @@ def shoot_photons(model: Model, key: np.uint64, work: Work) -> Photons:
 
 
 def cache_irradiance(
-    model: Model, photon_map: PhotonMap, estimate: Estimate, key: np.uint64, work: Work
+    model: Model, photon_map: PhotonMap, estimate: Estimate, lighting: Lighting, key: np.uint64, work: Work
 ) -> IrradianceCache:
     """The IrradianceCache of a pass, for the ends of final gathers. key: of the rays whose ends are its points."""
     surfaces, tracer = model.stage.surfaces, model.tracer
     points = ray_ends(tracer, surfaces, model.visible, key, cache_points(model.photons_per_pass, estimate.shrink2))
 
-    def feel(point, side_id, first):
-        turns = uniforms(key, first, len(side_id))
-        return free_space(tracer, surfaces, model.reach2, point.astype(np.float64), side_id, turns)
+    def look(point, side_id, first):
+        direct = direct_irradiance(model.stage, tracer, lighting, (point, side_id), key, first)
+        return look_around(tracer, surfaces, model.reach2, (point, side_id), key, first), direct
 
-    return build_irradiance_cache(photon_map, surfaces, estimate, points, feel, work.pool.map, work.cancelled)
+    return build_irradiance_cache(photon_map, surfaces, estimate, points, look, work.pool.map, work.cancelled)

@@ -7,12 +7,21 @@ from ..geometry.interaction import interact, leave
 from ..geometry.stage import lobes_at, lobes_met, reflectance_at
 from ..geometry.surfaces import clear_of
 from ..photons.transport import MAX_SURVIVAL
-from ..physics.lobes import diffuse_share, is_specular, sample_diffuse, sample_specular
+from ..physics.lobes import (
+    diffuse_density,
+    diffuse_share,
+    glossy_density,
+    is_glossy,
+    is_specular,
+    sample_diffuse,
+    sample_specular,
+)
+from ..sampling.heuristics import SINGLE_RAY, TYPICAL_RAYS
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .rays import largest_throughput
+from .rays import ALONE, BLIND, largest_throughput
 from .streams import CONTINUING, DIMENSIONS, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
@@ -35,8 +44,11 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
             at = interact(stage.surfaces, hits, i, rays.direction)
             # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
             # of it
-            full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
-            sent += _reflect_specularly(stage, at, bounce, i, full, onward, sent)
+            if rays.final[i]:
+                full, alike = _largest(rays.throughput[i]), 0.0
+            else:
+                full, alike = _WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
+            sent += _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent)
         if bounce.goes_on[i] > 0.0:
             _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, onward, sent)
             sent += 1
@@ -71,7 +83,9 @@ def _split(surfaces, at, gathers, g, part, path, first, onward):
     for ray in range(_resampled(part[0], count, start), _resampled(part[1], count, start)):
         u, v = lattice_point(ray, count, shift_u, shift_v)
         put_vector(origin, onward.origin, first + ray)
-        put_vector(sample_diffuse(at.shading_normal, u, v), onward.direction, first + ray)
+        direction = sample_diffuse(at.shading_normal, u, v)
+        put_vector(direction, onward.direction, first + ray)
+        onward.density[first + ray] = TYPICAL_RAYS * diffuse_density(at.shading_normal, direction)
         onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
         onward.throughput[first + ray, :] = throughput
@@ -97,6 +111,7 @@ def _go_on(stage, at, bounce, i, onward, sent):
     direction = sample_diffuse(at.shading_normal, uniform(path, 0), uniform(path, 1))
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent] = onward.continued[sent] = True
+    onward.density[sent] = SINGLE_RAY * diffuse_density(at.shading_normal, direction)
     scale = np.float32(diffuse_share(lobes_at(stage, at)) * bounce.goes_on[i])
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * scale
@@ -111,9 +126,10 @@ def _largest(throughput):
 
 
 @njit(inline="always")
-def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
+def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     """Send ray i on in one direction of the specular lobe, as ray `sent` of onward; returns 1 if it survives roulette,
-    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces."""
+    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces. alike:
+    number of rays of the pixel that share the light with one shadow ray, see shadow_rays."""
     rays, rho, lobes = bounce.rays, reflectance_at(stage, at), lobes_at(stage, at)
     path, dimension = rays.path[i], DIMENSIONS * bounce.number
     direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
@@ -124,6 +140,9 @@ def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
         return 0
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
+    onward.density[sent] = BLIND if rays.final[i] else ALONE
+    if is_glossy(lobes) and not rays.final[i]:
+        onward.density[sent] = alike * glossy_density(lobes, at, direction)
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
     return 1

@@ -35,7 +35,8 @@ from ..sampling.rng import LAMP_CHOICE, PILOT, SHEETS, TRIAL, pass_key
 from ..scene import Scene
 from ..settings import Settings
 from .antialiasing import choose_samples, least_price
-from .lamps import Lamps, build_lamps, choose_lamps
+from .caustics import choose_caustic_lamps
+from .lamps import Lamps, build_lamps
 from .pilot import explore, gather_reach
 from .reference import Sources, choose_reference, gather_sources, typical_source
 from .sheets import Excess, Gathering, Trial, dark_sheets, measure_sheets
@@ -44,12 +45,8 @@ from .survey import survey_pixels
 
 log = logging.getLogger(__name__)
 
-_TRIAL_PHOTONS = (
-    1024,
-    8192,
-    16384,
-    65536,
-)  # of one trial after the other; the first tells whether a guide would help
+# of one trial after the other; the first tells whether a guide would help
+_TRIAL_PHOTONS = 1024, 8192, 16384, 65536
 _KNOWN = 512  # contributing photons that suffice, so that no larger trial is made
 _PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
 _ENOUGH = 0.15  # share of contributing photons above which unequal weights would cost more than a guide brings
@@ -111,14 +108,14 @@ def prepare(
     stage = _build_stage(scene, grey, layers, reference, typical_source(sources, scene.band_edges, reference))
     power = side_power(stage, area)
     lit = float(np.sum(pilot.importance * power / area))
-    lamp = choose_lamps(surfaces, tracer, power, pilot, lit, pass_key(0, LAMP_CHOICE, PILOT))
+    caustic = choose_caustic_lamps(surfaces, tracer, power, pilot, lit, pass_key(0, LAMP_CHOICE, PILOT))
     sky = sky_layer(scene, layers)
     kelvin = layers[sky].traced if sky else scene.world_temperature
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
-    emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamp)
-    lamps = build_lamps(emitters, surfaces, power, lamp)
+    lamps = build_lamps(stage, tracer, pilot, power, lights, caustic)
+    emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
@@ -126,7 +123,7 @@ def prepare(
     _log_needs(scene, stage, reference if settings.reference_subtraction else None, photons)
     if cancelled():
         return None
-    excess, sheets, hits = Excess(surroundings, lamps.shines), dark_sheets(sheet_count(surfaces)), 0.0
+    excess, sheets, hits = Excess(surroundings, lamps), dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
         if len(pilot.point):
             tree = build_gather_tree(pilot.point, pilot.normal, reach2)
@@ -189,7 +186,7 @@ def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps,
     """The Optics of a scene, and whether any hit stores a photon."""
     used = np.unique(stage.surfaces.material)
     flags = stage.radiometry.lobes.flags[used]
-    caustic = lamps.power > 0 and bool(np.any(flags & (GLOSSY | SPECULAR)))
+    caustic = bool(lamps.caustic.any() or len(scene.lights)) and bool(np.any(flags & (GLOSSY | SPECULAR)))
     straight = bool(np.any(flags & GLOSSY)) and len(scene.lights) > 0  # by way of a mirror; shadow rays find the rest
     stored = stage.radiometry.stores[used]
     widths = np.diff(scene.band_edges)
