@@ -148,7 +148,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, image:
         len(model.layers),
     )
     points = lamp_points(model.lamps, model.stage.surfaces, pass_key(settings.seed, index, LAMPS))
-    lighting = Lighting(model.emitters.surroundings, model.lamps, points, len(model.layers))
+    lighting = Lighting(model.emitters.surroundings, model.lamps, points, model.looking, len(model.layers))
     cache = None
     if estimate.photons:
         key = pass_key(settings.seed, index, CACHE)

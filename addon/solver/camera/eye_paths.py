@@ -75,7 +75,7 @@ def render_pixels(
             add_unshadowed(stage, met, shadows, rows.image)
         room = count + int(gathers.rays.sum()) + np.count_nonzero(bounce.goes_on)
         rays = empty_rays(room, bands)
-        count, number = follow(stage, bounce, samples, gathers, rays), number + 1
+        count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1
         reach = np.full(count, 1e37, np.float32)
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)
@@ -111,8 +111,9 @@ def _ask_photons(shared, numbers, bounce, gathers, rows, finals):
     reflect(stage, photon_map, estimate, bounce, Asking(gathers, space, False), rows.image)
     if not gathers.rays.any():
         return rows
-    finals.append(open_finals(stage, estimate, bounce, gathers, len(rows.image)))
+    finals.append(open_finals(stage, shared.lighting, bounce, gathers, len(rows.image)))
     count = len(finals[-1].pixel)
     further = empty_rows(np.zeros((2 * count, rows.image.shape[1]), np.float32))
-    further.near[:count], further.apart[:count] = finals[-1].near, count
+    further.near[:count], further.fewer[:count] = finals[-1].near, finals[-1].fewer
+    further.apart[:count] = count
     return Rows(*map(np.concatenate, zip(rows, further, strict=True)))

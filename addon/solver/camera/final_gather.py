@@ -18,6 +18,7 @@ from ..geometry.stage import lobes_at, reflectance_at
 from ..geometry.surfaces import sheet_of, unit_normal
 from ..physics.lobes import DIFFUSE, diffuse_share
 from ..planning.splitting import NEAR, rays_alone, shared_area, sharing, spread_around
+from ..sampling.heuristics import looking_from
 from ..sampling.vectors import dot, put_vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
 
@@ -68,7 +69,7 @@ class Finals(NamedTuple):
 
     pixel: (n,) int32, in the tile. point: (n, 3) float64, m. side_id: (n,) int32. rays: (n,) int32, number of rays.
     radius2: (n,) float64, m2, squared radius of the disk within which neighbours share rays. is_cut: (n,) bool, whether
-    a rim cuts this disk. near: (n,) float32, m, see Rows.
+    a rim cuts this disk. near: (n,) float32, m, and fewer: (n,) float32, see Rows.
     row: the first of 2 n rows in the image: one for each gather, of what it shares, and n rows further one for what it
     does not share. A row holds the mean radiance that the rays meet, times `contribution` (n,) float64, see Gathers: so
     the throughput of these rays says how much they count in the image, and roulette can go by it. factor: (n, layers *
@@ -82,20 +83,22 @@ class Finals(NamedTuple):
     radius2: np.ndarray
     is_cut: np.ndarray
     near: np.ndarray
+    fewer: np.ndarray
     row: int
     contribution: np.ndarray
     factor: np.ndarray
 
 
 @njit(cache=True, nogil=True)
-def open_finals(stage, estimate, bounce, gathers, row):
+def open_finals(stage, lighting, bounce, gathers, row):
     """The final gathers among the gathers. Their rows in the image start at `row`."""
     chosen = np.flatnonzero(gathers.rays)
     count, bands = chosen.size, stage.radiometry.reference.size
     finals = Finals(
         np.empty(count, np.int32), np.empty((count, 3)), np.empty(count, np.int32), gathers.rays[chosen],
-        gathers.radius2[chosen], gathers.is_cut[chosen], np.empty(count, np.float32), row, gathers.contribution[chosen],
-        np.empty((count, estimate.layers * bands), np.float32),
+        gathers.radius2[chosen], gathers.is_cut[chosen], np.empty(count, np.float32),
+        np.empty(count, np.float32), row, gathers.contribution[chosen],
+        np.empty((count, lighting.layers * bands), np.float32),
     )  # fmt: skip
     for n in range(count):
         g = chosen[n]
@@ -104,7 +107,8 @@ def open_finals(stage, estimate, bounce, gathers, row):
         at = interact(stage.surfaces, bounce.hits, i, bounce.rays.direction)
         put_vector(at.point, finals.point, n)
         finals.pixel[n], finals.side_id[n] = bounce.rays.pixel[i], at.side_id
-        finals.near[n] = estimate.splitting.near[sheet_of(stage.surfaces, at.side_id)]
+        looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
+        finals.near[n], finals.fewer[n] = looking.near, looking.alone / looking.together
         rho, diffuse = reflectance_at(stage, at), gathers.weight[g] * diffuse_share(lobes_at(stage, at))
         for b in range(bands):
             finals.factor[n, b] = diffuse * bounce.rays.throughput[i, b] * rho[b]

@@ -76,6 +76,7 @@ def part_near(bounce, rows):
         rows.closeness[row] += 1.0 / distance
         if rays.density[i] < ALONE and distance < rows.near[row]:
             rays.pixel[i] = row + rows.apart[row]
+            rays.density[i] *= rows.fewer[row]
 
 
 def meet(stage, lighting, bounce, rows) -> Gathers:

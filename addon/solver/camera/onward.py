@@ -5,7 +5,7 @@ import numpy as np
 
 from ..geometry.interaction import interact, leave
 from ..geometry.stage import lobes_at, lobes_met, reflectance_at
-from ..geometry.surfaces import clear_of
+from ..geometry.surfaces import clear_of, sheet_of
 from ..photons.transport import MAX_SURVIVAL
 from ..physics.lobes import (
     diffuse_density,
@@ -16,7 +16,7 @@ from ..physics.lobes import (
     sample_diffuse,
     sample_specular,
 )
-from ..sampling.heuristics import SINGLE_RAY, TYPICAL_RAYS
+from ..sampling.heuristics import SINGLE_RAY
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
@@ -28,17 +28,17 @@ _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view i
 _WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
 
 
-def follow(stage, bounce, samples, gathers, onward) -> int:
+def follow(stage, together, bounce, samples, gathers, onward) -> int:
     """Fill onward with the next rays: specular reflections, rays of final gathers, and continued rays (see recall);
-    returns their number. samples: (pixels,), camera rays of each pixel."""
+    returns their number. together: see Looking, by sheet. samples: (pixels,), camera rays of each pixel."""
     shares = np.zeros(len(gathers.ray))  # of each gather: throughput of the rays of its group so far
     first = np.empty(len(gathers.ray), np.int64)  # of each gather: index of the first of its rays in onward
-    return _follow(stage, bounce, samples, gathers, onward, shares, first)
+    return _follow(stage, together, bounce, samples, gathers, onward, (shares, first))
 
 
 @njit(**FAST_KERNEL)
-def _follow(stage, bounce, samples, gathers, onward, shares, first):
-    rays, hits, sent = bounce.rays, bounce.hits, np.int64(0)
+def _follow(stage, together, bounce, samples, gathers, onward, groups):
+    rays, hits, sent, (shares, first) = bounce.rays, bounce.hits, np.int64(0), groups
     for i in range(hits.triangle.size):
         if hits.triangle[i] >= 0 and is_specular(lobes_met(stage, hits, i)):
             at = interact(stage.surfaces, hits, i, rays.direction)
@@ -63,21 +63,23 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
             shares[g] += largest_throughput(rays.throughput[i], reflectance_at(stage, at))
             part = before / gathers.throughput[g], shares[g] / gathers.throughput[g]
             path = path_key(rays.path[gathers.ray[g]], SPLITTING + bounce.number)
-            _split(stage.surfaces, at, gathers, g, part, path, first[g], onward)
+            looking = float(together[sheet_of(stage.surfaces, at.side_id)])
+            _split(stage.surfaces, at, gathers, g, (part, path, looking), first[g], onward)
     return sent
 
 
 @njit(inline="always")
-def _split(surfaces, at, gathers, g, part, path, first, onward):
+def _split(surfaces, at, gathers, g, group, first, onward):
     """Send, from the point `at` of one ray of the group, that ray's part of the rays of final gather g. These are
     cosine-distributed and add to the gather's row.
 
     part: cumulative share in the group's throughput before this ray and after it, in [0, 1]. The rays between these two
     shares, after a random start that is the same for the group, fall to this ray (systematic resampling). All
-    directions are points of one lattice; each ray of the group gets points that follow one another. first: index in
-    onward of the first ray of the gather.
+    directions are points of one lattice; each ray of the group gets points that follow one another. group: this part,
+    the key of the group's random numbers, and how many rays look together. first: index in onward of the first ray of
+    the gather.
     """
-    count, row = gathers.rays[g], gathers.row[g]
+    count, row, (part, path, together) = gathers.rays[g], gathers.row[g], group
     origin, throughput = clear_of(surfaces, at.side_id, at.point), np.float32(gathers.contribution[g] / count)
     start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
     for ray in range(_resampled(part[0], count, start), _resampled(part[1], count, start)):
@@ -85,7 +87,7 @@ def _split(surfaces, at, gathers, g, part, path, first, onward):
         put_vector(origin, onward.origin, first + ray)
         direction = sample_diffuse(at.shading_normal, u, v)
         put_vector(direction, onward.direction, first + ray)
-        onward.density[first + ray] = TYPICAL_RAYS * diffuse_density(at.shading_normal, direction)
+        onward.density[first + ray] = together * diffuse_density(at.shading_normal, direction)
         onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
         onward.throughput[first + ray, :] = throughput

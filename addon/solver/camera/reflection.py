@@ -17,7 +17,7 @@ from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, quer
 from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
 from ..planning.pilot import SKY_RAYS
 from ..planning.splitting import recall_chance
-from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, TYPICAL_RAYS
+from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, Looking, looking_from
 from ..sampling.rng import uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
@@ -164,15 +164,19 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
-        asking = (SINGLE_RAY if bounce.unresolved[i] else 0.0) if rays.final[i] else TYPICAL_RAYS
+        if rays.final[i]:
+            single = SINGLE_RAY if bounce.unresolved[i] else 0.0
+            looking = Looking(0.0, single, single)
+        else:
+            looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
         in_lobe = SINGLE_RAY * samples[rays.pixel[i]] if is_glossy(lobes) and not rays.final[i] else 0.0
         receiver = Receiver(
-            at, lobes, reflectance_at(stage, at), asking, in_lobe, rays.throughput[i],
+            at, lobes, reflectance_at(stage, at), looking, in_lobe, rays.throughput[i],
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(surroundings, stage, receiver, shadows, sent)
             sent += SKY_RAYS
-        if lit and (receiver.rays > 0.0 or receiver.in_lobe > 0.0):
+        if lit and (looking.together > 0.0 or receiver.in_lobe > 0.0):
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
     return sent

@@ -24,7 +24,7 @@ from ..photons.lights import (
 from ..physics.lobes import DIFFUSE, Lobes, diffuse_share, evaluate_glossy, glossy_density
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
-from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, balance
+from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, rays_to
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
 from ..sampling.warps import cone_direction, cosine_stratum, to_world, triangle_point
@@ -55,12 +55,13 @@ class LampPoints(NamedTuple):
 
 
 class Lighting(NamedTuple):
-    """What finds light in one pass, besides photons: surroundings, lamps, and the points on lamps. layers: of the
-    image."""
+    """What finds light in one pass, besides photons: surroundings, lamps, and the points on lamps. looking: rays that
+    do, too, from each sheet. layers: of the image."""
 
     surroundings: Surroundings
     lamps: Lamps
     points: LampPoints
+    looking: Looking
     layers: int
 
 
@@ -148,9 +149,9 @@ def _shared_brdf(receiver, way, distance, aimed):
     from there that is left to shadow rays, see share_of_ray. aimed: lamp points that compete, sr-1; 0 for lights, which
     no ray meets."""
     at, lobes, brdf = receiver.at, receiver.lobes, 0.0
-    if receiver.rays > 0.0:
+    if receiver.looking.together > 0.0:
         cosine = max(0.0, dot(way, at.shading_normal)) / distance
-        met = receiver.rays * cosine / math.pi if aimed > 0.0 else 0.0
+        met = rays_to(receiver.looking, distance) * cosine / math.pi if aimed > 0.0 else 0.0
         brdf += diffuse_share(lobes) / math.pi * balance(aimed, met)
     if receiver.in_lobe > 0.0:
         direction = scaled(way, 1.0 / distance)
@@ -188,8 +189,8 @@ def empty_shadows(count: int, bands: int) -> Shadows:
 class Receiver(NamedTuple):
     """Where a camera path asks for direct light.
 
-    at: the Interaction. lobes, reflectance (b,) float32: there. rays: number of rays of the diffuse lobe that look for
-    light, too; 0 where it does not ask. in_lobe: the same of the rough lobe. throughput: (b,) float32, of the path so
+    at: the Interaction. lobes, reflectance (b,) float32: there. looking: rays of the diffuse lobe that look for
+    light, too; none where it does not ask. in_lobe: number of those of the rough lobe. throughput: (b,) float32, of the path so
     far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
     pixel: row of the image.
     """
@@ -197,7 +198,7 @@ class Receiver(NamedTuple):
     at: Interaction
     lobes: Lobes
     reflectance: np.ndarray
-    rays: float
+    looking: Looking
     in_lobe: float
     throughput: np.ndarray
     weight: float
@@ -335,7 +336,16 @@ def _send_from_points(stage, lighting, points, keys, white, shadows, room):
         at, path = stand_at(stage.surfaces, side_id[i], vector(point, i)), path_key(key, first + i)
         for ray in range(_FROM_POINTS):
             receiver = Receiver(
-                at, lobes, white, TYPICAL_RAYS, 0.0, white, math.pi / _FROM_POINTS, path, _SHADOWING + 2 * ray, i
+                at,
+                lobes,
+                white,
+                Looking(0.0, TYPICAL_RAYS, TYPICAL_RAYS),
+                0.0,
+                white,
+                math.pi / _FROM_POINTS,
+                path,
+                _SHADOWING + 2 * ray,
+                i,
             )
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
     return sent

@@ -15,9 +15,10 @@ from ..physics.radiometry import reference_radiance
 from ..physics.spectrum import apparent_temperature, band_names
 from ..scene import check_band_edges
 from ..system.kernels import KERNEL, njit
+from .pooling import pooled_variance
 
 _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
-_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares")
+_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")
 
 
 class Film:
@@ -62,9 +63,9 @@ class Film:
         # float64: a float32 mean stops moving after 2^24 passes and drifts long before
         self._mean = np.zeros((height * width, self._factors.size))
         # sums of squared deviations (Welford 1962) of the radiance that surfaces emit straight into the camera (seen),
-        # and of all other radiance, both through the sensor's response
-        self._seen, self._seen_squares = np.zeros(height * width), np.zeros(height * width)
-        self._squares = np.zeros(height * width)
+        # and of second to fourth powers (Pebay 2008) of all other radiance, both through the sensor's response
+        self._seen, self._seen_squares = np.zeros((2, height * width))
+        self._squares, self._cubes, self._fourths = np.zeros((3, height * width))
 
     def __getstate__(self):
         """A film can be pickled, to be merged on another machine; a lock cannot."""
@@ -132,8 +133,8 @@ class Film:
         """
         with self.lock:
             count = self.passes + 1
-            means, squares = (self._mean, self._seen), (self._squares, self._seen_squares)
-            _accumulate(means, squares, excess, seen, self.layer_weights.ravel(), count)
+            directly, rest = (self._seen, self._seen_squares), (self._squares, self._cubes, self._fourths)
+            _accumulate(self._mean, directly, rest, (excess, seen), self.layer_weights.ravel(), count)
             seed, first, stop = self.ranges[-1]
             self.ranges[-1] = seed, first, stop + 1
             self.passes += 1
@@ -155,7 +156,7 @@ class Film:
             raise ValueError("Films with different temperature groups cannot be merged")
 
     def merge(self, other: Film) -> Film:
-        """The Film of the passes of both films (Chan, Golub and LeVeque 1979).
+        """The Film of the passes of both films (Chan, Golub and LeVeque 1979; Pebay 2008).
 
         Raises ValueError if the films do not belong together, or if both hold the same pass: it would count twice, and
         the noise would be too small.
@@ -175,7 +176,21 @@ class Film:
             total._seen = self._seen + share * seen
             total._seen_squares = self._seen_squares + other._seen_squares + seen**2 * self.passes * share
             rest = _weighted(difference, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
-            total._squares = self._squares + other._squares + rest**2 * self.passes * share
+            apart = rest / total.passes
+            a, b, squares, cubes = (
+                self.passes,
+                other.passes,
+                (self._squares, other._squares),
+                (self._cubes, other._cubes),
+            )
+            total._squares = sum(squares) + a * b * rest * apart
+            total._cubes = (
+                sum(cubes) + a * b * (a - b) * rest * apart**2 + 3.0 * apart * (a * squares[1] - b * squares[0])
+            )
+            total._fourths = (
+                self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
+                + 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0]) + 4.0 * apart * (a * cubes[1] - b * cubes[0])
+            )  # fmt: skip
         return total
 
     def band_radiance(self, band: int) -> np.ndarray:
@@ -205,7 +220,7 @@ class Film:
         return self._image(self._apparent(self._object_radiance()))
 
     def noise(self) -> np.ndarray:
-        """(height, width) float32 standard error of temperature(), K.
+        """(height, width) float32 standard error of temperature(), K. Neighbouring pixels have a say, see pooling.
 
         After a single pass the error is unknown, and the result is the temperature itself.
         """
@@ -216,7 +231,9 @@ class Film:
         # the variance from an edge in a pixel falls as n^-3/2, as only the n^1/2 strata on the edge err (Mitchell
         # 1996).
         seen = self._seen_squares / math.sqrt(self.passes)
-        error = np.sqrt((self._squares + seen) / (self.passes * (self.passes - 1))) / self.correction.emissivity
+        shape = self.height, self.width
+        rest = pooled_variance(self._squares.reshape(shape), self._fourths.reshape(shape), self.passes).ravel()
+        error = np.sqrt((rest + seen / (self.passes - 1)) / self.passes) / self.correction.emissivity
         # half of the interval from one standard error below to one above: finite even where the radiance is 0
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))
@@ -283,9 +300,10 @@ def _weighted(mean, reference, weights):
 
 
 @njit(**KERNEL)
-def _accumulate(means, squares, excess, seen, weights, count):
-    """Welford's step for the means of the bands, for what is seen, and for the rest of the radiance."""
-    (mean, seen_mean), (rest_squares, seen_squares) = means, squares
+def _accumulate(mean, directly, powers, radiance, weights, count):
+    """Welford's step for the means of the bands, for what is seen, and for the rest of the radiance, of which third and
+    fourth powers are summed, too (Pebay 2008)."""
+    (seen_mean, seen_squares), (squares, cubes, fourths), (excess, seen) = directly, powers, radiance
     share = 1.0 / count
     for i in range(excess.shape[0]):
         row = mean[i]
@@ -298,4 +316,8 @@ def _accumulate(means, squares, excess, seen, weights, count):
         seen_mean[i] += delta * share
         seen_squares[i] += delta * delta * (1.0 - share)
         rest -= delta
-        rest_squares[i] += rest * rest * (1.0 - share)
+        step, term = rest * share, rest * rest * (1.0 - share)
+        fourth = term * (count * count - 3 * count + 3) + 6.0 * squares[i]
+        fourths[i] += step * (step * fourth - 4.0 * cubes[i])
+        cubes[i] += step * (term * (count - 2) - 3.0 * squares[i])
+        squares[i] += term

@@ -31,6 +31,7 @@ from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trac
 from ..physics.lobes import GLOSSY, SPECULAR
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
+from ..sampling.heuristics import Looking, typical_looking
 from ..sampling.rng import LAMP_CHOICE, PILOT, SHEETS, TRIAL, pass_key
 from ..scene import Scene
 from ..settings import Settings
@@ -40,7 +41,7 @@ from .lamps import Lamps, build_lamps
 from .pilot import explore, gather_reach
 from .reference import Sources, choose_reference, gather_sources, typical_source
 from .sheets import Excess, Gathering, Trial, dark_sheets, measure_sheets
-from .splitting import Splitting, most_rays, plan_splitting
+from .splitting import Splitting, most_rays, plan_looking, plan_splitting
 from .survey import survey_pixels
 
 log = logging.getLogger(__name__)
@@ -58,7 +59,7 @@ class Model:
     """A scene made ready to render.
 
     samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
-    visible: where camera paths gather. splitting: None without photons. reference_temperature: K. weights: (b,)
+    visible: where camera paths gather. splitting: None without photons. looking: from each sheet. reference_temperature: K. weights: (b,)
     response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
     b) by which the bands of each layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a
     trial photon. rays_per_pixel: rays under way at once, in the tile where they are most. openness: share of the rays
@@ -75,6 +76,7 @@ class Model:
     reach2: float
     visible: VisiblePoints
     splitting: Splitting | None
+    looking: Looking
     reference_temperature: float
     weights: np.ndarray
     layers: tuple[Layer, ...]
@@ -135,6 +137,9 @@ def prepare(
     if cancelled():
         return None
     splitting = plan_splitting(sheets, survey, reach2, settings.neighbours, photons) if photons else None
+    looking = (
+        plan_looking(splitting, reach2, settings.neighbours) if splitting else typical_looking(sheet_count(surfaces))
+    )
     price = max(splitting.price if splitting else 0.0, least_price(survey.variance))
     samples = choose_samples(survey.variance, survey.unknown, price)
     log.info("%.1f camera rays a pixel and pass", samples.mean())
@@ -151,6 +156,7 @@ def prepare(
         reach2=reach2,
         visible=VisiblePoints(pilot.point, pilot.normal, pilot.side_id, np.cumsum(pilot.throughput)),
         splitting=splitting,
+        looking=looking,
         reference_temperature=reference,
         weights=weights,
         layers=layers,

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..image.tiles import TILE
+from ..sampling.heuristics import Looking
 from ..sampling.low_discrepancy import LATTICES
 from ..sampling.rng import PILOT, PRICED_CELLS, PRICED_PIXELS, pass_key, strata
 from ..system.kernels import KERNEL, njit
@@ -43,14 +44,12 @@ _PRICES = np.geomspace(1e-4, 1e1, 31)  # that are tried, over the price if all g
 class Splitting(NamedTuple):
     """All that the number of rays rests on.
 
-    sheets: see Sheets. cells: see Cells. near: (labels,) float32, m: light from what rays from a sheet meet within this
-    distance is not shared between gathers, as it changes from one to the next. block (p,) int32, sensitivity (p,)
-    float64: by pixel, see Survey. price: W2 sr-2 m-4, variance times squared sensitivity that a ray should save.
+    sheets: see Sheets. cells: see Cells. block (p,) int32, sensitivity (p,) float64: by pixel, see Survey. price: W2
+    sr-2 m-4, variance times squared sensitivity that a ray should save.
     """
 
     sheets: Sheets
     cells: Cells
-    near: np.ndarray
     block: np.ndarray
     sensitivity: np.ndarray
     price: float
@@ -149,9 +148,7 @@ def _chance(splitting, sheet, throughput, time):
 
 def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: int, photons: int) -> Splitting:
     """The Splitting with the price at which variance times time is least. For the arguments see measure_sheets."""
-    splitting = Splitting(
-        sheets, survey.cells, _near(survey.cells, len(sheets.density)), survey.block, survey.sensitivity, math.inf
-    )
+    splitting = Splitting(sheets, survey.cells, survey.block, survey.sensitivity, math.inf)
     pixels = len(survey.block)
     some = strata(pass_key(0, PRICED_PIXELS, PILOT), min(_PIXELS, pixels), pixels)
     variance, unknown, least = survey.variance[some], survey.unknown[some], least_price(survey.variance[some])
@@ -168,14 +165,28 @@ def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: in
     return splitting._replace(price=min(tried)[1])
 
 
-def _near(cells: Cells, labels: int) -> np.ndarray:
-    """near of Splitting: a share of the harmonic mean distance to what rays from the sheet meet. It is one number for a
-    sheet, so that all gathers that share rays leave out the same."""
+def plan_looking(splitting: Splitting, reach2: float, neighbours: int) -> Looking:
+    """The Looking from each sheet, (labels,) float32 each: means over the gathers on it. near is a share of the
+    harmonic mean distance to what their rays meet."""
+    cells, labels = splitting.cells, len(splitting.sheets.density)
     sheet = cells.key % labels
-    closeness = np.bincount(sheet, cells.count * cells.closeness, labels) / np.maximum(
-        np.bincount(sheet, cells.count, labels), 1
+    rays, _ = _in_cells(splitting, reach2, neighbours)
+    sharing = np.zeros(len(rays))
+    _share_in_cells(splitting, reach2, neighbours, sharing)
+    count = np.maximum(np.bincount(sheet, cells.count, labels), 1e-30)
+    closeness, alone, together = (
+        np.bincount(sheet, cells.count * of, labels) / count for of in (cells.closeness, rays, rays * sharing)
     )
-    return (_ALONE / np.maximum(closeness, 1e-30)).astype(np.float32)
+    near = _ALONE / np.maximum(closeness, 1e-30)
+    return Looking(*(of.astype(np.float32) for of in (near, np.maximum(alone, _FEWEST), np.maximum(together, _FEWEST))))
+
+
+@njit(**KERNEL)
+def _share_in_cells(splitting, reach2, k, shared):
+    cells, labels = splitting.cells, splitting.sheets.density.size
+    for cell in range(shared.size):
+        sheet, spread = cells.key[cell] % labels, spread_in(cells, cell)
+        shared[cell] = max(1.0, sharing(splitting.sheets, sheet, spread, reach2, k, 1.0))
 
 
 def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:

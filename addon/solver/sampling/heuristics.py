@@ -7,11 +7,14 @@ that all light is counted once, and each way finds what it finds best.
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from ..system.kernels import INLINED, njit
 
-# Rays of a final gather that the heuristic counts with, also in place of photons. It is one number, whatever a gather
-# sends: the share must be the same for all gathers that share rays, and for all photons.
+# Rays of final gathers that look from one point, where nothing better is known: for the plan, and in place of photons,
+# as the share must be the same for all photons.
 TYPICAL_RAYS = 256.0
 CANDIDATES = 32  # lamp points that compete for a shadow ray
 BEST = 256.0  # rays that a shadow ray to a lamp which nothing hides is worth, where the light varies little over lamps
@@ -29,3 +32,35 @@ def balance(mine, other):
         return 1.0
     ratio = other / mine if mine > 0.0 else math.inf
     return 1.0 / (1.0 + ratio * ratio)
+
+
+class Looking(NamedTuple):
+    """How many rays of the diffuse lobe look for light from a point, or, as arrays, from a point on each sheet.
+
+    together: of all final gathers that share rays. alone: of one gather, which has what lies nearer than `near`, m, for
+    itself. The heuristic counts with these numbers, which are the same for all gathers on a sheet, whatever each sends:
+    those that share rays must agree on the share of shadow rays.
+    """
+
+    near: float
+    alone: float
+    together: float
+
+
+@njit(**INLINED)
+def rays_to(looking, distance):
+    """Number of rays that may meet what lies so far away, m."""
+    return looking.alone if distance < looking.near else looking.together
+
+
+@njit(**INLINED)
+def looking_from(looking, sheet):
+    """The Looking from one sheet."""
+    return Looking(
+        np.float64(looking.near[sheet]), np.float64(looking.alone[sheet]), np.float64(looking.together[sheet])
+    )
+
+
+def typical_looking(sheets: int) -> Looking:
+    """The Looking from each of so many sheets, where nothing is known of them."""
+    return Looking(*(np.full(sheets, of, np.float32) for of in (0.0, TYPICAL_RAYS, TYPICAL_RAYS)))

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Variance of pixels from their own passes and their neighbours: right where all passes differ alike, and where few do."""
+
+import numpy as np
+import pytest
+
+from addon.solver.image.pooling import pooled_variance
+
+SHAPE = 40, 50
+
+
+def pooled(passes):
+    """pooled_variance of passes (n, h, w)."""
+    deviation = passes - passes.mean(axis=0)
+    return pooled_variance((deviation**2).sum(axis=0), (deviation**4).sum(axis=0), len(passes))
+
+
+def rare(chance, count, seed=1):
+    """Passes (count, h, w) that are 1 with a small chance, else 0: their variance is chance (1 - chance)."""
+    return (np.random.default_rng(seed).random((count, *SHAPE)) < chance).astype(float)
+
+
+def test_the_mean_variance_is_kept():
+    """Of noise that is everywhere alike, to three standard errors: a variance of n passes is known to sqrt(2 / n)."""
+    passes = np.random.default_rng(0).normal(size=(32, *SHAPE))
+    assert pooled(passes).mean() == pytest.approx(1.0, abs=3 * np.sqrt(2 / (32 * 2000)))
+
+
+@pytest.mark.parametrize("chance", [0.3, 0.05, 0.012])
+def test_nobody_is_sure_of_what_is_rare(chance):
+    """In 64 passes an event of 1.2 % is met by half of the pixels alone. The errors of all over the stated ones:
+    about 1 in the mean square, and none beyond 5."""
+    passes = rare(chance, 64)
+    stated = np.sqrt(pooled(passes) / 64)
+    ratio = (passes.mean(axis=0) - chance) / np.maximum(stated, 1e-30)
+    assert 0.8 < np.sqrt(np.mean(ratio**2)) < 1.2
+    assert np.abs(ratio).max() < 5
+
+
+def test_own_passes_alone_would_be_too_sure():
+    """What the pooling is for: pixels that met nothing state no error at all."""
+    assert np.mean(rare(0.012, 64).std(axis=0) == 0.0) > 0.4
+    assert np.all(pooled(rare(0.012, 64)) > 0.0)
+
+
+@pytest.mark.parametrize("count, most", [(16, 0.5), (64, 0.25), (1024, 0.06)])
+def test_a_quiet_pixel_beside_noise_comes_to_trust_itself(count, most):
+    """Half of the image has no noise. At the border its error is stated too large, by a share that vanishes with the
+    passes: two events against the pixel's own, n / 3 of normal deviations, and n where there are none at all."""
+    passes = np.random.default_rng(2).normal(size=(count, *SHAPE))
+    passes[:, :, 25:] = 0.0
+    variance = pooled(passes)
+    assert np.all(variance[:, 27:] == 0.0)
+    assert np.sqrt(variance[:, 25].mean()) < most
+    assert np.sqrt(variance[:, 20].mean()) == pytest.approx(1.0, abs=0.1)
+
+
+def test_nothing_is_not_noisy():
+    assert np.all(pooled_variance(np.zeros(SHAPE), np.zeros(SHAPE), 2) == 0.0)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 1), (2, 3)])
+def test_small_images(shape):
+    passes = np.random.default_rng(3).normal(size=(8, *shape))
+    assert np.all(np.isfinite(pooled(passes))) and pooled(passes).shape == shape
+
+
+def test_a_pixel_alone_has_its_own_variance():
+    passes = np.random.default_rng(3).normal(size=(8, 1, 1))
+    assert pooled(passes)[0, 0] == pytest.approx(passes.var(ddof=1), rel=1e-12)
