@@ -3,8 +3,8 @@
 
 With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a pass, in bytes:
 
-    film       P (12 l b + 60)                mean in float64, one pass in float32, seven more values for the noise, four
-                                              results of the survey
+    film       P (12 l b + 60)                mean in float64, one pass in float32, seven more values for the noise
+                                              and four results of the survey
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     frame      20 F                           of F pixels around a render region: Combined, and as a screen shows it

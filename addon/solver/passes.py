@@ -79,7 +79,7 @@ def render(
     film.check_same_kind(empty)
     if len(film.ranges) > 1 or film.ranges[0][:2] != empty.ranges[0][:2]:
         raise ValueError("The film does not hold the first passes of this render")
-    film.correction, film.openness = settings.correction, model.openness
+    film.correction, film.openness, film.estimated = settings.correction, model.openness, model.estimated
     image = np.empty(((x1 - x0) * (y1 - y0), empty.layer_weights.size), np.float32)
     seen = np.empty(len(image), np.float32)
     store = photon_store(scene.band_count, model.optics)

@@ -189,9 +189,9 @@ def empty_shadows(count: int, bands: int) -> Shadows:
 class Receiver(NamedTuple):
     """Where a camera path asks for direct light.
 
-    at: the Interaction. lobes, reflectance (b,) float32: there. looking: rays of the diffuse lobe that look for
-    light, too; none where it does not ask. in_lobe: number of those of the rough lobe. throughput: (b,) float32, of the path so
-    far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
+    at: the Interaction. lobes, reflectance (b,) float32: there. looking: rays of the diffuse lobe that look for light,
+    too; none where it does not ask. in_lobe: number of those of the rough lobe. throughput: (b,) float32, of the path
+    so far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
     pixel: row of the image.
     """
 

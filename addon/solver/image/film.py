@@ -30,6 +30,8 @@ class Film:
     weights: (b,) response of the sensor in each band (`sensors.band_weights`), by which the bands count in radiance();
     None counts all alike. correction: of temperature() and noise(); it may be changed at any time.
     openness: share of the rays that leave the scene and see its surroundings, as far as the pilot knows.
+    estimated: (height * width,) bool, pixels whose reflected light is estimated, so that they may have missed something;
+    the others are exact but for edges.
     layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
     seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
     passes. passes: number of finished passes. photons: emitted in these passes.
@@ -53,6 +55,7 @@ class Film:
         self.weights = np.ones(self.band_count) if weights is None else np.asarray(weights, dtype=np.float64)
         self.correction = Correction()
         self.openness = 0.0
+        self.estimated = np.ones(height * width, np.bool_)
         self.layers = layers
         self._factors = layer_factors(layers, self.band_edges, reference_temperature)
         self.ranges = [(seed, first_pass, first_pass)]
@@ -164,7 +167,7 @@ class Film:
         self.check_same_kind(other)
         options = {"weights": self.weights, "layers": self.layers}
         total = Film(self.width, self.height, self.band_edges, self.reference_temperature, **options)
-        total.correction = self.correction
+        total.correction, total.estimated = self.correction, self.estimated
         total.ranges = _joined(self.ranges + other.ranges) or self.ranges[:]
         total.passes = self.passes + other.passes
         total.photons = self.photons + other.photons
@@ -177,20 +180,14 @@ class Film:
             total._seen_squares = self._seen_squares + other._seen_squares + seen**2 * self.passes * share
             rest = _weighted(difference, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
             apart = rest / total.passes
-            a, b, squares, cubes = (
-                self.passes,
-                other.passes,
-                (self._squares, other._squares),
-                (self._cubes, other._cubes),
-            )
+            a, b = self.passes, other.passes
+            squares, cubes = (self._squares, other._squares), (self._cubes, other._cubes)
             total._squares = sum(squares) + a * b * rest * apart
-            total._cubes = (
-                sum(cubes) + a * b * (a - b) * rest * apart**2 + 3.0 * apart * (a * squares[1] - b * squares[0])
-            )
-            total._fourths = (
-                self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
-                + 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0]) + 4.0 * apart * (a * cubes[1] - b * cubes[0])
-            )  # fmt: skip
+            total._cubes = sum(cubes) + a * b * (a - b) * rest * apart**2
+            total._cubes += 3.0 * apart * (a * squares[1] - b * squares[0])
+            total._fourths = self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
+            total._fourths += 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0])
+            total._fourths += 4.0 * apart * (a * cubes[1] - b * cubes[0])
         return total
 
     def band_radiance(self, band: int) -> np.ndarray:
@@ -232,7 +229,8 @@ class Film:
         # 1996).
         seen = self._seen_squares / math.sqrt(self.passes)
         shape = self.height, self.width
-        rest = pooled_variance(self._squares.reshape(shape), self._fourths.reshape(shape), self.passes).ravel()
+        sums = self._squares.reshape(shape), self._fourths.reshape(shape)
+        rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
         error = np.sqrt((rest + seen / (self.passes - 1)) / self.passes) / self.correction.emissivity
         # half of the interval from one standard error below to one above: finite even where the radiance is 0
         above = self._apparent(radiance + error)

@@ -59,8 +59,8 @@ class Model:
     """A scene made ready to render.
 
     samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
-    visible: where camera paths gather. splitting: None without photons. looking: from each sheet. reference_temperature: K. weights: (b,)
-    response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
+    estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons. looking:
+    from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
     b) by which the bands of each layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a
     trial photon. rays_per_pixel: rays under way at once, in the tile where they are most. openness: share of the rays
     that leave the scene, of those from the camera or of those from what the image depends on, whichever is larger.
@@ -74,6 +74,7 @@ class Model:
     eye: Eye
     samples: np.ndarray
     reach2: float
+    estimated: np.ndarray
     visible: VisiblePoints
     splitting: Splitting | None
     looking: Looking
@@ -154,6 +155,7 @@ def prepare(
         eye=eye,
         samples=samples,
         reach2=reach2,
+        estimated=survey.estimated,
         visible=VisiblePoints(pilot.point, pilot.normal, pilot.side_id, np.cumsum(pilot.throughput)),
         splitting=splitting,
         looking=looking,

@@ -71,13 +71,15 @@ class Survey(NamedTuple):
     variance: float64, W2 sr-2 m-4, variance of the radiance that single camera rays see, times the squared sensitivity;
     but at least a sixteenth of the sum of these over the pixel and its eight neighbours.
     unknown: bool, whether the pixel shows a rough lobe, of which a few samples do not say all, or a specular surface
-    where a sample ended, as its throughput was small or after too many reflections. block: int32, number of the block
+    where a sample ended, as its throughput was small or after too many reflections. estimated: bool, whether it shows a
+    surface whose reflected light has to be estimated. All else is seen exactly, but for edges. block: int32, number of the block
     that the pixel lies in.
     """
 
     sensitivity: np.ndarray
     variance: np.ndarray
     unknown: np.ndarray
+    estimated: np.ndarray
     block: np.ndarray
     cells: Cells
 
@@ -191,7 +193,9 @@ def survey_pixels(
     variance *= sensitivity**2
     around = np.pad(variance.reshape(height, width), 1)
     around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
-    return Survey(sensitivity, np.maximum(variance, _AROUND * around), unknown, block, cells)
+    estimated = unknown.copy()
+    estimated[gathers.pixel] = True
+    return Survey(sensitivity, np.maximum(variance, _AROUND * around), unknown, estimated, block, cells)
 
 
 def _in_one_band(stage: Stage) -> Stage:

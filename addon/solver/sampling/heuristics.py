@@ -26,8 +26,8 @@ SINGLE_RAY = BEST / CANDIDATES
 @njit(**INLINED)
 def balance(mine, other):
     """Share of the light that is left to one of two ways, which send so many samples, sr^-1, in its direction: Veach's
-    power heuristic (eq. 9.13, with the exponent 2). A way that sends few samples gets next to nothing, as its rare finds
-    would be noise that no pass foresees."""
+    power heuristic (eq. 9.13, with the exponent 2). A way that sends few samples gets next to nothing, as its rare
+    finds would be noise that no pass foresees."""
     if not other > 0.0:
         return 1.0
     ratio = other / mine if mine > 0.0 else math.inf
