@@ -20,10 +20,10 @@ densities = st.floats(1e-30, 1e30)
 @settings(deadline=None)  # the first call compiles
 @given(densities, densities)
 def test_the_shares_sum_to_one(mine, other):
-    """And each is in proportion to what its way sends."""
+    """And each is in proportion to the square of what its way sends."""
     share = balance(mine, other)
     assert share + balance(other, mine) == pytest.approx(1.0, rel=1e-15)
-    assert share == pytest.approx(mine / (mine + other), rel=1e-15) and 0.0 <= share <= 1.0
+    assert share == pytest.approx(mine**2 / (mine**2 + other**2), rel=1e-15) and 0.0 <= share <= 1.0
 
 
 @settings(deadline=None)  # the first call compiles
@@ -53,7 +53,7 @@ def test_rays_and_photons_leave_as_much_to_shadow_rays(distance, at_lamp, at_flo
     wave = empty_wave(1, 1, False)
     wave.aimed[0] = density / at_lamp
     by_photons = stored_share(wave, 0, met(distance, at_floor))
-    expected = 1.0 / (1.0 + math.pi * density * distance**2 / (TYPICAL_RAYS * at_floor * at_lamp))
+    expected = 1.0 / (1.0 + (math.pi * density * distance**2 / (TYPICAL_RAYS * at_floor * at_lamp)) ** 2)
     assert by_rays == pytest.approx(expected, rel=1e-6)
     assert by_photons == pytest.approx(expected, rel=1e-5)  # float32
 

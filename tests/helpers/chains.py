@@ -47,12 +47,9 @@ def chain(kind, emitter, pixels=8):
         parts.append((*quad(centre, (0.0, _WIDTH, 0.0), (0.0, 0.0, 0.25 * _HEIGHT)), COLD, 0))
     middle, half = 0.5 * count, 0.5 * count + 1.0
     for side in (-1.0, 1.0):
-        parts.append(
-            (*quad((middle + side * half, 0.0, 0.5 * _HEIGHT), (0.0, _WIDTH, 0.0), (0.0, 0.0, 0.5 * _HEIGHT)), COLD, 0)
-        )
-        parts.append(
-            (*quad((middle, side * _WIDTH, 0.5 * _HEIGHT), (half, 0.0, 0.0), (0.0, 0.0, 0.5 * _HEIGHT)), COLD, 0)
-        )
+        end = quad((middle + side * half, 0.0, 0.5 * _HEIGHT), (0.0, _WIDTH, 0.0), (0.0, 0.0, 0.5 * _HEIGHT))
+        flank = quad((middle, side * _WIDTH, 0.5 * _HEIGHT), (half, 0.0, 0.0), (0.0, 0.0, 0.5 * _HEIGHT))
+        parts += [(*end, COLD, 0), (*flank, COLD, 0)]
     side = count % 2
     centre = count + 0.5, 0.0, _HEIGHT * side + _CLEAR * (1 - 2 * side)
     if emitter == "lamp":

@@ -30,6 +30,8 @@ _RECEIVERS, _FEWEST_RECEIVERS = 512, 32  # points at which lamps are judged
 _PAIRS = 1 << 20  # of lamps and such points, about
 _AIMED = 8192  # trial shadow rays between such pairs
 _TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
+# that a shadow ray may count as
+_WORTHS = tuple(float(BEST / 4.0**i) for i in range(9))
 _LEAST_NEED = 1.0 / 64.0  # least need of a lamp, over the mean, as the points say little of others
 
 
@@ -107,14 +109,14 @@ def build_lamps(
     kelvin = surfaces.temperature[side_id >> 1].mean(axis=1)
     sign = np.ones(int(surfaces.sheet.max()) + 1)
     sign[label] = np.sign(kelvin - stage.radiometry.quiet)
-    need, visible, met, variance = _need(surfaces, tracer, side_power, side_id, pilot, sign)
+    need, visible, met, hidden = _need(surfaces, tracer, side_power, side_id, pilot, sign)
     chance = power * np.concatenate((need[label], _light_need(lights, pilot)))
     cumulative = np.concatenate(([0.0], np.cumsum(chance)))
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
-    variance += _candidate_variance(stage, pilot, side_id, cumulative, power, visible)
-    worth = chance[: len(side_id)] / (variance + 1.0 / BEST)
+    best = _best_worth(stage, pilot, side_id, (cumulative, power, visible), hidden)
+    worth = best * chance[: len(side_id)]
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
     of_sheet = np.bincount(label, worth, len(need))[label]
@@ -249,38 +251,46 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
         leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(dot(way, way)), lamp.normal), rays, i)
 
 
-def _candidate_variance(stage, pilot, side_id, cumulative, power, visible) -> float:
-    """Variance of a shadow ray over the square of the light that it looks for, in the mean over where camera paths
-    gather, even if nothing hides any lamp: what the candidates would bring differs, and a lamp may not shine alike all
-    over one triangle."""
-    if len(pilot.point) == 0 or cumulative[-1] == 0.0:
-        return 0.0
+def _best_worth(stage, pilot, side_id, chances, hidden) -> float:
+    """How many rays a shadow ray should count as in the heuristic: of some numbers that with which what shadow rays and
+    rays find varies least, in the sum over where camera paths gather.
+
+    chances: cumulative, power and visible share of the lamps. hidden: see _variance.
+    """
+    if len(pilot.point) == 0 or chances[0][-1] == 0.0:
+        return _WORTHS[0]
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
-    key, room = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
-    return _compare_candidates(stage, receivers, side_id, (cumulative, power, visible), key, room)
+    key, rooms = pass_key(0, CANDIDATE_CHOICE, PILOT), (np.empty(stage.radiometry.reference.size), np.empty((2, 3)))
+    variance = np.zeros(len(_WORTHS))
+    for i, worth in enumerate(_WORTHS):
+        variance[i] = _variance_with(stage, receivers, side_id, chances, (worth, hidden, key), rooms)
+    return _WORTHS[int(np.argmin(variance))]
 
 
 @njit(**KERNEL)
-def _compare_candidates(stage, receivers, side_id, chances, key, room):
-    variance, lit = 0.0, 0
+def _variance_with(stage, receivers, side_id, chances, choice, rooms):
+    """Sum over the receivers of the variance of their direct irradiance. choice: worth of a shadow ray, variance of
+    what it finds by what is hidden, and key of the random numbers."""
+    (worth, hidden, key), (emitted, found), total = choice, rooms, 0.0
     for i in range(receivers.side_id.size):
         path, n = path_key(key, i), vector(receivers.normal, i)
         here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
         # two sets of candidates, as their strata differ less than single candidates do
-        one, uneven = _candidates(stage, (here, n), side_id, chances, path_key(path, 0), room)
-        other, _ = _candidates(stage, (here, n), side_id, chances, path_key(path, 1), room)
-        mean = 0.5 * (one + other)
-        if mean > 0.0:
-            variance += (0.5 * (one - other) ** 2 + uneven * mean) / (mean * mean)
-            lit += 1
-    return variance / max(lit, 1)
+        for row in range(2):
+            _try_candidates(stage, (here, n), side_id, chances, (worth, path_key(path, row)), emitted, found[row])
+        mean = 0.5 * (found[0, 0] + found[1, 0])
+        total += 0.5 * (found[0, 0] - found[1, 0]) ** 2 + hidden * mean * mean
+        total += mean * 0.5 * (found[0, 1] + found[1, 1]) + 0.5 * (found[0, 2] + found[1, 2])
+    return total
 
 
 @njit(**KERNEL)
-def _candidates(stage, receiver, side_id, chances, path, room):
-    """What CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, in the mean, and the
-    part of it that comes from points brighter or darker than their triangle, times the square of the difference."""
-    (cumulative, power, visible), (here, n), total, uneven = chances, receiver, 0.0, 0.0
+def _try_candidates(stage, receiver, side_id, chances, choice, emitted, found):
+    """Fill found with what CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, as far
+    as it is left to shadow rays; the part of it from points brighter or darker than their triangle, times the square of
+    the difference; and the variance of what is left to TYPICAL_RAYS rays."""
+    (cumulative, power, visible), (here, n), (worth, path) = chances, receiver, choice
+    found[:] = 0.0
     for c in range(CANDIDATES):
         pick = (c + uniform(path, 3 * c)) / CANDIDATES
         entry = min(np.searchsorted(cumulative, pick, side="right") - 1, power.size - 1)
@@ -296,12 +306,12 @@ def _candidates(stage, receiver, side_id, chances, path, room):
         chance = cumulative[entry + 1] - cumulative[entry]
         area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
         view = lamp_cosine / (distance * distance)
-        shared = balance(BEST * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
-        brought = cosine * view * shared * visible[entry] * power[entry] / chance / CANDIDATES
-        fill_emission(stage, lamp, room)
-        total += brought
-        uneven += brought * (math.pi * area * _total(room) / power[entry] - 1.0) ** 2
-    return total, uneven
+        shared = balance(worth * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
+        brought = cosine * view * visible[entry] * power[entry] / chance / CANDIDATES
+        fill_emission(stage, lamp, emitted)
+        found[0] += shared * brought
+        found[1] += shared * brought * (math.pi * area * _total(emitted) / power[entry] - 1.0) ** 2
+        found[2] += (1.0 - shared) ** 2 * brought * math.pi * power[entry] / area / TYPICAL_RAYS
 
 
 @njit(**INLINED)
