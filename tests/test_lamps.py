@@ -23,6 +23,7 @@ from addon.solver.physics.lobes import ggx_albedo, interpolate_albedo
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning import lamps
 from addon.solver.planning.preparation import prepare
+from addon.solver.sampling.heuristics import BEST
 from addon.solver.sampling.rng import CACHE, pass_key
 from addon.solver.sampling.rng import LAMPS as LAMP_POINTS
 from tests.helpers.paper_estimator import changed, lights_alone
@@ -386,8 +387,8 @@ def slats(aside):
 
 
 def judged(scene, reference=0.0):
-    """The Model, and need, visible and met (by label of the sheet) and the variance, see _need; and the variance of
-    candidates, see _candidate_variance."""
+    """The Model, and need, visible and met (by label of the sheet) and the variance, see _need; and what a shadow ray
+    is worth, see _best_worth."""
     seen = {}
 
     def watched(name, function):
@@ -397,9 +398,9 @@ def judged(scene, reference=0.0):
 
         return mock.patch.object(lamps, name, watch)
 
-    with watched("_need", lamps._need), watched("_candidate_variance", lamps._candidate_variance):
+    with watched("_need", lamps._need), watched("_best_worth", lamps._best_worth):
         model = prepare(scene, Settings(reference_temperature=reference))
-    return model, *seen["_need"], seen["_candidate_variance"]
+    return model, *seen["_need"], seen["_best_worth"]
 
 
 def by_part(model, *counts):
@@ -421,16 +422,13 @@ def test_shadow_rays_to_a_lone_ball_leave_nothing_to_chance():
     is random. What it is worth, in rays of a final gather, falls to the ball's triangles by their area, and the rest is
     left to those rays."""
     scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), half=0.3)
-    model, need, visible, met, variance, candidates = judged(scene)
+    model, need, visible, met, variance, worth_all = judged(scene)
     label = sheet_under(model, 2)
     assert visible[label] == 1.0 and variance < 1e-6
     worth = model.lamps.density.ravel() * np.repeat(areas(model.stage.surfaces.corners), 2)
     sides = model.lamps.side_id
     assert sides.size == 1280 and np.count_nonzero(worth) == 1280
-    # 32 points anywhere on a far ball, of which the cosines that face the floor count, even over 0..1 and 0 for half of
-    # them: (1/6) / (1/4)^2 - 1 = 5/3 for one; strata do better
-    assert 0.0 < candidates < 5.0 / 3.0 / 32.0
-    worth_all = 1.0 / (variance + candidates + 1.0 / 256.0)
+    assert worth_all == BEST
     assert worth.sum() == pytest.approx(worth_all, rel=1e-5)
     np.testing.assert_allclose(model.lamps.density.ravel()[sides], worth_all / areas_of(scene, 2), rtol=0.01)
     # TYPICAL_RAYS F of those rays meet it: F = (r / d)^2 cos, on a floor of 0.6 m from 0.64 of what it is below it
@@ -484,12 +482,13 @@ def test_hot_and_cold_balls_leave_their_difference_to_chance():
         vertices, triangles, temperature, (GREY, BLACK), above((0.0, 0.0), 0.02), EDGES, material,
         world_temperature=reference,
     )  # fmt: skip
-    model, _, visible, _, variance, candidates = judged(scene, reference)
+    model, _, visible, _, variance, worth_all = judged(scene, reference)
     np.testing.assert_allclose(by_part(model, 1280, 1280), 0.5, atol=0.01)
     assert 0.95 < variance < 1.15
-    # which makes them worth as little
+    # which makes a shadow ray worth less than where nothing is left to chance
+    assert worth_all < BEST
     worth = model.lamps.density.ravel() * np.repeat(areas(model.stage.surfaces.corners), 2)
-    assert worth.sum() == pytest.approx(1.0 / (variance + candidates + 1.0 / 256.0), rel=1e-4)
+    assert worth.sum() == pytest.approx(worth_all, rel=1e-4)
 
 
 def test_photons_and_shadow_rays_together_are_the_irradiance():
@@ -512,7 +511,7 @@ def test_photons_and_shadow_rays_together_are_the_irradiance():
         point = np.column_stack((rng.uniform(-half, half, (2000, 2)), np.zeros(2000)))
         side_id = np.where(point[:, 1] > point[:, 0], 2 + up[1], up[0]).astype(np.int32)
         lit = lamp_points(model.lamps, surfaces, pass_key(i, 0, LAMP_POINTS))
-        lighting = Lighting(model.emitters.surroundings, model.lamps, lit, 1)
+        lighting = Lighting(model.emitters.surroundings, model.lamps, lit, model.looking, 1)
         key = pass_key(i, 0, CACHE)
         told = direct_irradiance(
             model.stage, model.tracer, lighting, ((point - middle).astype(np.float32), side_id), key, 0

@@ -22,7 +22,7 @@ from addon.solver.planning.splitting import (
     NEAR,
     Splitting,
     Spread,
-    _near,
+    plan_looking,
     rays_alone,
     recall_chance,
 )
@@ -35,7 +35,7 @@ def splitting_of(price, **sheet):
     """On one sheet, which has these values."""
     known = {name: np.full(1, value) for name, value in sheet.items() if name != "evenness"}
     sheets = dark_sheets(1)._replace(**sheet | known)
-    return Splitting(sheets, cells_of(), np.zeros(1, np.float32), np.zeros(0, np.int32), np.zeros(0), price)
+    return Splitting(sheets, cells_of(), np.zeros(0, np.int32), np.zeros(0), price)
 
 
 def cells_of(key=(), closeness=(), count=()):
@@ -94,6 +94,8 @@ def test_what_is_near_is_one_distance_for_a_sheet():
     cells = cells_of(
         key=(0 * sheets + 1, 5 * sheets + 1, 5 * sheets + 2), closeness=(1.0, 0.25, 0.5), count=(10, 30, 7)
     )
-    near = _near(cells, sheets)
+    splitting = Splitting(dark_sheets(sheets), cells, np.zeros(0, np.int32), np.zeros(0), 1.0)
+    near, alone, together = plan_looking(splitting, 1.0, 30)
     assert near.dtype == np.float32 and near[0] > 1e20
+    assert np.all(alone >= _FEWEST) and np.all(together >= alone)
     np.testing.assert_allclose(near[1:], np.multiply(_ALONE, (40 / 17.5, 2.0)), rtol=1e-6)

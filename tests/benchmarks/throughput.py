@@ -128,7 +128,7 @@ def main():
     with ThreadPoolExecutor(threads) as pool:
         store = photon_store(scene.band_count, model.optics)
         work = Work(store, pool, lambda: False)
-        lighting = Lighting(model.emitters.surroundings, model.lamps, shining, len(model.layers))
+        lighting = Lighting(model.emitters.surroundings, model.lamps, shining, model.looking, len(model.layers))
         straight = model.optics.keep_incoming
         estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, straight, model.splitting, lighting.layers)
         pixels = tiles(model.eye.window, 0, camera_keys[0])

@@ -12,11 +12,12 @@ from ..geometry.stage import emission_at, layer_at, nothing_emitted, reflectance
 from ..geometry.surfaces import sheet_of
 from ..physics.radiometry import NONE
 from ..planning.lamps import share_of_ray
+from ..sampling.heuristics import shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
 from .rays import ALONE, BLIND, largest_throughput
-from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING
+from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
 
@@ -66,17 +67,19 @@ def first_gathers(gathers: Gathers, count: int) -> Gathers:
 
 @njit(**KERNEL)
 def part_near(bounce, rows):
-    """Add up the closeness of what rays of final gathers meet, and give the rays that meet something near to a row of
-    their own, see Rows."""
+    """Add up the closeness of what rays of final gathers meet, and give rays that meet something near to a row of their
+    own, see Rows: all or some of them, in the mean as much as is not shared."""
     rays, hits = bounce.rays, bounce.hits
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0 or not rays.final[i] or rays.continued[i]:
             continue
         row, distance = rays.pixel[i], max(hits.distance[i], np.float32(1e-15))
         rows.closeness[row] += 1.0 / distance
-        if rays.density[i] < ALONE and distance < rows.near[row]:
-            rays.pixel[i] = row + rows.apart[row]
-            rays.density[i] *= rows.fewer[row]
+        if rays.density[i] < ALONE:
+            shared = shared_part(float(rows.near[row]), float(distance))
+            rays.density[i] *= rows.fewer[row] + shared * (1.0 - rows.fewer[row])
+            if uniform(rays.path[i], PARTING + bounce.number) >= shared:
+                rays.pixel[i] = row + rows.apart[row]
 
 
 def meet(stage, lighting, bounce, rows) -> Gathers:

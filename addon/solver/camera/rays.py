@@ -97,9 +97,9 @@ class Rows(NamedTuple):
     """What rays add to: the pixels of a tile, followed by a row for each final gather.
 
     image: (rows, layers * b) float32, W m-2 sr-1. near: (rows,) float32, m, and apart: (rows,) int32: what a ray of a
-    final gather meets nearer than this adds to the row that lies so many rows further, and is not shared. fewer:
-    (rows,) float32, factor on the density of rays for that, see Looking. closeness: (rows,) float64, 1 / m, sum of the inverse
-    distances to what the rays of a final gather meet.
+    final gather meets nearer than about this adds to the row that lies so many rows further, and is not shared. fewer:
+    (rows,) float32, factor on the density of rays for that, see Looking. closeness: (rows,) float64, 1 / m, sum of the
+    inverse distances to what the rays of a final gather meet.
     """
 
     image: np.ndarray

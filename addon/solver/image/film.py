@@ -30,8 +30,8 @@ class Film:
     weights: (b,) response of the sensor in each band (`sensors.band_weights`), by which the bands count in radiance();
     None counts all alike. correction: of temperature() and noise(); it may be changed at any time.
     openness: share of the rays that leave the scene and see its surroundings, as far as the pilot knows.
-    estimated: (height * width,) bool, pixels whose reflected light is estimated, so that they may have missed something;
-    the others are exact but for edges.
+    estimated: (height * width,) bool, pixels whose reflected light is estimated, which may have missed something; the
+    others are exact but for edges.
     layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
     seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
     passes. passes: number of finished passes. photons: emitted in these passes.

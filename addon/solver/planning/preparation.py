@@ -60,10 +60,11 @@ class Model:
 
     samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
     estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons. looking:
-    from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature groups that the image keeps apart; layer_weights: (layers,
-    b) by which the bands of each layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a
-    trial photon. rays_per_pixel: rays under way at once, in the tile where they are most. openness: share of the rays
-    that leave the scene, of those from the camera or of those from what the image depends on, whichever is larger.
+    from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature
+    groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's
+    signal. hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays under way at once, in
+    the tile where they are most. openness: share of the rays that leave the scene, of those from the camera or of those
+    from what the image depends on, whichever is larger.
     """
 
     tracer: Tracer

@@ -72,8 +72,8 @@ class Survey(NamedTuple):
     but at least a sixteenth of the sum of these over the pixel and its eight neighbours.
     unknown: bool, whether the pixel shows a rough lobe, of which a few samples do not say all, or a specular surface
     where a sample ended, as its throughput was small or after too many reflections. estimated: bool, whether it shows a
-    surface whose reflected light has to be estimated. All else is seen exactly, but for edges. block: int32, number of the block
-    that the pixel lies in.
+    surface whose reflected light has to be estimated. All else is seen exactly, but for edges. block: int32, number of
+    the block that the pixel lies in.
     """
 
     sensitivity: np.ndarray

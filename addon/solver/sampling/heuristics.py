@@ -37,9 +37,9 @@ def balance(mine, other):
 class Looking(NamedTuple):
     """How many rays of the diffuse lobe look for light from a point, or, as arrays, from a point on each sheet.
 
-    together: of all final gathers that share rays. alone: of one gather, which has what lies nearer than `near`, m, for
-    itself. The heuristic counts with these numbers, which are the same for all gathers on a sheet, whatever each sends:
-    those that share rays must agree on the share of shadow rays.
+    together: of all final gathers that share rays. alone: of one gather, which has what lies nearer than about `near`,
+    m, for itself, see shared_part. The heuristic counts with these numbers, which are the same for all gathers on a
+    sheet, whatever each sends: those that share rays must agree on the share of shadow rays.
     """
 
     near: float
@@ -50,7 +50,18 @@ class Looking(NamedTuple):
 @njit(**INLINED)
 def rays_to(looking, distance):
     """Number of rays that may meet what lies so far away, m."""
-    return looking.alone if distance < looking.near else looking.together
+    return looking.alone + shared_part(looking.near, distance) * (looking.together - looking.alone)
+
+
+@njit(**INLINED)
+def shared_part(near, distance):
+    """Part of the light from so far away, m, that neighbours share: from 0 at half of near to 1 at twice near. What is
+    shared is averaged over neighbours, so it must not bend: a sudden change at `near` would, where a wall lies there.
+    """
+    if near <= 0.0:
+        return 1.0
+    t = min(1.0, max(0.0, 0.5 + 0.5 * math.log2(max(distance / near, 1e-30))))
+    return t * t * (3.0 - 2.0 * t)
 
 
 @njit(**INLINED)
