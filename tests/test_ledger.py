@@ -46,7 +46,8 @@ TRACED = {"plate": "plate", "lamp": "lamp", "sky": "plate", "light": "plate"}  #
 PASSES = (8, 8, 16, 24, 48)  # by number of lobes
 SIGMAS, LARGEST_ERROR = 4.0, 0.08
 LEAST_SHARE = 0.85  # of the light, of the kinds that a chain is for
-_ERROR, _SECONDS = 0.02, 25.0  # relative error at which a reference is good enough, and the most time for one
+_ERRORS = (0.01, 0.01, 0.01, 0.02, 0.04)  # relative errors at which references are good enough, by number of lobes
+_SECONDS = 60.0  # for one reference, about, if it does not get so good
 
 
 def _all_lamps(surfaces, tracer, side_power, pilot, lit, key):
@@ -147,7 +148,7 @@ def reference(lobes, emitter):
         kinds = traced.by_kind()
         shares.append(sum(kinds[kind][0].mean() for kind in kinds_of(lobes) if kind in kinds))
         value, error = np.mean(means), standard_error(np.array(means))
-        if error < _ERROR * value or time.monotonic() - start > _SECONDS:
+        if error < _ERRORS[len(lobes)] * value or time.monotonic() - start > _SECONDS:
             return value, error, np.mean(shares) / value
 
 

@@ -37,7 +37,8 @@ _PIXELS = 8  # on each side of the picture
 def chain(lobes, emitter):
     """The Scene of the paths that meet these lobes (see LOBES) from the eye on, and of the emitter, one of EMITTERS.
 
-    The light is as large and as bright as the plate, so that the same paths bring the same radiance of both.
+    The lamp hangs in an opening to surroundings at the reference temperature, so that one side of it alone counts. The
+    light is as large and as bright as the plate, so that the same paths bring the same radiance of both.
     """
     count = len(lobes)
     parts = [*_panels(lobes, emitter), *_baffles(count), *_ends(count)]
@@ -72,7 +73,7 @@ def _panels(lobes, emitter):
             yield *panel, COLD, 0
         elif place < len(lobes):
             yield *panel, COLD, 1 + list(LOBES).index(lobes[place])
-        elif emitter != "sky":
+        elif emitter in ("plate", "light"):
             yield *panel, HOT if emitter == "plate" else COLD, 0
 
 
