@@ -4,8 +4,8 @@
 A kind is an emitter and the lobes that a path meets, from the eye on: diffuse (D), rough (G), mirror (S). Each is
 rendered in a scene in which hardly any other brings light (helpers/chains.py), and compared with the path tracer of
 helpers/path_tracer.py, which has no shadow rays, photons or caches. Means of pictures must agree within 4 standard
-errors of both, and these errors are at most 8 %: a kind that is left out is 100 % too low, one that is counted twice
-100 % too high.
+errors of both together, and these are at most 10 % (mostly below 5 %): a kind that is left out is 100 % too low, one
+that is counted twice 100 % too high, and 50 % where two ways share it.
 
 Which way finds a kind is planned from scene to scene. Some of the ways are forced, too (see WAYS): the plan may cost
 noise, and must not change the mean.
@@ -43,9 +43,10 @@ SHORT = 3  # of the longest that are not left to --long
 MIXED = tuple("ds")  # plates with two lobes
 MIXED += ("dd", "ds", "sd", "ss", "dD", "dG", "dS", "sD", "sG", "Dd", "Gd", "Sd", "Ds", "Gs", "Ss", "dsd", "sds")
 TRACED = {"plate": "plate", "lamp": "lamp", "sky": "plate", "light": "plate"}  # emitter: whose reference is its own
-PASSES = (8, 8, 16, 24, 48)  # by number of lobes
-SIGMAS, LARGEST_ERROR = 4.0, 0.08
+PASSES = (8, 8, 16, 24, 48)  # by number of lobes, of chains without much noise, see passes_of
+SIGMAS, LARGEST_ERROR = 4.0, 0.1
 LEAST_SHARE = 0.85  # of the light, of the kinds that a chain is for
+_BEHIND = re.compile("[GS]*D([GS]+)")  # what rays of a visible point's gather find by way of further lobes
 _ERRORS = (0.01, 0.01, 0.01, 0.02, 0.04)  # relative errors at which references are good enough, by number of lobes
 _SECONDS = 60.0  # for one reference, about, if it does not get so good
 
@@ -71,25 +72,43 @@ def pure(length):
     return ["".join(lobes) for lobes in itertools.product("DGS", repeat=length)]
 
 
-def is_defined(lobes, emitter):
-    """Whether the image of a chain is defined to be that of the reference: lights are not seen in mirrors alone."""
-    return emitter != "light" or not any(set(kind) <= {"S"} for kind in kinds_of(lobes))
+def passes_of(lobes):
+    """Number of passes after which the error of a chain is small enough."""
+    behind = _BEHIND.match(lobes)
+    if behind:
+        return PASSES[len(lobes)] * 4 * len(behind[1])
+    return PASSES[len(lobes)] * (4 if lobes.endswith("DDD") and len(lobes) == LENGTH else 1)
 
 
-def cases(chains, emitters=EMITTERS):
-    """Parameters lobes, emitter; those of long chains are left to --long."""
+def is_compared(lobes, emitter, forced=False):
+    """Whether a chain is rendered. Lights are not seen in mirrors alone, and as planned rays hardly ever find a lamp
+    behind the lobes of other surfaces: in their place the plate tells, and lamps where they are forced to throw
+    caustics."""
+    if emitter == "light":
+        return not any(set(kind) <= {"S"} for kind in kinds_of(lobes))
+    return forced or emitter != "lamp" or not re.search("^[GS]*D[GS]+$", lobes)
+
+
+def is_long(lobes, emitter):
+    """Whether a chain is left to --long: where it is long or takes many passes, and half of those of two lobes."""
+    behind = len(lobes) == SHORT and _BEHIND.match(lobes)
+    return len(lobes) > SHORT or bool(behind) or (not set(lobes) <= set("DGS") and emitter in ("plate", "sky"))
+
+
+def cases(chains, emitters=EMITTERS, forced=False):
+    """Parameters lobes, emitter."""
     return [
-        pytest.param(lobes, emitter, marks=pytest.mark.long if len(lobes) > SHORT else [])
+        pytest.param(lobes, emitter, marks=pytest.mark.long if is_long(lobes, emitter) else [])
         for lobes, emitter in itertools.product(chains, emitters)
-        if is_defined(lobes, emitter)
+        if is_compared(lobes, emitter, forced)
     ]
 
 
 def forced():
     """Parameters way, lobes, emitter: of each way those chains that it makes a difference to."""
-    chains = [*MIXED, *itertools.chain.from_iterable(map(pure, range(1, LENGTH + 1)))]
+    chains = [*MIXED, *itertools.chain.from_iterable(map(pure, range(1, SHORT + 1)))]
     for way, (pattern, emitters, _) in WAYS.items():
-        for case in cases([lobes for lobes in chains if re.search(pattern, lobes)], emitters):
+        for case in cases([lobes for lobes in chains if re.search(pattern, lobes)], emitters, forced=True):
             yield pytest.param(way, *case.values, marks=case.marks)
 
 
@@ -106,7 +125,7 @@ def references():
 
 def rendered(lobes, emitter):
     """Mean excess radiance of the picture, and its standard error."""
-    settings = Settings(passes=PASSES[len(lobes)], photons_per_pass=10_000, reference_temperature=COLD, threads=1)
+    settings = Settings(passes=passes_of(lobes), photons_per_pass=10_000, reference_temperature=COLD, threads=1)
     means = pass_means(chain(lobes, emitter), settings)[:, 0] - black_radiance(EDGES, COLD)[0]
     return means.mean(), standard_error(means)
 
@@ -132,7 +151,7 @@ def test_plates_with_two_lobes(lobes, emitter):
     check(lobes, emitter)
 
 
-@pytest.mark.parametrize("way, lobes, emitter", forced())
+@pytest.mark.parametrize("way, lobes, emitter", list(forced()))
 def test_whichever_way_is_planned(monkeypatch, way, lobes, emitter):
     for name, value in WAYS[way][-1].items():
         monkeypatch.setattr(f"addon.solver.{name}", value)
