@@ -74,18 +74,22 @@ def pure(length):
 
 def passes_of(lobes):
     """Number of passes after which the error of a chain is small enough."""
-    behind = _BEHIND.match(lobes)
+    behind, is_longest = _BEHIND.match(lobes), len(lobes) == LENGTH
     if behind:
-        return PASSES[len(lobes)] * 4 * len(behind[1])
-    return PASSES[len(lobes)] * (4 if lobes.endswith("DDD") and len(lobes) == LENGTH else 1)
+        factor = 16 if is_longest and lobes[0] == "D" else 4 * len(behind[1])
+    else:
+        factor = 4 if is_longest and lobes[:2] in ("DD", "GG") else 1
+    return PASSES[len(lobes)] * factor
 
 
 def is_compared(lobes, emitter, forced=False):
     """Whether a chain is rendered. Lights are not seen in mirrors alone, and as planned rays hardly ever find a lamp
     behind the lobes of other surfaces: in their place the plate tells, and lamps where they are forced to throw
-    caustics."""
+    caustics. The longest of these chains are rendered with the plate, whose light rays find, and with the light."""
     if emitter == "light":
         return not any(set(kind) <= {"S"} for kind in kinds_of(lobes))
+    if len(lobes) == LENGTH and _BEHIND.match(lobes):
+        return emitter == "plate"
     return forced or emitter != "lamp" or not re.search("^[GS]*D[GS]+$", lobes)
 
 
