@@ -20,6 +20,7 @@ from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning import preparation
 from addon.solver.planning.sheets import FALL
 from addon.solver.planning.splitting import _FEWEST, noise_and_time, plan_splitting, ray_variance, spread_in
+from addon.solver.sampling.rng import path_key
 from tests.helpers.paper_estimator import ALWAYS_RECALL, changed, lights_alone, no_final_gathers, rays_everywhere
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
@@ -221,31 +222,47 @@ def test_all_that_reflects_diffusely_sends_rays(monkeypatch):
 
 def test_what_is_near_goes_to_a_row_of_its_own():
     """Of rays of final gathers that share their rays with neighbours; their closeness counts wherever they add to. Not
-    of rays that miss, go on, come from a mirror or belong to no final gather: nobody parts what these meet."""
-    nothing = -1
+    of rays that miss, go on, come from a mirror or belong to no final gather: nobody parts what these meet. Rays that
+    look for what is near are as many as one gather sends."""
+    nothing, near, fewer = -1, 0.2, 0.25
     rows = {  # row: triangle, distance (m), final, continued, density; whether it is parted, and its closeness counts
-        2: (5, 0.1, True, False, 1.0, True, True),
-        3: (5, 0.3, True, False, 1.0, False, True),
+        2: (5, 0.5 * near, True, False, 1.0, True, True),
+        3: (5, 2.0 * near, True, False, 1.0, False, True),
         4: (nothing, 0.1, True, False, 1.0, False, False),
         5: (5, 0.1, True, True, 1.0, False, False),
-        6: (5, 0.1, True, False, BLIND, False, True),
+        6: (5, 0.5, True, False, BLIND, False, True),
         7: (5, 0.1, False, False, ALONE, False, False),
     }
-    count, first, apart = len(rows), 2, 10
-    rays = empty_rays(count, 1)
-    triangle, distance, rays.final[:], rays.continued[:], rays.density[:], parted, counts = zip(
-        *rows.values(), strict=True
-    )
-    rays.pixel[:] = list(rows)
-    hits = Hits(np.array(triangle, np.int32), *np.zeros((2, count), np.float32), np.array(distance, np.float32))
-    bounce = Bounce(1, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
-    total = first + count + apart
-    near, far = np.full(total, 0.2, np.float32), np.full(total, apart, np.int32)
-    filled = Rows(np.zeros((total, 1), np.float32), near, far, np.zeros(total))
+    triangle, distance, final, continued, density, parted, counts = zip(*rows.values(), strict=True)
+    bounce, filled = some_rays(list(rows), triangle, distance, (near, fewer), apart=10)
+    bounce.rays.final[:], bounce.rays.continued[:], bounce.rays.density[:] = final, continued, density
     part_near(bounce, filled)
-    assert rays.pixel.tolist() == [row + apart * is_parted for row, is_parted in zip(rows, parted, strict=True)]
+    assert bounce.rays.pixel.tolist() == [row + 10 * is_parted for row, is_parted in zip(rows, parted, strict=True)]
+    np.testing.assert_allclose(bounce.rays.density[:2], (fewer, 1.0), rtol=1e-6)
     expected = np.where(counts, 1.0 / np.float32(distance), 0.0)
-    np.testing.assert_allclose(filled.closeness[first : first + count], expected, rtol=1e-6)
+    np.testing.assert_allclose(filled.closeness[list(rows)], expected, rtol=1e-6)
+
+
+def test_half_of_what_is_neither_near_nor_far_is_shared():
+    """At the distance `near` half of the rays go to the row of their own; 4 standard errors of that share. So many rays
+    look for it: the mean of both."""
+    count, near, fewer = 10_000, 0.2, 0.25
+    bounce, filled = some_rays(np.zeros(count, int), np.full(count, 5), np.full(count, near), (near, fewer), apart=1)
+    bounce.rays.final[:], bounce.rays.continued[:], bounce.rays.density[:] = True, False, 1.0
+    part_near(bounce, filled)
+    assert abs(bounce.rays.pixel.mean() - 0.5) < 4 * 0.5 / math.sqrt(count)
+    np.testing.assert_allclose(bounce.rays.density, 0.5 * (1.0 + fewer), rtol=1e-4)
+
+
+def some_rays(row, triangle, distance, looking, apart):
+    """A Bounce of rays, and Rows, in which all rows have the same near and fewer (looking) and apart."""
+    count, total = len(row), max(row) + 1 + apart
+    rays = empty_rays(count, 1)
+    rays.pixel[:], rays.path[:] = row, [path_key(np.uint64(1), i) for i in range(count)]
+    hits = Hits(np.array(triangle, np.int32), *np.zeros((2, count), np.float32), np.array(distance, np.float32))
+    near, fewer = np.full((2, total), np.transpose([looking]), np.float32)
+    rows = Rows(np.zeros((total, 1), np.float32), near, np.full(total, apart, np.int32), fewer, np.zeros(total))
+    return Bounce(1, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32)), rows
 
 
 def test_neighbours_share_their_rays():
@@ -272,8 +289,8 @@ def test_neighbours_share_their_rays():
     rays = random.choice([16, 32, 128], count).astype(np.int32)
     contribution, factor = random.uniform(0.01, 1, count), random.uniform(0, 1, (count, bands)).astype(np.float32)
     radius2, is_cut = random.uniform(0, 4, count), random.random(count) < 0.5
-    near = np.zeros(count, np.float32)
-    finals = Finals(pixel, point, side_id, rays, radius2, is_cut, near, rows * columns, contribution, factor)
+    near, fewer = np.zeros(count, np.float32), np.ones(count, np.float32)
+    finals = Finals(pixel, point, side_id, rays, radius2, is_cut, near, fewer, rows * columns, contribution, factor)
     image = random.normal(size=(rows * columns + 2 * count, bands)).astype(np.float32)
     sheet = surfaces.sheet[side_id >> 1, side_id & 1]
     d2 = np.sum((point[:, None] - point) ** 2, axis=-1)
@@ -438,8 +455,9 @@ def variance_at(price, scene, settings, monkeypatch):
 def test_noise_is_foreseen_where_a_small_part_of_a_floor_is_lit(monkeypatch):
     """A panel of 1 m over a floor of 30 m, and the picture shows no more than what is under it.
 
-    To a factor of 1.5 in the standard deviation, as below.
+    To a factor of 1.5 in the standard deviation, as below; without shadow rays, whose noise is not foreseen.
     """
+    monkeypatch.setattr(preparation, "build_lamps", lights_alone)
     floor, panel = quad((0, 0, 0), (15, 0, 0), (0, 15, 0)), quad((0, 0, 1), (0.5, 0, 0), (0, 0.5, 0))
     *parts, material = join((*floor, 293.0, 0), (*panel, 400.0, 1))
     camera = look((0, -0.8, 0.6), (0, 0, 0), 16, 16, 0.8)

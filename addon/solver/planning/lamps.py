@@ -16,10 +16,11 @@ from ..geometry.interaction import emit_at, leave
 from ..geometry.point_tree import morton_order
 from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.stage import Stage, fill_emission
-from ..geometry.surfaces import clear_of
+from ..geometry.surfaces import clear_of, sheet_of
 from ..geometry.triangles import CLEAR, areas, centroids, normal
 from ..photons.lights import SUN, LightTable, light_totals
 from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
+from ..sampling.low_discrepancy import unevenness
 from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
 from ..sampling.vectors import difference, dot, moved, vector
 from ..sampling.warps import triangle_point
@@ -31,7 +32,11 @@ _PAIRS = 1 << 20  # of lamps and such points, about
 _AIMED = 8192  # trial shadow rays between such pairs
 _TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
 # that a shadow ray may count as
-_WORTHS = tuple(float(BEST / 4.0**i) for i in range(9))
+_WORTHS = tuple(float(BEST / 2.0**i) for i in range(12))
+# Time that a gather takes besides its TYPICAL_RAYS rays, over theirs. Of 256, 64, 16 and 4 the worth that is next to
+# the chosen one was best, or within 3 % of the best error times root of time, in room, ring, engine, street, office and
+# bay of tests/benchmarks/speed_scenes.py; in cavity it costs 12 %.
+_BESIDES = 1.0 / 8.0
 _LEAST_NEED = 1.0 / 64.0  # least need of a lamp, over the mean, as the points say little of others
 
 
@@ -115,12 +120,13 @@ def build_lamps(
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
-    best = _best_worth(stage, pilot, side_id, (cumulative, power, visible), hidden)
+    of_sheet = np.bincount(label, chance[: len(side_id)], len(need))
+    best = _best_worth(stage, pilot, _Chances(side_id, cumulative, of_sheet, power, visible), hidden)
     worth = best * chance[: len(side_id)]
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
-    of_sheet = np.bincount(label, worth, len(need))[label]
-    found[side_id >> 1] = met[label] / (met[label] + of_sheet)
+    # the power heuristic, as in balance
+    found[side_id >> 1] = met[label] ** 2 / np.maximum(met[label] ** 2 + (best * of_sheet[label]) ** 2, 1e-300)
     return Lamps(cumulative, side_id, lights, power * visible, density, found, caustic)
 
 
@@ -190,14 +196,16 @@ def _sides(surfaces, side_power, side_id) -> _Sides:
 
 
 def _visibility(surfaces, tracer, sides, weight, receivers) -> np.ndarray:
-    """(n,) float64 share of the light of n sheets that no surface hides, told by rays between pairs of sheets and
-    receivers that are chosen in proportion to weight (n, r)."""
+    """(n,) float64 share of the light of n sheets that no surface hides, of that which faces the receivers at all; told
+    by rays between pairs of sheets and receivers that are chosen in proportion to weight (n, r)."""
     key, cumulative = pass_key(0, LAMP_CHOICE, PILOT), np.cumsum(weight.ravel())
     picks = (np.arange(_AIMED) + uniforms(key, 0, _AIMED)) / _AIMED * cumulative[-1]
     pair = np.minimum(np.searchsorted(cumulative, picks, side="right"), cumulative.size - 1)
     sheet, receiver = np.divmod(pair, weight.shape[1])
     seen, faces = _aimed(surfaces, tracer, sides, (sheet, receiver, receivers), key)
-    return (np.bincount(sheet, seen, len(weight)) + 1.0) / (np.bincount(sheet, faces, len(weight)) + 1.0)
+    tried, met, seen = (np.bincount(sheet, some, len(weight)) for some in (np.ones(_AIMED), faces, seen))
+    # of a sheet that faces nothing, such as the back of a plate, nothing is seen
+    return (seen + 1.0) / (np.where(met > 0.0, met, tried) + 1.0)
 
 
 def _variance(surfaces, tracer, sides, weight, receivers, gain) -> float:
@@ -251,67 +259,110 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
         leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(dot(way, way)), lamp.normal), rays, i)
 
 
-def _best_worth(stage, pilot, side_id, chances, hidden) -> float:
-    """How many rays a shadow ray should count as in the heuristic: of some numbers that with which what shadow rays and
-    rays find varies least, in the sum over where camera paths gather.
+class _Chances(NamedTuple):
+    """How shadow rays choose among sides that emit, (n,), and lights behind them. side_id, cumulative: see Lamps.
+    of_sheet: (labels,) float64, chance of all sides of a sheet. power: (e,) float64, W. visible: (e,) float64, see
+    _visibility."""
 
-    chances: cumulative, power and visible share of the lamps. hidden: see _variance.
+    side_id: np.ndarray
+    cumulative: np.ndarray
+    of_sheet: np.ndarray
+    power: np.ndarray
+    visible: np.ndarray
+
+
+class _Found(NamedTuple):
+    """Room for what CANDIDATES lamp points bring to a receiver. emitted: (b,) float64. sums: (2, 3) float64, see
+    _try_candidates. sheet: (CANDIDATES,) int32, label, -1 for lights. taken: float64, share of the receiver's
+    cosine-weighted view that the sheet takes, as this point tells it. left: float64, variance of single random rays."""
+
+    emitted: np.ndarray
+    sums: np.ndarray
+    sheet: np.ndarray
+    taken: np.ndarray
+    left: np.ndarray
+
+
+def _best_worth(stage, pilot, chances, hidden) -> float:
+    """How many rays a shadow ray should count as in the heuristic: of some numbers the one that costs least, in the sum
+    over where camera paths gather.
+
+    hidden: see _variance.
     """
-    if len(pilot.point) == 0 or chances[0][-1] == 0.0:
+    if len(pilot.point) == 0 or chances.cumulative[-1] == 0.0:
         return _WORTHS[0]
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
-    key, rooms = pass_key(0, CANDIDATE_CHOICE, PILOT), (np.empty(stage.radiometry.reference.size), np.empty((2, 3)))
-    variance = np.zeros(len(_WORTHS))
-    for i, worth in enumerate(_WORTHS):
-        variance[i] = _variance_with(stage, receivers, side_id, chances, (worth, hidden, key), rooms)
-    return _WORTHS[int(np.argmin(variance))]
+    key, emitted = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
+    room = _Found(emitted, np.empty((2, 3)), np.empty(CANDIDATES, np.int32), *np.empty((2, CANDIDATES)))
+    cost = [_cost_with(stage, receivers, chances, (worth, hidden, key), room) for worth in _WORTHS]
+    return _WORTHS[int(np.argmin(cost))]
 
 
 @njit(**KERNEL)
-def _variance_with(stage, receivers, side_id, chances, choice, rooms):
-    """Sum over the receivers of the variance of their direct irradiance. choice: worth of a shadow ray, variance of
-    what it finds by what is hidden, and key of the random numbers."""
-    (worth, hidden, key), (emitted, found), total = choice, rooms, 0.0
+def _cost_with(stage, receivers, chances, choice, room):
+    """Standard error of direct irradiance times the root of the time, summed over the receivers. choice: worth of a
+    shadow ray, variance of what it finds by what is hidden, and key of the random numbers.
+
+    With m times as many rays the variance is a + b / m, and the time in proportion to _BESIDES + m. The product is
+    least at m = (_BESIDES b / a)^(1/2): ((_BESIDES a)^(1/2) + b^(1/2))^2.
+    """
+    (worth, hidden, key), sums, cost = choice, room.sums, 0.0
     for i in range(receivers.side_id.size):
         path, n = path_key(key, i), vector(receivers.normal, i)
         here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
         # two sets of candidates, as their strata differ less than single candidates do
         for row in range(2):
-            _try_candidates(stage, (here, n), side_id, chances, (worth, path_key(path, row)), emitted, found[row])
-        mean = 0.5 * (found[0, 0] + found[1, 0])
-        total += 0.5 * (found[0, 0] - found[1, 0]) ** 2 + hidden * mean * mean
-        total += mean * 0.5 * (found[0, 1] + found[1, 1]) + 0.5 * (found[0, 2] + found[1, 2])
-    return total
+            _try_candidates(stage, (here, n), chances, (worth, path_key(path, row)), room, sums[row])
+        mean = 0.5 * (sums[0, 0] + sums[1, 0])
+        of_shadows = 0.5 * (sums[0, 0] - sums[1, 0]) ** 2 + hidden * mean * mean
+        of_shadows += mean * 0.5 * (sums[0, 1] + sums[1, 1])
+        cost += math.sqrt(_BESIDES * of_shadows) + math.sqrt(0.5 * (sums[0, 2] + sums[1, 2]))
+    return cost
 
 
 @njit(**KERNEL)
-def _try_candidates(stage, receiver, side_id, chances, choice, emitted, found):
-    """Fill found with what CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, as far
+def _try_candidates(stage, receiver, chances, choice, room, sums):
+    """Fill sums with what CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, as far
     as it is left to shadow rays; the part of it from points brighter or darker than their triangle, times the square of
     the difference; and the variance of what is left to TYPICAL_RAYS rays."""
-    (cumulative, power, visible), (here, n), (worth, path) = chances, receiver, choice
-    found[:] = 0.0
+    (here, n), (worth, path) = receiver, choice
+    sums[:], room.sheet[:], room.taken[:], room.left[:] = 0.0, -1, 0.0, 0.0
     for c in range(CANDIDATES):
         pick = (c + uniform(path, 3 * c)) / CANDIDATES
-        entry = min(np.searchsorted(cumulative, pick, side="right") - 1, power.size - 1)
-        if entry >= side_id.size:
+        entry = min(np.searchsorted(chances.cumulative, pick, side="right") - 1, chances.power.size - 1)
+        if entry >= chances.side_id.size:
             continue
         u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
-        lamp = emit_at(stage.surfaces, side_id[entry], u, v, _TYPICAL_COSINE)
+        lamp = emit_at(stage.surfaces, chances.side_id[entry], u, v, _TYPICAL_COSINE)
+        room.sheet[c] = sheet_of(stage.surfaces, lamp.side_id)
         way = difference(lamp.point, here)
         distance = math.sqrt(max(dot(way, way), 1e-30))
         cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
         if cosine <= 0.0 or lamp_cosine <= 0.0:
             continue
-        chance = cumulative[entry + 1] - cumulative[entry]
+        chance, power = chances.cumulative[entry + 1] - chances.cumulative[entry], chances.power[entry]
         area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
         view = lamp_cosine / (distance * distance)
         shared = balance(worth * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
-        brought = cosine * view * visible[entry] * power[entry] / chance / CANDIDATES
-        fill_emission(stage, lamp, emitted)
-        found[0] += shared * brought
-        found[1] += shared * brought * (math.pi * area * _total(emitted) / power[entry] - 1.0) ** 2
-        found[2] += (1.0 - shared) ** 2 * brought * math.pi * power[entry] / area / TYPICAL_RAYS
+        brought = cosine * view * chances.visible[entry] * power / chance / CANDIDATES
+        fill_emission(stage, lamp, room.emitted)
+        sums[0] += shared * brought
+        sums[1] += shared * brought * (math.pi * area * _total(room.emitted) / power - 1.0) ** 2
+        room.taken[c] = cosine * view * area / math.pi * chances.of_sheet[room.sheet[c]] / chance
+        room.left[c] = (1.0 - shared) ** 2 * brought * math.pi * power / area / TYPICAL_RAYS
+    for c in range(CANDIDATES):
+        if room.left[c] > 0.0:
+            sums[2] += room.left[c] * unevenness(TYPICAL_RAYS * _taken(room, room.sheet[c]))
+
+
+@njit(**INLINED)
+def _taken(room, sheet):
+    """Share of the view that a sheet takes, as the candidates on it tell."""
+    taken, count = 0.0, 0
+    for c in range(CANDIDATES):
+        if room.sheet[c] == sheet:
+            taken, count = taken + room.taken[c], count + 1
+    return taken / count
 
 
 @njit(**INLINED)

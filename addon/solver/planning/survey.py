@@ -19,6 +19,7 @@ from ..geometry.interaction import emit_at, interact, leave
 from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.stage import Stage, emission_at, lobes_at, nothing_emitted, reflectance_at
 from ..geometry.surfaces import sheet_of
+from ..image.pooling import sum_around
 from ..physics.lobes import diffuse_density, diffuse_share, is_glossy, is_specular, sample_diffuse, sample_specular
 from ..physics.spectrum import apparent_temperature
 from ..sampling.heuristics import TYPICAL_RAYS
@@ -191,8 +192,7 @@ def survey_pixels(
     sensitivity = _sensitivity(stage.radiometry.reference.sum() + mean, edges)
     cells = _cells(sheets, block, sensitivity, gathers, tried)
     variance *= sensitivity**2
-    around = np.pad(variance.reshape(height, width), 1)
-    around = sum(around[y : y + height, x : x + width] for y in range(3) for x in range(3)).ravel()
+    around = sum_around(variance.reshape(height, width), 1).ravel()
     estimated = unknown.copy()
     estimated[gathers.pixel] = True
     return Survey(sensitivity, np.maximum(variance, _AROUND * around), unknown, estimated, block, cells)
