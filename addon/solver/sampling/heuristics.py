@@ -1,9 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Multiple importance sampling: how two ways to find the same light share it (Veach 1997, chapter 9).
 
-The direct light of a lamp at a point is found by shadow rays, and also by rays of a final gather or of a rough lobe
-that meet the lamp by chance, or by photons. Each way counts the share of the light that this heuristic gives it, so
-that all light is counted once, and each way finds what it finds best.
+The ledger. Every kind of light path is counted once (docs/method.md, "One ledger"; tests/test_ledger.py). From the eye
+on, D diffuse, G rough, S mirror; "visible" where G and S alone lie before, an "end" where a gather's ray is:
+
+- seen, or in mirrors: the camera ray, in full (Rays.density ALONE).
+- visible G: its own ray against a shadow ray. Lights: the shadow ray. Lights behind mirrors: photons straight from the
+  light.
+- visible D: rays of the gather against a shadow ray. Lights: the shadow ray. By way of G and S: the ray, but for lights
+  and caustic lamps, which photons of caustics bring (BLIND).
+- an end that recalls: first-hit photons against shadow rays of the cached point, all later photons in full. The sky:
+  photons, on open sheets rays.
+- an end that is continued: its one ray against a shadow ray, and photons of caustics, as at a visible D.
+
+Two that stand against each other take their shares from `balance`, with the same density of shadow rays (Lamps.density)
+and the same number of rays (Looking, TYPICAL_RAYS, SINGLE_RAY) on both sides.
 """
 
 import math
