@@ -81,20 +81,32 @@ def render(
         raise ValueError("The film does not hold the first passes of this render")
     film.correction, film.openness, film.estimated = settings.correction, model.openness, model.estimated
     image = np.empty(((x1 - x0) * (y1 - y0), empty.layer_weights.size), np.float32)
-    seen = np.empty(len(image), np.float32)
+    seen, missed = np.empty((2, len(image)), np.float32)
     store = photon_store(scene.band_count, model.optics)
     keep_freed_memory()
     started = time.monotonic()
     with ThreadPoolExecutor(settings.workers) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
             work = Work(store, pool, cancelled)
-            if not render_pass(model, settings, settings.pass_offset + film.passes, work, image, seen):
+            if not render_pass(model, settings, settings.pass_offset + film.passes, work, (image, seen, missed)):
                 break
-            film.add_pass(image, seen, model.photons_per_pass)
+            film.add_pass(image, seen, model.photons_per_pass, missed)
             if on_pass:
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
+    _log_check(film)
     return film
+
+
+def _log_check(film: Film) -> None:
+    """Log what the image misses where rays recall, in the region that misses most over its standard error."""
+    missed, error = film.missed()
+    if film.passes > 1 and error.any():
+        worst = np.unravel_index(np.argmax(np.abs(missed) / np.maximum(error, 1e-300)), missed.shape)
+        log.info(
+            "recalled light: region %d, %d of 4 x 4 misses %.3g +- %.2g W m-2 sr-1, the most of all over its error",
+            worst[1] + 1, worst[0] + 1, missed[worst], error[worst],
+        )  # fmt: skip
 
 
 def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
@@ -131,9 +143,9 @@ class Work(NamedTuple):
     cancelled: Callable[[], bool]
 
 
-def render_pass(model: Model, settings: Settings, index: int, work: Work, image: np.ndarray, seen: np.ndarray) -> bool:
-    """Render pass `index` into image (pixels, layers * b) and seen (pixels,), both float32, see render_pixels. Returns
-    False if the pass was cancelled."""
+def render_pass(model: Model, settings: Settings, index: int, work: Work, rendered: tuple[np.ndarray, ...]) -> bool:
+    """Render pass `index` into what render_pixels returns, here of all pixels. Returns False if the pass was
+    cancelled."""
     photons = shoot_photons(model, pass_key(settings.seed, index, PHOTONS), work)
     if work.cancelled():
         return False
@@ -169,7 +181,9 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, image:
 
     def render_tile(pixels: np.ndarray):
         if not work.cancelled():
-            image[pixels.ravel()], seen[pixels.ravel()] = render_pixels(shared, pixels, work.cancelled)
+            parts = render_pixels(shared, pixels, work.cancelled)
+            for whole, part in zip(rendered, parts, strict=True):
+                whole[pixels.ravel()] = part
 
     of_window = tiles(model.eye.window, index, shared.keys[0])
     longest_first = sorted(of_window, key=lambda pixels: -int(model.samples[pixels].sum()))

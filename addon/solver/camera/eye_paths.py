@@ -44,17 +44,20 @@ class CameraPass(NamedTuple):
 
 def render_pixels(
     shared: CameraPass, pixels: np.ndarray, cancelled: Callable[[], bool]
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Estimate the excess radiance of a tile of pixels in one pass.
 
-    pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and seen (h w,)
-    float32: the part of the radiance over all bands that surfaces emit straight into the camera.
+    pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and two parts of
+    the radiance over all bands, (h w,) float32: seen, what surfaces emit straight into the camera; and missed, what
+    continued rays find in place of what is recalled, less the latter. It is not in the image, tells of few rays and
+    thus little of a single pixel.
     """
     tracer, stage, lighting, estimate = shared.tracer, shared.stage, shared.lighting, shared.estimate
     bands, numbers = stage.radiometry.reference.size, pixels.ravel()
     samples = shared.samples[numbers]
     rays, reach = _camera_rays(shared, samples, numbers)
-    rows = empty_rows(np.zeros((pixels.size, shared.weights.size), np.float32))
+    # the pixels, and two rows for each that check what is recalled, see follow
+    rows = empty_rows(np.zeros((3 * pixels.size, shared.weights.size), np.float32))
     seen, finals = np.zeros(pixels.size, np.float32), []
     count, number = len(rays.origin), 0
     while count and not cancelled():
@@ -66,20 +69,21 @@ def render_pixels(
         gathers = meet(stage, lighting, bounce, rows)
         if number == 0:
             # einsum, as numpy leaves matrix products to a library with threads of its own
-            np.einsum("pb,b->p", rows.image, shared.weights, out=seen)
+            np.einsum("pb,b->p", rows.image[: pixels.size], shared.weights, out=seen)
         if estimate.photons:
             rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
         shadows = shadow_rays(stage, lighting, bounce, samples, gathers)
         if len(shadows.reach):
             met = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
             add_unshadowed(stage, met, shadows, rows.image)
-        room = count + int(gathers.rays.sum()) + np.count_nonzero(bounce.goes_on)
+        room = count + int(gathers.rays.sum()) + 2 * np.count_nonzero(gathers.rays) + np.count_nonzero(bounce.goes_on)
         rays = empty_rays(room, bands)
         count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1
         reach = np.full(count, 1e37, np.float32)
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)
-    return rows.image[: pixels.size], seen
+    image, goes_on, recalls, *_ = np.split(rows.image, (pixels.size, 2 * pixels.size, 3 * pixels.size))
+    return image, seen, np.einsum("pb,b->p", goes_on - recalls, shared.weights)
 
 
 def _camera_rays(shared, samples, numbers):

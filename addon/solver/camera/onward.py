@@ -19,18 +19,20 @@ from ..physics.lobes import (
 from ..sampling.heuristics import SINGLE_RAY
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
-from ..sampling.vectors import put_vector
+from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .rays import ALONE, BLIND, largest_throughput
-from .streams import CONTINUING, DIMENSIONS, LOBE, SPLITTING, SURVIVAL
+from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
+_DOUBTED = 64.0  # rays of final gathers of which one is sent twice more, to check what rays recall; one of each gather
 _WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
 
 
 def follow(stage, together, bounce, samples, gathers, onward) -> int:
-    """Fill onward with the next rays: specular reflections, rays of final gathers, and continued rays (see recall);
-    returns their number. together: see Looking, by sheet. samples: (pixels,), camera rays of each pixel."""
+    """Fill onward with the next rays: specular reflections, rays of final gathers, continued rays (see recall), and
+    rays that check what is recalled; returns their number. together: see Looking, by sheet. samples: (pixels,), camera
+    rays of each pixel."""
     shares = np.zeros(len(gathers.ray))  # of each gather: throughput of the rays of its group so far
     first = np.empty(len(gathers.ray), np.int64)  # of each gather: index of the first of its rays in onward
     return _follow(stage, together, bounce, samples, gathers, onward, (shares, first))
@@ -65,6 +67,9 @@ def _follow(stage, together, bounce, samples, gathers, onward, groups):
             path = path_key(rays.path[gathers.ray[g]], SPLITTING + bounce.number)
             looking = float(together[sheet_of(stage.surfaces, at.side_id)])
             _split(stage.surfaces, at, gathers, g, (part, path, looking), first[g], onward)
+    for g in range(first.size):
+        if gathers.rays[g] > 0:
+            sent += _doubt(stage, bounce, (gathers, g, first[g]), samples.size, onward, sent)
     return sent
 
 
@@ -91,6 +96,33 @@ def _split(surfaces, at, gathers, g, group, first, onward):
         onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
         onward.throughput[first + ray, :] = throughput
+
+
+@njit(inline="always")
+def _doubt(stage, bounce, gather, pixels, onward, sent):
+    """Send one ray of some final gathers twice more, as rays `sent` and `sent` + 1 of onward; returns 2, or 0.
+
+    The second of the two is like any ray; the first goes on from its end, whatever is recalled there. They add to rows
+    of their own, `pixels` and 2 `pixels` further than the pixel. The random numbers are the same, so the rows differ
+    only by what a continued ray finds in place of what is recalled: in the mean, by the bias of recalling.
+    gather: gathers, the number of one of them, and the index in onward of its first ray.
+    """
+    gathers, g, first = gather
+    rays, i, count = bounce.rays, gathers.ray[g], gathers.rays[g]
+    chance, number = min(1.0, count / _DOUBTED), uniform(rays.path[i], DOUBTING + bounce.number)
+    if number >= chance:
+        return 0
+    at, ray = interact(stage.surfaces, bounce.hits, i, rays.direction), first + int(number / chance * count)
+    rho, scale = reflectance_at(stage, at), np.float32(gathers.weight[g] * diffuse_share(lobes_at(stage, at)) / chance)
+    for twin in range(2):
+        put_vector(vector(onward.origin, ray), onward.origin, sent + twin)
+        put_vector(vector(onward.direction, ray), onward.direction, sent + twin)
+        onward.pixel[sent + twin], onward.path[sent + twin] = rays.pixel[i] + (1 + twin) * pixels, onward.path[ray]
+        onward.final[sent + twin], onward.continued[sent + twin] = True, False
+        onward.density[sent + twin], onward.doubts[sent + twin] = onward.density[ray], twin == 0
+        for b in range(rho.size):
+            onward.throughput[sent + twin, b] = rays.throughput[i, b] * rho[b] * scale
+    return 2
 
 
 @njit(inline="always")
@@ -142,6 +174,7 @@ def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
         return 0
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
+    onward.doubts[sent] = rays.doubts[i]
     onward.density[sent] = BLIND if rays.final[i] else ALONE
     if is_glossy(lobes) and not rays.final[i]:
         onward.density[sent] = alike * glossy_density(lobes, at, direction)

@@ -39,7 +39,8 @@ class Rays(NamedTuple):
     adds. path: (n,) uint64, key of the random numbers. final: (n,) bool, whether the ray belongs to a final gather.
     continued: (n,) bool, whether it continues such a ray from its end (see recall). density: (n,) float32, sr-1, how
     many rays look in its direction, if shadow rays could find what it meets, too; ALONE where they cannot, and BLIND
-    where photons find the light of the lamps that throw caustics.
+    where photons find the light of the lamps that throw caustics. doubts: (n,) bool, whether the ray goes on from its
+    end though the cache resolves the light there, see onward.doubt.
     """
 
     origin: np.ndarray
@@ -50,6 +51,7 @@ class Rays(NamedTuple):
     final: np.ndarray
     continued: np.ndarray
     density: np.ndarray
+    doubts: np.ndarray
 
 
 def empty_rays(count: int, bands: int) -> Rays:
@@ -63,6 +65,7 @@ def empty_rays(count: int, bands: int) -> Rays:
         np.empty(count, np.bool_),
         np.empty(count, np.bool_),
         np.empty(count, np.float32),
+        np.zeros(count, np.bool_),
     )
 
 

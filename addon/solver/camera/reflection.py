@@ -123,7 +123,7 @@ def _recall(stage, is_open, cache, estimate, bounce, image, continued, walk):
             continue
         query = query_at(stage.surfaces, at.side_id, at.point)
         known = recalled(cache, query, _FAR * estimate.shrink2 * estimate.reach2, walk)
-        bounce.unresolved[i] = known < 0
+        bounce.unresolved[i] = known < 0 or rays.doubts[i]
         if not survives:
             continue
         if bounce.unresolved[i]:
