@@ -6,7 +6,7 @@ import pytest
 
 from addon.solver import Settings, render
 from addon.solver.image.film import Film
-from addon.solver.image.self_check import GRID, region_means, regions, significant, spread_out
+from addon.solver.image.self_check import GRID, region_means, regions, significant
 from tests.benchmarks.families import comb
 from tests.benchmarks.speed_scenes import SCENES
 from tests.helpers.paper_estimator import ALWAYS_RECALL, changed
@@ -38,8 +38,8 @@ def test_noise_alone_is_seldom_significant():
 
 
 def test_what_is_significant_is_stated():
-    """A bias of twenty standard errors in one region, and nothing in the others: Noise grows in that region alone, where
-    pixels are noisy, and its root mean square there is at least the bias."""
+    """A bias of twenty standard errors in one region, and nothing in the others: Noise grows in that region alone,
+    where pixels are noisy, and its root mean square there is at least the bias."""
     width, height, passes, random = 16, 12, 32, np.random.default_rng(4)
     film, region = Film(width, height, EDGES), regions(width, height)
     kinds = np.where(np.arange(width * height) % 3 == 0, 0.0, 0.01).astype(np.float32)  # every third one is exact
@@ -95,8 +95,8 @@ def test_it_finds_nothing_where_recalls_are_right():
 
 
 def test_it_finds_what_is_recalled_between_plates():
-    """Plates 5 mm apart, with disks of photons that are wider: all is recalled, and the image is wrong by what the check
-    says. It follows one more step of a path, so it tells all of the error but what the next ends recall: with a
+    """Plates 5 mm apart, with disks of photons that are wider: all is recalled, and the image is wrong by what the
+    check says. It follows one more step of a path, so it tells all of the error but what the next ends recall: with a
     reflectance of 0.7 of the plates and 0.5 of the base at least the share 1 - 0.7 of it.
 
     4 standard errors, of the spread of the passes of both images and of the check.
