@@ -42,8 +42,10 @@ def paint():
 
 
 def cube_scene(**properties):
-    """A warm cube that fills the camera's middle, with a material."""
+    """A warm cube that fills the camera's middle, with a material, before surroundings that are set to 0 K."""
     camera()
+    world = bpy.context.scene.world = bpy.data.worlds.new("Night")
+    world["temperature"] = 0.0
     cube = link("Cube", cube_mesh(), temperature=320.0)
     cube.data.materials.append(material(**properties))
     bpy.context.scene.infrared.passes = 1

@@ -104,8 +104,9 @@ def _log_check(film: Film) -> None:
     if film.passes > 1 and error.any():
         worst = np.unravel_index(np.argmax(np.abs(missed) / np.maximum(error, 1e-300)), missed.shape)
         log.info(
-            "recalled light: region %d, %d of 4 x 4 misses %.3g +- %.2g W m-2 sr-1, the most of all over its error",
-            worst[1] + 1, worst[0] + 1, missed[worst], error[worst],
+            "what is recalled misses %.2g +- %.2g W m-2 sr-1 in column %d, row %d of 4 x 4 regions, "
+            "the most of all over its error",
+            missed[worst], error[worst], worst[1] + 1, worst[0] + 1,
         )  # fmt: skip
 
 
