@@ -48,7 +48,7 @@ WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0")
 # Under a sky of 0 K the solver may choose 0 K, which traces the same as without the subtraction: a given one does not
 WARM = pytest.param({"reference_temperature": 300.0}, id="T0=300")
 ROUNDING = 5e-7  # of images: float32 keeps 6e-8, and differences to a reference a few of that
-SUMMED = 128 * 2.0**-24  # of a pixel: at most so many rays, each alike and rounded alike in the sum
+SUMMED = 512 * 2.0**-24  # of a pixel: at most so many rays, each alike and rounded alike in the sum
 CHANCE = 2 * stats.norm.sf(3.0)  # of more than 3 standard errors
 
 
@@ -142,7 +142,7 @@ def test_three_kelvin_in_the_far_infrared(settings):
     """The cosmic background around a surface at 0 K, in bands around the peak of its spectrum (1 mm)."""
     edges = np.array([500.0, 1000.0, 2000.0])
     scene = make_scene(*box(), 0.0, [GREY], look((2, 2, 2), (0.5, 0.5, 0.5), 8, 6, 0.05), edges, world_temperature=3.0)
-    expect(scene, 0.5 * black(edges, 3.0), **settings)
+    expect(scene, 0.5 * black(edges, 3.0), allowance=SUMMED, **settings)
 
 
 FAR = np.array([500.0, 1000.0, 2000.0])  # um: around the peak of the spectrum of 3 K (1 mm)
@@ -163,7 +163,7 @@ def test_three_kelvin_beside_300(hot, cold, edges, settings):
     1 %: what 300 K has above 200 K there is a half of what 3 K lacks, so that photons of both signs make the picture.
     """
     scene, truth = diffuse_sphere(0.4, 0.6, kelvin=(hot, cold), edges=edges)
-    expect(scene, truth, precision=0.01, **settings)
+    expect(scene, truth, precision=0.01, passes=128, **settings)
 
 
 FILAMENT = np.array([3.0, 3.01, 5.0])  # um: in the first band 3000 K is 2.2e6 times as bright as 300 K, in both 6e4
@@ -213,7 +213,10 @@ def test_filament_and_walls_in_one_picture(settings):
     filament = 0.8 * b1 + 0.2 * b2
     assert filament[0] / b2[0] > 1e6
     beside = np.broadcast_to(b2[:, None, None], pixels[:, :, 25:].shape)  # the screen's edge is in the middle
-    np.testing.assert_allclose(pixels[:, :, 25:], beside, rtol=ROUNDING)
+    # Single shadow rays to the walls find a small share of their light, so that there is a little noise, too. A pixel
+    # off by 1 % would be a hundred-millionth of the filament.
+    deviation = pixels[:, :, 25:] / beside - 1.0
+    assert np.all(np.abs(deviation) < 1e-2) and np.all(np.abs(deviation.mean(axis=(1, 2))) < 1e-4)
     inside = pixels[0] > 0.999 * filament[0]
     assert np.count_nonzero(inside) >= 4
     np.testing.assert_allclose(pixels[:, inside], np.broadcast_to(filament[:, None], (2, inside.sum())), rtol=SUMMED)
@@ -242,7 +245,7 @@ def test_temperature_that_runs_steeply_over_one_triangle(settings):
     camera = look((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), 8, 6, 0.02)
     scene = make_scene(vertices, triangles, 0.0, [Material("", 1.0), GREY], camera, edges, material)
     scene = dataclasses.replace(scene, temperature=kelvin.astype(np.float32))
-    expect(scene, 0.5 * irradiance / np.pi, allowance=0.002, passes=64, **settings)
+    expect(scene, 0.5 * irradiance / np.pi, allowance=0.002, passes=64, precision=0.02, **settings)
 
 
 def test_light_of_a_hundred_thousand_kelvin():
@@ -270,7 +273,10 @@ def test_light_of_nearly_no_temperature():
 @pytest.mark.parametrize("specular", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("settings", SUBTRACTION)
 def test_perfect_absorber_and_perfect_reflector(specular, settings):
-    """Emissivity exactly 1 reflects nothing, exactly 0 emits nothing: a patch of each in a black room at 300 K."""
+    """Emissivity exactly 1 reflects nothing, exactly 0 emits nothing: a patch of each in a black room at 300 K.
+
+    Where shadow rays are worth little all rays bring the same, and are rounded alike in the sum.
+    """
     walls, walls_triangles = box()
     vertices, triangles, kelvin, material = join(
         (walls, walls_triangles, 300.0, 0),
@@ -279,7 +285,7 @@ def test_perfect_absorber_and_perfect_reflector(specular, settings):
     camera = look((0.5, 0.5, 0.5), (0.5, 0.5, 0.0), 8, 6, 0.3)
     materials = [Material("black", 1.0), Material("perfect", 0.0, specular)]
     scene = make_scene(vertices, triangles, kelvin, materials, camera, EDGES, material)
-    expect(scene, black(EDGES, 300.0), **settings)
+    expect(scene, black(EDGES, 300.0), allowance=SUMMED, **settings)
     absorber = dataclasses.replace(scene, materials=(materials[0], Material("black", 1.0, specular)))
     film = checked_render(absorber, dataclasses.replace(QUICK, **settings))
     np.testing.assert_allclose(film.radiance(), black(EDGES, 900.0), rtol=ROUNDING)
@@ -333,7 +339,7 @@ def test_a_thousand_bounces(settings, monkeypatch):
         preparation, "_PLAN_PHOTONS", 512
     )  # 8192 that plan the render would take longer than the passes
     scene, truth = diffuse_sphere(0.001, 0.001, 1)
-    expect(scene, truth, precision=0.04, passes=8, photons_per_pass=150, **settings)
+    expect(scene, truth, precision=0.04, passes=16, photons_per_pass=150, **settings)
 
 
 def test_photons_of_a_thousand_bounces_end(monkeypatch):
@@ -367,7 +373,8 @@ def test_photons_of_a_thousand_bounces_end(monkeypatch):
     error = math.sqrt((1.0 - emissivity) / count)  # relative
     print(f"{sum(met) / count:.0f} bounces +- {error:.1%}, {len(met)} at most, power drifts by {max(drifts):.1e}")
     assert np.all(emitted[0] > 0)
-    assert sum(missed[1:]) == 0 and stored == sum(met) > 1_000_000
+    assert sum(missed[1:]) == 0 and sum(met) > 1_000_000
+    assert sum(met) - count <= stored <= sum(met)  # shadow rays find a share of what photons bring to their first hits
     assert max(drifts) < 1e-4
     assert abs(sum(met) * emissivity / count - 1.0) < 3 * error
     assert len(met) < math.log(count / 1e-9) / emissivity
@@ -534,7 +541,7 @@ def test_size_and_position_of_a_furnished_room(moved):
     difference = (other - passes).sum(axis=1) / passes.sum(axis=1).mean()
     error = difference.std(ddof=1) / math.sqrt(len(difference))
     print(f"difference {difference.mean():+.1e} +- {error:.1e}")
-    assert error < 1e-5
+    assert error < 2e-5
     assert abs(difference.mean()) <= stats.t.isf(CHANCE / 2, len(difference) - 1) * error + ROUNDING
 
 
@@ -933,7 +940,7 @@ def test_grazing_views(specular, roughness, settings):
     camera = look((-900, 0, 1.0), (100, 0, 0), 8, 2, 0.0005)
     materials = [Material("floor", 0.5, specular, roughness)]
     scene = make_scene(*floor, 300.0, materials, camera, EDGES, world_temperature=300.0)
-    expect(scene, black(EDGES, 300.0), **settings)
+    expect(scene, black(EDGES, 300.0), allowance=SUMMED, **settings)
 
 
 @pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
@@ -946,7 +953,7 @@ def test_one_triangle_in_an_empty_world(world, material, settings):
     scene = make_scene(corners, triangles, 300.0, [material], camera, EDGES, world_temperature=world)
     film = checked_render(scene, dataclasses.replace(QUICK, **settings))
     truth = 0.5 * (black(EDGES, 300.0) + black(EDGES, world))
-    np.testing.assert_allclose(film.radiance(), truth, rtol=ROUNDING)
+    np.testing.assert_allclose(film.radiance(), truth, rtol=SUMMED)
 
 
 # Numbers of photons and passes
@@ -1071,7 +1078,7 @@ def test_passes_around_the_hundred_thousandth(settings):
     """Disks are a fiftieth of the first pass's area by then, and random numbers as good: a diffuse ball in its closed
     form (see diffuse_sphere), and other passes than the first."""
     scene, truth = diffuse_sphere(0.5, 0.5)
-    late = dataclasses.replace(QUICK, pass_offset=99_992, **settings)
+    late = dataclasses.replace(QUICK, passes=32, pass_offset=99_984, **settings)
     first = dataclasses.replace(late, pass_offset=0)
     assert not np.array_equal(*(pass_means(scene, dataclasses.replace(each, passes=1)) for each in (late, first)))
     expect(scene, truth, late)

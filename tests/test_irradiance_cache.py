@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The irradiance cache: the nearest point on a sheet answers, and the answer is right in the mean."""
+"""The irradiance cache: the nearest point on a sheet answers where it tells the light, right in the mean."""
 
 import math
 
@@ -13,9 +13,12 @@ from addon.solver.geometry.free_space import unlimited
 from addon.solver.geometry.point_tree import empty_walk
 from addon.solver.geometry.surfaces import build_surfaces, unit_normal
 from addon.solver.photons.irradiance_cache import (
+    _RESOLVED,
+    Vicinity,
     VisiblePoints,
     build_irradiance_cache,
     cache_points,
+    look_around,
     ray_ends,
     recalled,
 )
@@ -24,12 +27,13 @@ from addon.solver.planning.sheets import dark_sheets
 from addon.solver.planning.splitting import Splitting
 from addon.solver.planning.survey import Cells
 from tests.helpers.photon_maps import photon_map, side_under, square
-from tests.helpers.scenes import box, join, look, make_scene
+from tests.helpers.scenes import box, join, look, make_scene, quad
 
 EDGES = np.array([8.0, 12.0])
 
+SHEETS = 16  # at most, of the surfaces here
 NO_RAYS = Splitting(
-    dark_sheets(1), Cells(np.zeros(0, np.int64), *np.zeros((5, 0)), np.zeros(0, np.int64), np.zeros(0)),
+    dark_sheets(SHEETS), Cells(np.zeros(0, np.int64), *np.zeros((5, 0)), np.zeros(0, np.int64), np.zeros(0)),
     np.zeros(0, np.int32), np.zeros(0), math.inf,
 )  # fmt: skip
 
@@ -49,8 +53,15 @@ def recall_all(cache, surfaces, side_id, points, reach2):
     return index
 
 
-def free(reach2):
-    return lambda point, side_id, first: unlimited(len(side_id), reach2)
+def seen_by(reach2, closeness=0.0, direct=0.0, wall=(0.0, 0.0, 0.0)):
+    """What is around all points: so close (1 / m), with this direct light beside that of photons, and this wall."""
+
+    def look(point, side_id, first):
+        count = len(side_id)
+        space = unlimited(count, reach2)._replace(wall=np.tile(np.float32(wall), (count, 1)))
+        return Vicinity(space, np.full(count, closeness)), np.full((count, 1), direct, np.float32)
+
+    return look
 
 
 def scattered(rng, count):
@@ -70,7 +81,7 @@ def test_what_is_recalled_is_unbiased(mean_photons):
         built = photon_map(points, surfaces, side_under(points, 10))
         known = scattered(rng, 64)
         known = known, side_under(known, 10).astype(np.int32)
-        cache = build_irradiance_cache(built.photons, surfaces, estimate, known, free(estimate.reach2))
+        cache = build_irradiance_cache(built.photons, surfaces, estimate, known, seen_by(estimate.reach2))
         chosen = recall_all(cache, surfaces, 0, scattered(rng, 8), 1.0)
         assert np.all(chosen >= 0)
         ratios.append(cache.value[chosen, 0].mean() / mean_photons)
@@ -86,7 +97,7 @@ def test_the_nearest_point_of_the_sheet_answers():
     point = scattered(rng, 300)
     side_id = side_under(point, 1).astype(np.int32)
     built = photon_map(point, surfaces, side_id)
-    cache = build_irradiance_cache(built.photons, surfaces, choices(20, 0.01, 1.0), (point, side_id), free(0.01))
+    cache = build_irradiance_cache(built.photons, surfaces, choices(20, 0.01, 1.0), (point, side_id), seen_by(0.01))
     kept = np.swapaxes(cache.tree.leaves[:, :3], 1, 2).reshape(-1, 3)[:300]
     queries = scattered(rng, 200)
     distance2 = ((queries[:, None] - kept) ** 2).sum(axis=2)
@@ -97,6 +108,107 @@ def test_the_nearest_point_of_the_sheet_answers():
     assert np.all(recall_all(cache, surfaces, 1, queries, 1.0) == -1)
     above = surfaces._replace(sheet=surfaces.sheet + 2)
     assert np.all(recall_all(cache, above, 0, queries, 1.0) == -1)
+
+
+def test_what_shadow_rays_find_is_added_to_what_photons_tell():
+    """Both parts of the direct light: without photons a point knows what shadow rays found, with photons more."""
+    surfaces, rng = square(), np.random.default_rng(6)
+    point = scattered(rng, 40)
+    side_id = side_under(point, 1).astype(np.int32)
+    photons = scattered(rng, 500)
+    some = photon_map(photons, surfaces, side_under(photons, 1))
+    estimate = choices(20, 0.01, 1.0)
+    values = [
+        build_irradiance_cache(some.photons, surfaces, estimate, (point, side_id), seen_by(0.01, direct=light)).value
+        for light in (0.0, 7.0)
+    ]
+    np.testing.assert_allclose(values[1] - values[0], 7.0, rtol=1e-5)
+    assert np.all(values[0] > 0)
+
+
+@pytest.mark.parametrize("closeness", [0.0, 1.0, 4.0, 20.0])
+def test_only_light_that_is_resolved_is_recalled(closeness):
+    """Up to the distance that, with the radius of the disk, makes half the harmonic mean distance h. Shrunk by a
+    quarter, the radius of the disk that holds all within 0.2 m is 0.1 m."""
+    surfaces = square()
+    point, side_id = np.zeros((1, 3), np.float32), np.zeros(1, np.int32)
+    built = photon_map(np.array([(0.1, 0.0, 0.0)]), surfaces)
+    look, estimate = seen_by(0.04, closeness), choices(20, 0.04, 0.25)
+    cache = build_irradiance_cache(built.photons, surfaces, estimate, (point, side_id), look)
+    distances = np.linspace(0.0, 0.45, 200)
+    queries = np.column_stack((distances, 0 * distances, 0 * distances))
+    found = recall_all(cache, surfaces, 0, queries, 0.16) >= 0
+    limit = _RESOLVED / closeness - 0.1 if closeness else 0.4
+    assert np.array_equal(found, distances < min(limit, 0.4))
+    assert found.any() == (closeness < 5.0)
+
+
+def test_a_point_beyond_a_wall_is_not_recalled():
+    """The point is at x = -0.05 and its wall at x = 0: beyond it others answer, or nobody does."""
+    surfaces = square()
+    point, side_id = np.array([(-0.05, 0.0, 0.0)], np.float32), np.zeros(1, np.int32)
+    built = photon_map(np.array([(-0.1, 0.0, 0.0)]), surfaces)
+    look = seen_by(0.04, wall=(20.0, 0.0, 0.0))  # 1 / m: 0.05 m away
+    cache = build_irradiance_cache(built.photons, surfaces, choices(20, 0.04, 1.0), (point, side_id), look)
+    x = np.array([-0.3, -0.1, -0.01, 0.01, 0.1, 0.3])
+    queries = np.column_stack((x, 0 * x + 0.1, 0 * x))
+    assert np.array_equal(recall_all(cache, surfaces, 0, queries, 1.0) >= 0, x < 0)
+
+
+def two_rooms():
+    """A floor that goes on below a wall at x = 0, and the parts of a scene: (surfaces, tracer, centre)."""
+    floor, wall = quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), quad((0, 0, 0.5), (0, 1, 0), (0, 0, 0.5))
+    vertices, triangles, kelvin, material = join((*floor, 300.0, 0), (*wall, 300.0, 0))
+    camera = look((0.5, 0.5, 0.5), (0.5, 0.5, 0))
+    return build_surfaces(make_scene(vertices, triangles, kelvin, (Material(),), camera, EDGES, material))
+
+
+def test_a_wall_parts_what_is_recalled():
+    """On the floor at both sides of a wall: each point of a cache that knows what is around it answers on its side
+    alone, however near the other side is. 5 mm are as many as the point's clearance of the wall."""
+    surfaces, tracer, centre = two_rooms()
+    rng = np.random.default_rng(7)
+    x = rng.uniform(0.005, 0.1, 64) * np.where(np.arange(64) % 2, -1.0, 1.0)
+    point = np.column_stack((x, rng.uniform(-0.3, 0.3, 64), 0 * x)) - centre
+    corners = surfaces.corners[:2].astype(float)
+    up = int(np.cross(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0])[2] < 0)
+    on_second = point[:, 1] > point[:, 0]
+    side_id = (2 * on_second + up).astype(np.int32)
+    built = photon_map(np.zeros((0, 3)), surfaces)
+
+    def around(points, sides, first):
+        vicinity = look_around(tracer, surfaces, 0.04, (points, sides), np.uint64(5), first)
+        assert np.all(np.any(vicinity.space.wall != 0.0, axis=1))
+        return vicinity._replace(closeness=0.0 * vicinity.closeness), np.zeros((len(sides), 1), np.float32)
+
+    cache = build_irradiance_cache(
+        built.photons, surfaces, choices(20, 0.04, 1.0), (point.astype(np.float32), side_id), around
+    )
+    kept = np.swapaxes(cache.tree.leaves[:, :3], 1, 2).reshape(-1, 3)[:64] + centre
+    asked = np.column_stack((rng.uniform(-0.1, 0.1, 200), rng.uniform(-0.3, 0.3, 200), np.zeros(200)))
+    found = recall_all(cache, surfaces, int(up), asked - centre, 1.0)
+    assert np.all(found >= 0)
+    assert np.array_equal(kept[found, 0] > 0, asked[:, 0] > 0)
+
+
+def test_closeness_is_the_mean_of_inverse_distances():
+    """On the floor, close to the middle of a wall of 2 m x 1 m at a distance d: rays towards it, at the angle a from
+    its normal and the height angle b, go d / (cos a cos b). The mean over cosine-distributed rays is by quadrature;
+    eight rays from each of 4096 points know it to 4 standard errors."""
+    surfaces, tracer, centre = two_rooms()
+    distance = 0.1
+    point = np.tile(np.array((distance, 0.0, 0.0)) - centre, (4096, 1)).astype(np.float32)
+    corners = surfaces.corners[:1].astype(float)
+    up = int(np.cross(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0])[2] < 0)
+    side_id = np.full(len(point), up, np.int32)
+    closeness = look_around(tracer, surfaces, 0.04, (point, side_id), np.uint64(5), 0).closeness
+    y, z = np.meshgrid(*((np.arange(1000) + 0.5) / 1000,) * 2)
+    y = 2.0 * y - 1.0
+    square = distance**2 + y**2 + z**2
+    expected = 2.0 * np.mean(z * distance / (np.pi * square**2.5))  # of cos cos' / (pi d^2) / d over 2 m2
+    error = closeness.std(ddof=1) / math.sqrt(len(closeness))
+    assert error < 0.02 * expected
+    assert abs(closeness.mean() - expected) < 4 * error
 
 
 def test_points_come_closer_as_disks_shrink():

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Direct light by shadow rays: lights and small hot parts against closed forms, through the whole render.
+"""Direct light by shadow rays and what shares it: lights and hot parts against closed forms, through the whole render;
+where shadow rays go; and whose caustics photons find.
 
 A flat floor at 0 K under a 0 K sky shows nothing but the direct light it reflects, L = rho E / pi. Tolerances are 4
 standard errors of the mean (from the spread of the passes), which are themselves bounded, and 0.1 % for how far E is
@@ -8,17 +9,26 @@ from linear over the 4 cm that the camera looks at.
 
 import math
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
 
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
+from addon.solver.camera.shadow_rays import Lighting, direct_irradiance, lamp_points
+from addon.solver.geometry.surfaces import unit_normal
+from addon.solver.geometry.triangles import areas
 from addon.solver.photons.lights import light_spectrum
 from addon.solver.physics.lobes import ggx_albedo, interpolate_albedo
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning import lamps
 from addon.solver.planning.preparation import prepare
-from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
+from addon.solver.sampling.heuristics import BEST
+from addon.solver.sampling.rng import CACHE, pass_key
+from addon.solver.sampling.rng import LAMPS as LAMP_POINTS
+from tests.helpers.paper_estimator import changed, lights_alone
+from tests.helpers.path_tracer import trace_paths
+from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere, stored_photons
 
 pytestmark = pytest.mark.statistics
 
@@ -223,17 +233,15 @@ def test_lights_together():
     scene = floor_scene(spot, (*ball((-0.8, 0.4, 1.2), 0.05), HOT, 1), lights=(point, cone, sun))
     towards = np.array((-0.8, 0.4, 1.2)) - (*spot, 0.0)
     truth += math.pi * band_radiance(EDGES, HOT).sum() * 0.05**2 * towards[2] / np.linalg.norm(towards) ** 3
-    assert lamp_triangles(scene).size > 0
     agree(scene, truth, most=0.01, passes=400)
 
 
 # Small hot parts
 
 
-def lamp_triangles(scene, reference=0.0):
-    """Triangles with a side that shadow rays are sent to."""
-    emitters = prepare(scene, Settings(reference_temperature=reference)).emitters
-    return np.unique(emitters.surface[emitters.lamp] >> 1)
+def caustic_triangles(scene, reference=0.0):
+    """Triangles with a side whose caustics photons find."""
+    return np.flatnonzero(prepare(scene, Settings(reference_temperature=reference)).lamps.caustic.any(axis=1))
 
 
 def sphere_factor(centre, radius, spot):
@@ -246,7 +254,6 @@ def sphere_factor(centre, radius, spot):
 def test_hot_ball(spot):
     """E = pi L F, exact for a sphere of any size; over directions the mesh's projected area varies by 0.1 %."""
     scene = floor_scene(spot, (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1))
-    assert len(lamp_triangles(scene)) == 1280
     agree(scene, math.pi * band_radiance(EDGES, HOT).sum() * sphere_factor((0, 0, 1), 0.2, spot))
 
 
@@ -257,7 +264,6 @@ def test_cold_ball():
     scene = make_scene(
         vertices, triangles, temperature, (GREY, BLACK), above(spot, 0.02), EDGES, material, world_temperature=300.0
     )  # fmt: skip
-    assert len(lamp_triangles(scene, 300.0)) == 1280
     sky = math.pi * band_radiance(EDGES, 300.0).sum()
     # the floor itself, 0 K, is a deficit too, but lights nothing: the ball reflects nothing
     agree(scene, sky * (1 - sphere_factor((0, 0, 1), 0.2, spot)), reference=300.0)
@@ -274,7 +280,6 @@ def test_lamp_emits_by_direction():
     spot, centre = np.array([0.0, 0.0, 0.0]), np.array([0.15, 0.0, 0.8])
     plate = (*quad(centre, (0, 0.02, 0), (0, 0, 0.02)), HOT, 3)  # looks along +x and -x
     scene = floor_scene((0.0, 0.0), plate, materials=(GREY, BLACK, MIRROR, ROUGH))
-    assert set(lamp_triangles(scene)) == {2, 3}
     towards = centre - spot
     distance = np.linalg.norm(towards)
     cosine = towards[0] / distance
@@ -284,15 +289,6 @@ def test_lamp_emits_by_direction():
     solid_angle = 0.04**2 * cosine / distance**2
     truth = emissivity * band_radiance(EDGES, HOT).sum() * solid_angle * towards[2] / distance
     agree(scene, truth)
-
-
-@pytest.mark.parametrize("aside, expected", [(0.0, 0), (5.0, 1280)])
-def test_what_is_mostly_seen_in_part_is_no_lamp(aside, expected):
-    """Behind slats as wide as the gaps between them half of the ball is hidden from anywhere, but one shadow ray says
-    all or nothing. With the slats aside it sees all of it."""
-    slats = [(*quad((aside + 0.08 * i, 0, 0.5), (0.02, 0, 0), (0, 1, 0)), 0.0, 1) for i in range(-12, 13)]
-    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), *slats, half=0.3)
-    assert len(lamp_triangles(scene)) == expected
 
 
 @pytest.mark.parametrize("source", ["point", "area", "ball"])
@@ -342,7 +338,7 @@ def test_caustic_of_a_mirror_counts_once(source):
     ]
     if source == "ball":
         scene = floor_scene(spot, mirror, (*ball(direct, radius), HOT, 1), half=half)
-        assert len(lamp_triangles(scene)) == 1280
+        assert len(caustic_triangles(scene)) == 1280
         flux = math.pi * band_radiance(EDGES, HOT).sum()
     else:
         light = PointLight(np.array(direct), 1000.0)
@@ -370,39 +366,232 @@ def room_with_stove(**options):
 
 
 @pytest.mark.parametrize("lights", [(), (PointLight(np.array([2.5, 0.5, 1.5]), 300.0, 0.05),)], ids=len)
-def test_lamps_do_not_change_the_mean(lights, monkeypatch):
-    """The image's mean with the stove as a lamp and with all its light by photons, within 4 standard errors."""
+def test_lamps_do_not_change_the_mean(lights):
+    """The image's mean with shadow rays to all that emits, and with all light of surfaces by photons and rays, within 4
+    standard errors."""
     scene = room_with_stove(lights=lights)
-    settings = Settings(passes=16, photons_per_pass=30_000)
-    assert lamp_triangles(scene, None).size == 1280
-    mean, error = mean_and_error(scene, settings)
-    monkeypatch.setattr(lamps, "_LEAST_OF_ALL", 1e9)
-    assert lamp_triangles(scene, None).size == 0
-    other, other_error = mean_and_error(scene, settings)
+    mean, error = mean_and_error(scene, Settings(passes=16, photons_per_pass=30_000))
+    with changed({"planning.preparation.build_lamps": lights_alone}):
+        other, other_error = mean_and_error(scene, Settings(passes=64, photons_per_pass=30_000))
     print(f"{mean / other - 1:+.3%} +- {np.hypot(error, other_error) / mean:.3%}")
     assert np.hypot(error, other_error) < 0.002 * mean
     assert abs(mean - other) < 4 * np.hypot(error, other_error)
 
 
-# Which sheets become lamps
+# Where shadow rays go
+
+
+def slats(aside):
+    """As wide as the gaps between them, half a metre above the floor."""
+    return [(*quad((aside + 0.08 * i, 0, 0.5), (0.02, 0, 0), (0, 1, 0)), 0.0, 1) for i in range(-12, 13)]
+
+
+def judged(scene, reference=0.0):
+    """The Model, and need, visible and met (by label of the sheet) and the variance, see _need; and what a shadow ray
+    is worth, see _best_worth."""
+    seen = {}
+
+    def watched(name, function):
+        def watch(*arguments):
+            seen[name] = function(*arguments)
+            return seen[name]
+
+        return mock.patch.object(lamps, name, watch)
+
+    with watched("_need", lamps._need), watched("_best_worth", lamps._best_worth):
+        model = prepare(scene, Settings(reference_temperature=reference))
+    return model, *seen["_need"], seen["_best_worth"]
+
+
+def by_part(model, *counts):
+    """Chance with which shadow rays go to each part of a scene, whose triangles lie one behind the other: of the parts
+    behind the floor, which have these numbers of triangles."""
+    chance = np.diff(model.lamps.cumulative)[: len(model.lamps.side_id)]
+    of_triangle = np.bincount(model.lamps.side_id >> 1, chance, 2 + sum(counts))
+    return np.add.reduceat(of_triangle, 2 + np.cumsum((0, *counts[:-1])))
+
+
+def sheet_under(model, triangle):
+    """Label of the sheet to which the side of a triangle that shadow rays are sent to belongs."""
+    sides = model.lamps.side_id
+    return model.stage.surfaces.sheet.ravel()[sides[sides >> 1 == triangle][0]]
+
+
+def test_shadow_rays_to_a_lone_ball_leave_nothing_to_chance():
+    """Nothing hides it and nothing else shines: a shadow ray finds what it looks for, and only how its candidates fall
+    is random. What it is worth, in rays of a final gather, falls to the ball's triangles by their area, and the rest is
+    left to those rays."""
+    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), half=0.3)
+    model, need, visible, met, variance, worth_all = judged(scene)
+    label = sheet_under(model, 2)
+    assert visible[label] == 1.0 and variance < 1e-6
+    worth = model.lamps.density.ravel() * np.repeat(areas(model.stage.surfaces.corners), 2)
+    sides = model.lamps.side_id
+    assert sides.size == 1280 and np.count_nonzero(worth) == 1280
+    assert BEST / 4 <= worth_all <= BEST
+    assert worth.sum() == pytest.approx(worth_all, rel=1e-5)
+    np.testing.assert_allclose(model.lamps.density.ravel()[sides], worth_all / areas_of(scene, 2), rtol=0.01)
+    # TYPICAL_RAYS F of those rays meet it: F = (r / d)^2 cos, on a floor of 0.6 m from 0.64 of what it is below it
+    assert 0.5 * 256 * 0.2**2 < met[label] < 256 * 0.2**2
+    assert model.lamps.found[2] == pytest.approx(met[label] ** 2 / (met[label] ** 2 + worth_all**2), rel=1e-3)
+    # irradiance for each W, 1 / (4 pi d^2), without what those rays find of it
+    assert need[label] == pytest.approx(1.0 / (4 * math.pi) / (1.0 + met[label]), rel=0.1)
+
+
+def areas_of(scene, first):
+    """m2 of all triangles from one on, together."""
+    return areas(scene.vertices[scene.triangles[first:]].astype(np.float32)).sum()
+
+
+def test_shadow_rays_avoid_a_hidden_ball():
+    """Of two alike, a lid hides one from all of the floor that is seen: it hardly counts, but is never left out."""
+    seen, hidden = ball((-0.5, 0.0, 1.0), 0.1), ball((0.5, 0.0, 1.0), 0.1)
+    lid = (*quad((0.5, 0, 0.8), (0.35, 0, 0), (0, 0.6, 0)), 0.0, 1)
+    scene = floor_scene((0.0, 0.0), (*seen, HOT, 1), (*hidden, HOT, 1), lid, half=0.05)
+    model, _, visible, _, variance, _ = judged(scene)
+    assert visible[sheet_under(model, 2)] == 1.0
+    assert visible[sheet_under(model, 2 + 1280)] < 0.001
+    chances = by_part(model, 1280, 1280, 2)
+    assert 0.0 < chances[1] < chances[0] / 64
+    assert variance < 0.05
+
+
+def test_shadow_rays_leave_out_the_side_of_a_plate_that_looks_away():
+    """It is as near as the side that lights the floor, and no trial ray faces it. A mirror shows it, so it is not out
+    of the question."""
+    plate = (*quad((0, 0, 1), (0.2, 0, 0), (0, 0.2, 0)), HOT, 1)
+    mirror = (*quad((0, 0, 3), (1, 0, 0), (0, 1, 0)), 0.0, 1)
+    model = judged(floor_scene((0.0, 0.0), plate, mirror, half=0.3))[0]
+    sides = model.lamps.side_id
+    chance = np.diff(model.lamps.cumulative)[: len(sides)]
+    up = [unit_normal(model.stage.surfaces, side)[2] > 0 for side in sides]
+    assert 0.0 < chance[up].sum() < 0.01
+
+
+def test_half_hidden_ball_leaves_half_to_chance():
+    """Slats as wide as the gaps between them hide half of a ball: a shadow ray finds twice the mean or nothing."""
+    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), *slats(0.0), half=0.3)
+    model, _, visible, _, variance, _ = judged(scene)
+    assert visible[sheet_under(model, 2)] == pytest.approx(0.5, abs=0.05)
+    assert variance == pytest.approx(1.0, abs=0.15)
+
+
+def test_hot_and_cold_balls_leave_their_difference_to_chance():
+    """Two balls that give and take alike, at equal distances: a shadow ray brings all of the one or of the other, with
+    either sign, so its variance is the square of what it brings. Both take half of them.
+
+    The variance is of some 16 trial rays from each receiver, spread evenly over the lamps: up to 1 / 8 too large.
+    """
+    kelvin = np.linspace(300.0, 800.0, 50_001)
+    radiance = band_radiance(EDGES, kelvin).sum(axis=1)
+    reference, hot = 700.0, 800.0
+    at = band_radiance(EDGES, reference).sum()
+    cold = np.interp(2 * at - band_radiance(EDGES, hot).sum(), radiance, kelvin)
+    vertices, triangles, temperature, material = join(
+        (*FLOOR[:2], reference, 0), (*ball((-0.5, 0, 1), 0.1), hot, 1), (*ball((0.5, 0, 1), 0.1), cold, 1)
+    )
+    scene = make_scene(
+        vertices, triangles, temperature, (GREY, BLACK), above((0.0, 0.0), 0.02), EDGES, material,
+        world_temperature=reference,
+    )  # fmt: skip
+    model, _, visible, _, variance, worth_all = judged(scene, reference)
+    np.testing.assert_allclose(by_part(model, 1280, 1280), 0.5, atol=0.01)
+    assert 0.95 < variance < 1.15
+    # which makes a shadow ray worth less than where nothing is left to chance
+    assert worth_all < BEST
+    worth = model.lamps.density.ravel() * np.repeat(areas(model.stage.surfaces.corners), 2)
+    assert worth.sum() == pytest.approx(worth_all, rel=1e-4)
+
+
+def test_photons_and_shadow_rays_together_are_the_irradiance(monkeypatch):
+    """Of cached points on a floor under a ball, of whose light both find a good part: F = (r / d)^2 cos, exactly.
+
+    A part by photons, from all that fall on a square, and a part by shadow rays to random points of it, which are
+    worth so many rays that both count. 4 standard errors.
+    """
+    monkeypatch.setattr(lamps, "_best_worth", lambda *_: 32.0)
+    centre, radius, half = np.array((0.0, 0.0, 0.8)), 0.15, 0.3
+    scene = floor_scene((0.0, 0.0), (*ball(centre, radius), HOT, 1), half=half)
+    model = prepare(scene, Settings(reference_temperature=0.0))
+    surfaces, middle = model.stage.surfaces, 0.5 * (scene.vertices.min(axis=0) + scene.vertices.max(axis=0))
+    rng, passes = np.random.default_rng(1), 16
+    by_photons, by_shadows = np.zeros((2, passes))
+    up = [int(unit_normal(surfaces, 2 * t)[2] < 0) for t in (0, 1)]
+    for i in range(passes):
+        for batch in stored_photons(model, 40_000, key=i + 1):
+            within = np.all(np.abs(batch.position[:, :2] + middle[:2]) < half, axis=1) & (batch.surface >> 1 < 2)
+            by_photons[i] += batch.power[within].sum() / (2 * half) ** 2
+        point = np.column_stack((rng.uniform(-half, half, (2000, 2)), np.zeros(2000)))
+        side_id = np.where(point[:, 1] > point[:, 0], 2 + up[1], up[0]).astype(np.int32)
+        lit = lamp_points(model.lamps, surfaces, pass_key(i, 0, LAMP_POINTS))
+        lighting = Lighting(model.emitters.surroundings, model.lamps, lit, model.looking, 1)
+        key = pass_key(i, 0, CACHE)
+        told = direct_irradiance(
+            model.stage, model.tracer, lighting, ((point - middle).astype(np.float32), side_id), key, 0
+        )
+        by_shadows[i] = told.sum(axis=1).mean()
+    steps = half * (2 * (np.arange(200) + 0.5) / 200 - 1)
+    x, y = np.meshgrid(steps, steps)
+    factor = np.mean(radius**2 * centre[2] / (x**2 + y**2 + centre[2] ** 2) ** 1.5)
+    truth = math.pi * band_radiance(EDGES, HOT).sum() * factor
+    total = by_photons + by_shadows
+    error = total.std(ddof=1) / math.sqrt(passes)
+    print(
+        f"photons {by_photons.mean() / truth:.3f}, shadow rays {by_shadows.mean() / truth:.3f}, +- {error / truth:.3%}"
+    )
+    assert min(by_photons.mean(), by_shadows.mean()) > 0.2 * truth
+    assert error < 0.005 * truth
+    assert abs(total.mean() - truth) < 4 * error + LINEAR * truth
+
+
+@pytest.mark.parametrize("roughness", [0.15, 0.4, 0.8])
+def test_rough_lobe_beside_a_hot_ball(roughness):
+    """Rays of the lobe and shadow rays share the light of a ball that a rough plate shows, against a path tracer that
+    knows rays of the lobe alone: each half of the picture, to 4 standard errors of both."""
+    plate = (*quad((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0)), 300.0, 0)
+    *parts, material = join(plate, (*ball((0.2, 0.1, 0.2), 0.06), HOT, 1))
+    rough = Material("rough", 0.2, specular=0.8, roughness=roughness)
+    camera = look((-0.5, -0.3, 0.4), (0.0, 0.0, 0.0), 8, 6, 0.3)
+    scene = make_scene(*parts, (rough, BLACK), camera, EDGES, material, world_temperature=300.0)
+    background = band_radiance(EDGES, 300.0).sum()
+    traced = trace_paths(scene, 4000, batches=16, threads=2).images.sum(axis=-1)
+    settings = Settings(passes=8, photons_per_pass=2000, reference_temperature=300.0)
+    ours = [render(scene, replace(settings, seed=seed)).radiance() - background for seed in range(16)]
+    halves = [np.asarray(images, float).reshape(16, 6, 2, 4).mean(axis=(1, 3)) for images in (traced, ours)]
+    truth, found = (each.mean(axis=0) for each in halves)
+    error = np.hypot(*(each.std(axis=0, ddof=1) / 4.0 for each in halves))
+    print(found / truth - 1.0, error / truth, [each.std(axis=0, ddof=1) / 4.0 / truth for each in halves])
+    assert np.all(error < 0.01 * truth)
+    assert np.all(np.abs(found - truth) < 4 * error)
+
+
+# Whose caustics photons find
+
+
+@pytest.mark.parametrize("aside, expected", [(0.0, 0), (5.0, 1280)])
+def test_what_is_mostly_seen_in_part_throws_no_caustics(aside, expected):
+    """Behind slats as wide as the gaps between them half of the ball is hidden from anywhere, but one shadow ray says
+    all or nothing. With the slats aside it sees all of it."""
+    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), *slats(aside), half=0.3)
+    assert len(caustic_triangles(scene)) == expected
 
 
 def chosen(parts, target, position=(0.2, 0.2, 1.6)):
-    """Triangles of lamps with the automatic reference."""
+    """Triangles that throw caustics, with the automatic reference."""
     vertices, triangles, temperature, material = join(*parts)
     camera = look(position, target, 24, 18, 0.8)
-    return lamp_triangles(make_scene(vertices, triangles, temperature, (GREY, BLACK), camera, EDGES, material), None)
+    return caustic_triangles(make_scene(vertices, triangles, temperature, (GREY, BLACK), camera, EDGES, material), None)
 
 
 WALLS = (*box((3.0, 2.5, 2.0)), 290.0, 0)
 
 
-def test_small_hot_ball_in_a_room_is_a_lamp():
+def test_small_hot_ball_in_a_room_throws_caustics():
     found = chosen((WALLS, (*ball((2.0, 1.2, 0.7), 0.12), 500.0, 1)), (2.0, 1.5, 0.3))
     assert np.array_equal(found, 12 + np.arange(1280))
 
 
-def test_small_hot_ball_under_the_sky_is_a_lamp():
+def test_small_hot_ball_under_the_sky_throws_caustics():
     """The reference is the sky's or the ground's: with the ball's own every ray to the sky that it stops would err."""
     ground = (*quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), 290.0, 0)
     vertices, triangles, temperature, _ = join(ground, (*ball((0, 0, 1), 0.15), 900.0, 0))
@@ -410,26 +599,26 @@ def test_small_hot_ball_under_the_sky_is_a_lamp():
     scene = make_scene(
         vertices, triangles, temperature, [Material("paint", 0.9)], camera, EDGES, world_temperature=250.0
     )
-    assert np.array_equal(lamp_triangles(scene, None), 2 + np.arange(1280))
+    assert np.array_equal(caustic_triangles(scene, None), 2 + np.arange(1280))
 
 
 @pytest.mark.parametrize("hot", range(6))
-def test_walls_of_a_room_are_no_lamps(hot):
+def test_walls_of_a_room_throw_none(hot):
     temperature = np.repeat([330.0 if face == hot else 290.0 for face in range(6)], 2)
     vertices, triangles = box((3.0, 2.5, 2.0))
     scene = make_scene(vertices, triangles, temperature, [GREY], look((0.2, 0.2, 1.6), (2, 1.5, 0.3)), EDGES)
-    assert lamp_triangles(scene, None).size == 0
+    assert caustic_triangles(scene, None).size == 0
 
 
-def test_small_ball_of_little_power_is_no_lamp():
-    """Among walls of many temperatures it is not worth its shadow rays."""
+def test_small_ball_of_little_power_throws_none():
+    """Among walls of many temperatures its caustics would be lost."""
     vertices, triangles = box((3.0, 2.5, 2.0))
     temperature = np.repeat([280.0, 285.0, 290.0, 300.0, 310.0, 290.0], 2)
     walls = [(vertices, triangles[i : i + 1], temperature[i], 0) for i in range(12)]
     assert chosen((*walls, (*ball((2.0, 1.2, 0.7), 0.05), 320.0, 1)), (2.0, 1.5, 0.3)).size == 0
 
 
-def test_inside_of_a_closed_ball_is_no_lamp():
+def test_inside_of_a_closed_ball_throws_none():
     """Neither seen from within, nor that side of a ball seen from without."""
     shell = (*ball((0.0, 0.0, 0.0), 1.0), 400.0, 0)
     patch = (*quad((0.0, 0.0, -0.5), (0.3, 0, 0), (0, 0.3, 0)), 290.0, 0)
@@ -437,8 +626,8 @@ def test_inside_of_a_closed_ball_is_no_lamp():
     vertices, triangles, temperature, material = join(WALLS, (*ball((2.0, 1.2, 0.7), 0.12), 500.0, 1))
     camera = look((0.2, 0.2, 1.6), (2.0, 1.5, 0.3), 24, 18, 0.8)
     scene = make_scene(vertices, triangles, temperature, (GREY, BLACK), camera, EDGES, material)
-    emitters = prepare(scene, Settings()).emitters
-    corners = vertices[triangles[emitters.surface[emitters.lamp] >> 1]]
+    sides = np.flatnonzero(prepare(scene, Settings()).lamps.caustic)
+    corners = vertices[triangles[sides >> 1]]
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outwards *= np.where(emitters.surface[emitters.lamp] & 1, -1.0, 1.0)[:, None]
+    outwards *= np.where(sides & 1, -1.0, 1.0)[:, None]
     assert np.all(np.sum(outwards * (corners.mean(axis=1) - (2.0, 1.2, 0.7)), axis=1) > 0)

@@ -199,7 +199,7 @@ def test_bands_are_alike(scene):
         for m in (model, other):
             image, seen = np.zeros((24, 2), np.float32), np.zeros(24, np.float32)
             work = Work(photon_store(2, m.optics), pool, lambda: False)
-            assert render_pass(m, settings, 0, work, image, seen)
+            assert render_pass(m, settings, 0, work, (image, seen, np.empty_like(seen)))
             images.append(image)
     assert np.ptp(images[0]) > 0
     np.testing.assert_allclose(images[0], images[1][:, ::-1], rtol=0, atol=1e-6 * np.abs(images[0]).max())

@@ -20,6 +20,7 @@ from addon.solver.geometry.triangles import areas, centroids
 from addon.solver.photons.emission import Surroundings
 from addon.solver.physics.radiometry import build_radiometry, emission_range
 from addon.solver.physics.spectrum import band_radiance
+from addon.solver.planning.lamps import Lamps
 from addon.solver.planning.pilot import Pilot
 from addon.solver.planning.sheets import _LATTICE_RAYS, _PRIOR, FALL, Excess, Gathering, Trial, measure_sheets
 from addon.solver.sampling.low_discrepancy import lattice_point
@@ -93,25 +94,27 @@ def hits(world, side_id, power, point=None, caustic=False):
     return Trial(TRIAL, point.astype(np.float32), side_id, power, np.broadcast_to(caustic, side_id.shape))
 
 
-def measured(world, trial=None, sky=0.0, shines=(), **found):
+def measured(world, trial=None, sky=0.0, left_to_rays=None, **found):
     """The Sheets of a trial and of what a pilot found.
 
-    sky: W m-2 sr-1, excess of the surroundings. shines: side_ids of lamps. found: the pilot's reachable sides, all if
+    sky: W m-2 sr-1, excess of the surroundings. left_to_rays: (t,) share of the light of triangles that is not left to
+    shadow rays, all if there is nothing else. found: the pilot's reachable sides, all if
     there is nothing else; point (n, 3) in the scene and side_id (n,), where paths gather, facing upwards; left and met,
     from which sheets rays went and what they met.
     """
-    lamps = np.zeros((len(world.surfaces.corners), 2), bool)
-    lamps.ravel()[list(shines)] = True
+    sides = np.zeros((len(world.surfaces.corners), 2), bool)
+    found_share = np.ones(len(sides), np.float32) if left_to_rays is None else np.asarray(left_to_rays, np.float32)
+    lamps = Lamps(*[None] * len(Lamps._fields))._replace(found=found_share)
     point = np.reshape(found.get("point", ()), (-1, 3)) - world.centre
-    sides = {name: np.asarray(found.get(name, ()), np.int32) for name in ("side_id", "left", "met")}
+    told = {name: np.asarray(found.get(name, ()), np.int32) for name in ("side_id", "left", "met")}
     pilot = Pilot(*[None] * len(Pilot._fields))._replace(
-        reachable=np.broadcast_to(found.get("reachable", True), lamps.shape),
+        reachable=np.broadcast_to(found.get("reachable", True), sides.shape),
         point=point,
         normal=np.tile((0.0, 0.0, 1.0), (len(point), 1)),
-        **sides,
+        **told,
     )
     surroundings = np.full(len(EDGES) - 1, sky / (len(EDGES) - 1))
-    excess = Excess(Surroundings(surroundings, 0, np.zeros_like(lamps)), lamps)
+    excess = Excess(Surroundings(surroundings, 0, sides), lamps)
     gathering = Gathering(REACH2, NEIGHBOURS, PASS)
     area, key = areas(world.surfaces.corners), pass_key(0, SHEETS, PILOT)
     return measure_sheets(world.stage, world.tracer, excess, pilot, trial or no_hits(), area, gathering, key)
@@ -275,15 +278,19 @@ def test_ray_noise_counts_the_sky(sky):
         assert noise[label] == pytest.approx(expected, rel=1e-4)  # of the table of emission
 
 
-def test_lamps_are_left_to_shadow_rays():
-    """Rays that meet one bring nothing from it: without the only hot thing nothing is uncertain."""
+def test_what_is_left_to_shadow_rays_is_not_of_rays():
+    """Rays that meet a lamp bring the share of its light that is left to them: the variance goes as its square, and
+    without the only hot thing nothing is uncertain."""
     world = half_hot()
     met = rays_from(world, (0, 0, 0))
-    hot = np.flatnonzero(world.surfaces.temperature[:, 0] == HOT)
+    hot = world.surfaces.temperature[:, 0] == HOT
     label = world.label(0)
     left = np.full(len(met), label)
-    assert measured(world, left=left, met=met, shines=2 * hot).ray_noise[label] == 0.0
-    assert measured(world, left=left, met=met, shines=2 * hot[: len(hot) // 2]).ray_noise[label] > 0.1 * EMITTED**2
+    whole = measured(world, left=left, met=met).ray_noise[label]
+    for share in (0.0, 0.3):
+        shares = np.where(hot, share, 1.0)
+        noise = measured(world, left=left, met=met, left_to_rays=shares).ray_noise[label]
+        assert noise == pytest.approx(share**2 * whole, rel=1e-6)
 
 
 def half_hot_lattices(points, shifts):

@@ -81,8 +81,9 @@ def outdoors():
 
 def test_outdoors_has_lamps_and_open_sheets():
     """What the tests of determinism below rest on; test_guide.py has those with a guide."""
-    emitters = prepare(outdoors(), QUICK).emitters
-    assert emitters.lamp.any() and emitters.surroundings.open.any()
+    model = prepare(outdoors(), QUICK)
+    emitters = model.emitters
+    assert model.lamps.side_id.size and emitters.caustic.any() and emitters.surroundings.open.any()
 
 
 LIT = {"room": lambda: room(lights=(PointLight(np.array([0.5, 1.5, 1.2]), 200.0),)), "outdoors": outdoors}

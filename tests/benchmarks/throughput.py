@@ -4,14 +4,14 @@
     python -m tests.benchmarks.throughput [threads]
 
 Prints (1) the rate of rays while photons are traced, stored and scattered over the rate of Embree alone on the same
-rays, and (2) the time for the photon index and the gathers at what the camera meets over the time for tracing, if no
-final gathers are made where photons can be asked. Beside them what else there is: the irradiance cache, what is done
-for the camera without gathers (its rays, what they see, feelers), and the same with final gathers as planned. The last
-line backs the times in splitting.py. 16 bands, 100,000 photons, 128x96 pixels, 81,932 triangles: a room with a ball in
-the middle. Best of several repetitions, interleaved.
+rays, and (2) the time for the photon index and for gathers of photons at what the camera meets over the time for
+tracing. Such gathers tell caustics alone in a render, where rays of final gathers find the rest. Beside them what else
+there is: the irradiance cache, what is done for the camera without gathers (its rays, and what they see), and all that
+is done for it, with final gathers as planned and what their ends recall. The last line backs the times in splitting.py.
+16 bands, 100,000 photons, 128x96 pixels, 81,932 triangles: a room with a ball in the middle. Best of several
+repetitions, interleaved.
 """
 
-import math
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -19,17 +19,19 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from addon.solver import Material, Settings
-from addon.solver.camera import eye_paths
 from addon.solver.camera.eye_paths import CameraPass, render_pixels
+from addon.solver.camera.final_gather import open_finals
 from addon.solver.camera.rays import Estimate
+from addon.solver.camera.reflection import reflect
 from addon.solver.camera.shadow_rays import Lighting, lamp_points
 from addon.solver.image.tiles import tiles
 from addon.solver.passes import PHOTON_CHUNK, Work, cache_irradiance
 from addon.solver.photons.emission import Batch
-from addon.solver.photons.photon_map import PhotonStore, build_photon_map
+from addon.solver.photons.photon_map import build_photon_map
 from addon.solver.photons.transport import trace_photons
-from addon.solver.planning.preparation import prepare
-from addon.solver.sampling.rng import CAMERA, LAMPS, PHOTONS, pass_key
+from addon.solver.planning.preparation import photon_store, prepare
+from addon.solver.sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key
+from tests.helpers.paper_estimator import changed, no_final_gathers, no_walls
 from tests.helpers.scenes import box, look, make_scene, sphere
 
 PHOTONS_PER_PASS = 100_000
@@ -61,10 +63,35 @@ def room(bands=16):
     return make_scene(vertices, triangles, temperature, materials, camera, np.linspace(7.5, 14, bands + 1), material)
 
 
-def is_of_camera_rays(bounce, asking):
-    """Whether what asks photons are gathers of camera rays, and not ends of final gathers."""
-    rays = asking.gathers.ray
-    return not asking.are_ends and len(rays) > 0 and not bounce.rays.final[rays[0]]
+# Neither photons nor rays of final gathers find what is reflected.
+CAMERA_ALONE = {
+    "camera.eye_paths.choose_splits": no_final_gathers,
+    "camera.eye_paths.free_space": no_walls,
+    "camera.eye_paths.reflect": lambda *_: None,
+}
+
+
+def asks_of_camera(camera):
+    """What `reflect` is given for the gathers of camera rays if they ask photons for all that is reflected."""
+    kept = []
+    watched = {"camera.eye_paths.reflect": lambda *given: kept.append(given)}
+    with changed({"camera.eye_paths.choose_splits": no_final_gathers} | watched):
+        camera()
+    return [given for given in kept if len(given[-2].gathers.ray)]
+
+
+def rays_of_final_gathers(camera):
+    """How many rays all final gathers of a pass send."""
+    sent = []
+
+    def opened(*arguments):
+        finals = open_finals(*arguments)
+        sent.append(int(finals.rays.sum()))
+        return finals
+
+    with changed({"camera.eye_paths.open_finals": opened}):
+        camera()
+    return sum(sent)
 
 
 def seconds(function):
@@ -99,8 +126,12 @@ def main():
             model.tracer.trace(origin, direction)
 
     with ThreadPoolExecutor(threads) as pool:
-        store = PhotonStore(16, False, False)
+        store = photon_store(scene.band_count, model.optics)
         work = Work(store, pool, lambda: False)
+        lighting = Lighting(model.emitters.surroundings, model.lamps, shining, model.looking, len(model.layers))
+        straight = model.optics.keep_incoming
+        estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, straight, model.splitting, lighting.layers)
+        pixels = tiles(model.eye.window, 0, camera_keys[0])
         times = {"trace": [], "embree": [], "index": [], "gather": [], "cache": [], "camera": [], "final gathers": []}
         for _ in range(REPETITIONS):
             store.clear()
@@ -114,15 +145,15 @@ def main():
             times["embree"].append(seconds(lambda: list(pool.map(embree_chunk, chunks)))[0])
             spent, photon_map = seconds(lambda: build_photon_map(store.photons, model.stage.surfaces, pool.map))
             times["index"].append(spent)
-            photons_alone = model.splitting._replace(price=math.inf)
-            estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, False, photons_alone)
-            spent, cache = seconds(lambda p=photon_map, e=estimate: cache_irradiance(model, p, e, camera_keys[1], work))
+            spent, cache = seconds(
+                lambda p=photon_map: cache_irradiance(model, p, estimate, lighting, pass_key(0, 0, CACHE), work)
+            )
             times["cache"].append(spent)
 
             shared = CameraPass(
                 tracer=model.tracer,
                 stage=model.stage,
-                lighting=Lighting(model.emitters.surroundings, model.lamps, shining),
+                lighting=lighting,
                 eye=model.eye,
                 samples=model.samples,
                 photon_map=photon_map,
@@ -130,32 +161,18 @@ def main():
                 estimate=estimate,
                 keys=camera_keys,
                 index=0,
-                weights=model.weights.astype(np.float32),
+                weights=model.layer_weights.astype(np.float32).ravel(),
             )
 
-            def camera(pixels, shared=shared):
-                render_pixels(shared, pixels, lambda: False)
+            def camera(shared=shared):
+                list(pool.map(lambda tile: render_pixels(shared, tile, lambda: False), pixels))
 
-            pixels = tiles(model.eye.window, 0, camera_keys[0])
-            reflected, reflect = [], eye_paths.reflect
-            eye_paths.reflect = lambda *arguments, kept=reflected: kept.append(arguments)
-            times["camera"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
-            asked = [a for a in reflected if is_of_camera_rays(*a[3:5])]
-            times["gather"].append(seconds(lambda g=asked, r=reflect: list(pool.map(lambda call: r(*call), g)))[0])
-            gathers = sum(len(asking.gathers.ray) for *_, asking, _ in asked)
-            sent, choose, opened = [], eye_paths.choose_splits, eye_paths.open_finals
-
-            def planned(stage, estimate, *rest, choose=choose):
-                choose(stage, estimate._replace(splitting=model.splitting), *rest)
-
-            def counted(*arguments, kept=sent, opened=opened):
-                finals = opened(*arguments)
-                kept.append(int(finals.rays.sum()))
-                return finals
-
-            eye_paths.choose_splits, eye_paths.open_finals = planned, counted
-            times["final gathers"].append(seconds(lambda c=camera, p=pixels: list(pool.map(c, p)))[0])
-            eye_paths.reflect, eye_paths.choose_splits, eye_paths.open_finals = reflect, choose, opened
+            asked = asks_of_camera(camera)
+            times["gather"].append(seconds(lambda a=asked: list(pool.map(lambda ask: reflect(*ask), a)))[0])
+            with changed(CAMERA_ALONE):
+                times["camera"].append(seconds(camera)[0])
+            times["final gathers"].append(seconds(camera)[0])
+        sent, gathers = rays_of_final_gathers(camera), sum(len(asking.gathers.ray) for *_, asking, _ in asked)
     best = {name: min(values[1:]) for name, values in times.items()}
     print(f"{threads} threads, {rays} rays, {store.count} photons stored, {settings.neighbours} neighbours")
     print("  ".join(f"{name} {1e3 * value:.1f} ms" for name, value in best.items()))
@@ -164,11 +181,12 @@ def main():
     )
     ratio = (best["index"] + best["gather"]) / best["trace"]
     print(f"index and gather / tracing: {ratio:.2f}  (target 1.00)")
-    ray = (best["final gathers"] - best["camera"]) / sum(sent)
-    photon = (best["trace"] + best["index"]) / PHOTONS_PER_PASS
+    ray = (best["final gathers"] - best["camera"]) / sent
+    photon = (best["trace"] + best["index"] + best["cache"]) / PHOTONS_PER_PASS
     print(
-        f"in the time of one of {sum(sent)} rays of final gathers: a gather {best['gather'] / gathers / ray:.1f}, its "
-        f"camera rays {best['camera'] / gathers / ray:.1f}, a photon {photon / ray:.1f}"
+        f"in the time of one of {sent} rays of final gathers: a gather {best['gather'] / gathers / ray:.1f}, "
+        f"{model.samples.mean():.1f} camera rays of a pixel {best['camera'] / model.samples.size / ray:.1f}, a photon "
+        f"with its share of index and cache {photon / ray:.1f}"
     )
 
 

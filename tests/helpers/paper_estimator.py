@@ -17,7 +17,6 @@ from unittest import mock
 import numpy as np
 
 from addon.solver.camera.final_gather import choose_splits
-from addon.solver.camera.gathers import NearDisks
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.photons.emission import emit
 from addon.solver.planning.lamps import build_lamps
@@ -31,22 +30,39 @@ def no_final_gathers(*_):
 
 
 def rays_everywhere(stage, estimate, pixels, bounce, gathers, *rest):
-    """The opposite, that tests and benchmarks set against it: every gather sends rays."""
+    """The opposite, that tests and benchmarks set against it: every gather that sends rays sends as many."""
     choose_splits(stage, estimate, pixels, bounce, gathers, *rest)
-    gathers.rays[:] = np.where(bounce.rays.final[gathers.ray], 0, 32)
+    gathers.rays[gathers.rays > 0] = 32
 
 
 def no_lamps(*arguments):
-    """Nothing that shadow rays are sent to."""
+    """Nothing that shadow rays are sent to: rays and photons count all that they find."""
     lamps = build_lamps(*arguments)
-    return lamps._replace(power=0.0, shines=np.zeros_like(lamps.shines))
+    return lamps._replace(
+        cumulative=np.zeros_like(lamps.cumulative),
+        density=np.zeros_like(lamps.density),
+        found=np.ones_like(lamps.found),
+        caustic=np.zeros_like(lamps.caustic),
+    )
 
 
-def emit_all(*arguments):
-    """Emit photons whose direct light counts: no shadow rays bring it."""
-    emit(*arguments)
-    wave = arguments[-1]
-    wave.direct[:] = False
+def lights_alone(*arguments):
+    """Shadow rays are sent to lights alone: rays and photons count all that they find of surfaces."""
+    lamps = build_lamps(*arguments)
+    chance = np.diff(lamps.cumulative)
+    chance[: len(lamps.side_id)] = 0.0
+    cumulative = np.append(0.0, np.cumsum(chance))
+    return lamps._replace(
+        cumulative=cumulative / (cumulative[-1] or 1.0),
+        density=np.zeros_like(lamps.density),
+        found=np.ones_like(lamps.found),
+    )
+
+
+def emit_all(emitters, stage, batch, wave):
+    """Emit photons whose direct light counts, that of lights and of the surroundings, too: no shadow rays bring it."""
+    emit(emitters, stage, batch, wave)
+    wave.aimed[:] = 0.0
 
 
 def by_power_alone(count, sheet, area, reachable):
@@ -58,9 +74,8 @@ def no_walls(tracer, surfaces, reach2, point, *_):
     return unlimited(len(point), reach2)
 
 
-def no_near_disks(estimate):
-    """All ends of rays recall, however near they are to where the ray starts."""
-    return NearDisks(np.empty(0), 0.0)
+# Ends of rays recall from the nearest cached point on this side of walls, however wide its disk is.
+ALWAYS_RECALL = {"photons.irradiance_cache._RESOLVED": math.inf}
 
 
 def any_reach(area, pilot, photons, neighbours):

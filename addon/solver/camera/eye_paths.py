@@ -14,9 +14,9 @@ from ..geometry.stage import Stage
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
 from .final_gather import choose_splits, open_finals, share
-from .gathers import asking_photons, locate_gathers, meet, near_disks
+from .gathers import asking_photons, locate_gathers, meet, part_near
 from .onward import follow
-from .rays import Bounce, Estimate, Rows, empty_rays, start_paths
+from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
 from .shadow_rays import Lighting, add_unshadowed
 
@@ -44,39 +44,46 @@ class CameraPass(NamedTuple):
 
 def render_pixels(
     shared: CameraPass, pixels: np.ndarray, cancelled: Callable[[], bool]
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Estimate the excess radiance of a tile of pixels in one pass.
 
-    pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and seen (h w,)
-    float32: the part of the radiance over all bands that surfaces emit straight into the camera.
+    pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and two parts of
+    the radiance over all bands, (h w,) float32: seen, what surfaces emit straight into the camera; and missed, what
+    continued rays find in place of what is recalled, less the latter. It is not in the image, tells of few rays and
+    thus little of a single pixel.
     """
     tracer, stage, lighting, estimate = shared.tracer, shared.stage, shared.lighting, shared.estimate
     bands, numbers = stage.radiometry.reference.size, pixels.ravel()
     samples = shared.samples[numbers]
     rays, reach = _camera_rays(shared, samples, numbers)
-    rows = Rows(np.zeros((pixels.size, shared.weights.size), np.float32), np.zeros(pixels.size))
-    seen, finals, disks = np.zeros(pixels.size, np.float32), [], near_disks(estimate)
+    # the pixels, and two rows for each that check what is recalled, see follow
+    rows = empty_rows(np.zeros((3 * pixels.size, shared.weights.size), np.float32))
+    seen, finals = np.zeros(pixels.size, np.float32), []
     count, number = len(rays.origin), 0
     while count and not cancelled():
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
-        gathers = meet(stage, lighting, disks, bounce, rows)
+        if estimate.photons and number > 0:
+            part_near(bounce, rows)
+            _recall(shared, bounce, rows.image)
+        gathers = meet(stage, lighting, bounce, rows)
         if number == 0:
             # einsum, as numpy leaves matrix products to a library with threads of its own
-            np.einsum("pb,b->p", rows.image, shared.weights, out=seen)
+            np.einsum("pb,b->p", rows.image[: pixels.size], shared.weights, out=seen)
         if estimate.photons:
             rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
-        shadows = shadow_rays(stage, lighting, bounce, gathers)
+        shadows = shadow_rays(stage, lighting, bounce, samples, gathers)
         if len(shadows.reach):
             met = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
             add_unshadowed(stage, met, shadows, rows.image)
-        room = count + int(gathers.rays.sum()) + np.count_nonzero(bounce.goes_on)
+        room = count + int(gathers.rays.sum()) + 2 * np.count_nonzero(gathers.rays) + np.count_nonzero(bounce.goes_on)
         rays = empty_rays(room, bands)
-        count, number = follow(stage, bounce, samples, gathers, rays), number + 1
+        count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1
         reach = np.full(count, 1e37, np.float32)
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)
-    return rows.image[: pixels.size], seen
+    image, goes_on, recalls, *_ = np.split(rows.image, (pixels.size, 2 * pixels.size, 3 * pixels.size))
+    return image, seen, np.einsum("pb,b->p", goes_on - recalls, shared.weights)
 
 
 def _camera_rays(shared, samples, numbers):
@@ -88,26 +95,29 @@ def _camera_rays(shared, samples, numbers):
     return rays, reach
 
 
+def _recall(shared, bounce, image):
+    """Add the diffuse reflection of the ends of final gathers: from the cache, and caustics where rays go on."""
+    continued = recall(shared.stage, shared.lighting.surroundings.open, shared.cache, shared.estimate, bounce, image)
+    anywhere = Asking(continued, unlimited(len(continued.ray), shared.estimate.reach2), True)
+    reflect(shared.stage, shared.photon_map, shared.estimate, bounce, anywhere, image)
+
+
 def _ask_photons(shared, numbers, bounce, gathers, rows, finals):
-    """Add the diffuse reflection of gathers, from the photons around them, and of the ends of final gathers, from the
-    cache. Choose which gathers send rays instead, and append these to `finals`. Returns the rows, with further rows for
-    the radiance that those rays will meet."""
+    """Add the diffuse reflection of gathers, from the photons around them. Choose which gathers send rays instead, and
+    append these to `finals`. Returns the rows, with further rows for the radiance that those rays will meet."""
     stage, estimate, photon_map = shared.stage, shared.estimate, shared.photon_map
     points = locate_gathers(stage, bounce, gathers)
     space = unlimited(len(gathers.ray), estimate.reach2)
-    choose_splits(stage, estimate, numbers, bounce, gathers, space.radius2)
+    choose_splits(stage, estimate, numbers, bounce, gathers)
     felt = asking_photons(bounce, gathers, photon_map, estimate)
     if len(felt):
         space = free_space(shared.tracer, stage.surfaces, estimate.reach2, *points, felt)
-        choose_splits(stage, estimate, numbers, bounce, gathers, space.radius2, felt)
     reflect(stage, photon_map, estimate, bounce, Asking(gathers, space, False), rows.image)
-    if bounce.number > 0:
-        lost = recall(stage, shared.cache, estimate, bounce, rows.image)
-        anywhere = Asking(lost, unlimited(len(lost.ray), estimate.reach2), True)
-        reflect(stage, photon_map, estimate, bounce, anywhere, rows.image)
     if not gathers.rays.any():
         return rows
-    finals.append(open_finals(stage, estimate, bounce, gathers, len(rows.image)))
-    further = len(finals[-1].pixel)
-    image = np.concatenate((rows.image, np.zeros((further, rows.image.shape[1]), np.float32)))
-    return Rows(image, np.concatenate((rows.closeness, np.zeros(further))))
+    finals.append(open_finals(stage, shared.lighting, bounce, gathers, len(rows.image)))
+    count = len(finals[-1].pixel)
+    further = empty_rows(np.zeros((2 * count, rows.image.shape[1]), np.float32))
+    further.near[:count], further.fewer[:count] = finals[-1].near, finals[-1].fewer
+    further.apart[:count] = count
+    return Rows(*map(np.concatenate, zip(rows, further, strict=True)))

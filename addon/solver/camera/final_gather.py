@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Final gathers: which gathers of camera paths send rays of their own, and how neighbouring pixels share these rays.
+"""Final gathers: how many rays the gathers of camera paths send, and how neighbouring pixels share these rays.
 
 Final gathers of neighbouring pixels on one sheet, within a disk, average the radiance that their rays meet. The disk is
 a part of the disk from which photons would be gathered. It is small where surfaces are close or bent, as irradiance
@@ -13,54 +13,45 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.area import NO_WALL, PATCH_LIMIT, Ball, patch_in_ball
-from ..geometry.free_space import LEAST_FREE
 from ..geometry.interaction import interact
 from ..geometry.stage import lobes_at, reflectance_at
 from ..geometry.surfaces import sheet_of, unit_normal
 from ..physics.lobes import DIFFUSE, diffuse_share
-from ..planning.splitting import NEAR, disk_area, rays_alone, rays_beside, shared_area, sharing, spread_around
+from ..planning.splitting import NEAR, rays_alone, shared_area, sharing, spread_around
+from ..sampling.heuristics import looking_from
 from ..sampling.vectors import dot, put_vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
 
-_BESIDE_WALLS = 32  # least number of rays where walls leave no room for a disk of photons; a power of two
 _WHOLE = 0.95  # a rim cuts a disk if less than this share of it lies on the sheet: photons would lie to one side
 _BENT = 0.1  # squared difference of two unit normals from which on no rays are shared
 _WINDOW = 3  # pixels on each side, within which final gathers share rays
 
 
-def choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen=None) -> None:
-    """Choose which gathers send rays, how many, and within which disk neighbours share these rays.
+def choose_splits(stage, estimate, pixels, bounce, gathers) -> None:
+    """Choose how many rays gathers send, and within which disk neighbours share these rays.
 
     The choice rests on what is known before the pass, not on the photons of the pass, so it leaves the mean of the
-    image alone. pixels: (n,) int64, numbers, in the window, of the tile's pixels. free2: (gathers,) float32, m2,
-    squared radius of the free space around. chosen: (c,) int64, indices of the gathers to choose for; None for all.
+    image alone. pixels: (n,) int64, numbers, in the window, of the tile's pixels.
     """
-    chosen = np.arange(len(gathers.ray)) if chosen is None else chosen
-    if len(chosen):
-        _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, np.empty(PATCH_LIMIT, np.int32))
+    if len(gathers.ray):
+        _choose_splits(stage, estimate, pixels, bounce, gathers, np.empty(PATCH_LIMIT, np.int32))
 
 
 @njit(**KERNEL)
-def _choose_splits(stage, estimate, pixels, bounce, gathers, free2, chosen, patch):
+def _choose_splits(stage, estimate, pixels, bounce, gathers, patch):
     splitting, k, shrink2, rays = estimate.splitting, estimate.neighbours, estimate.shrink2, bounce.rays
-    for g in chosen:
+    for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         if rays.final[i] or lobes_at(stage, at).flags & DIFFUSE == 0:
             continue
-        sheet, pixel, around2 = sheet_of(stage.surfaces, at.side_id), pixels[rays.pixel[i]], float(free2[g])
+        sheet, pixel, reach2 = sheet_of(stage.surfaces, at.side_id), pixels[rays.pixel[i]], estimate.reach2
         contribution = splitting.sensitivity[pixel] * _reflected_share(stage, at, rays.throughput[i], gathers.weight[g])
         spread = spread_around(splitting, pixel, sheet)
-        count, _ = rays_beside(splitting, sheet, spread, contribution, around2, k, shrink2)
-        if count == 0:
-            disk = disk_area(splitting.sheets, sheet, spread, around2, k, shrink2)
-            if _is_cut(stage.surfaces, at, disk, patch):
-                count, _ = rays_alone(splitting, sheet, spread, contribution, around2, k, shrink2)
-        if free2[g] < np.float32(LEAST_FREE * estimate.reach2):
-            count = max(count, _BESIDE_WALLS)
+        count, _ = rays_alone(splitting, sheet, spread, contribution, reach2, k, shrink2)
         gathers.contribution[g], gathers.rays[g], gathers.radius2[g] = contribution, count, 0.0
-        if count > 0 and sharing(splitting.sheets, sheet, spread, around2, k, shrink2) >= 1.0:
-            shared = shared_area(splitting.sheets, sheet, spread, around2, k, shrink2)
+        if count > 0 and sharing(splitting.sheets, sheet, spread, reach2, k, shrink2) >= 1.0:
+            shared = shared_area(splitting.sheets, sheet, spread, reach2, k, shrink2)
             gathers.radius2[g] = shared / math.pi
             gathers.is_cut[g] = _is_cut(stage.surfaces, at, shared, patch)
 
@@ -78,11 +69,11 @@ class Finals(NamedTuple):
 
     pixel: (n,) int32, in the tile. point: (n, 3) float64, m. side_id: (n,) int32. rays: (n,) int32, number of rays.
     radius2: (n,) float64, m2, squared radius of the disk within which neighbours share rays. is_cut: (n,) bool, whether
-    a rim cuts this disk.
-    row: the first of n rows in the image, one for each gather. A row holds the mean radiance that the rays meet, times
-    `contribution` (n,) float64, see Gathers: so the throughput of these rays says how much they count in the image, and
-    roulette can go by it. factor: (n, layers * b) float32, by which the mean radiance is added to the pixel, the same
-    for each layer.
+    a rim cuts this disk. near: (n,) float32, m, and fewer: (n,) float32, see Rows.
+    row: the first of 2 n rows in the image: one for each gather, of what it shares, and n rows further one for what it
+    does not share. A row holds the mean radiance that the rays meet, times `contribution` (n,) float64, see Gathers: so
+    the throughput of these rays says how much they count in the image, and roulette can go by it. factor: (n, layers *
+    b) float32, by which the mean radiance is added to the pixel, the same for each layer.
     """
 
     pixel: np.ndarray
@@ -91,20 +82,23 @@ class Finals(NamedTuple):
     rays: np.ndarray
     radius2: np.ndarray
     is_cut: np.ndarray
+    near: np.ndarray
+    fewer: np.ndarray
     row: int
     contribution: np.ndarray
     factor: np.ndarray
 
 
 @njit(cache=True, nogil=True)
-def open_finals(stage, estimate, bounce, gathers, row):
+def open_finals(stage, lighting, bounce, gathers, row):
     """The final gathers among the gathers. Their rows in the image start at `row`."""
     chosen = np.flatnonzero(gathers.rays)
     count, bands = chosen.size, stage.radiometry.reference.size
     finals = Finals(
         np.empty(count, np.int32), np.empty((count, 3)), np.empty(count, np.int32), gathers.rays[chosen],
-        gathers.radius2[chosen], gathers.is_cut[chosen], row, gathers.contribution[chosen],
-        np.empty((count, estimate.layers * bands), np.float32),
+        gathers.radius2[chosen], gathers.is_cut[chosen], np.empty(count, np.float32),
+        np.empty(count, np.float32), row, gathers.contribution[chosen],
+        np.empty((count, lighting.layers * bands), np.float32),
     )  # fmt: skip
     for n in range(count):
         g = chosen[n]
@@ -113,6 +107,8 @@ def open_finals(stage, estimate, bounce, gathers, row):
         at = interact(stage.surfaces, bounce.hits, i, bounce.rays.direction)
         put_vector(at.point, finals.point, n)
         finals.pixel[n], finals.side_id[n] = bounce.rays.pixel[i], at.side_id
+        looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
+        finals.near[n], finals.fewer[n] = looking.near, looking.alone / looking.together
         rho, diffuse = reflectance_at(stage, at), gathers.weight[g] * diffuse_share(lobes_at(stage, at))
         for b in range(bands):
             finals.factor[n, b] = diffuse * bounce.rays.throughput[i, b] * rho[b]
@@ -168,8 +164,10 @@ def _share(surfaces, finals, shrink2, shape, rows, chain, mean):
                         for b in range(mean.size):
                             mean[b] += scale * image[finals.row + other, b]
                     other = following[other]
+        own, alone = np.float32(1.0 / finals.contribution[n]), finals.row + finals.pixel.size + n
         for b in range(mean.size):
-            image[finals.pixel[n], b] += finals.factor[n, b] * mean[b] / np.float32(total)
+            met = mean[b] / np.float32(total) + own * image[alone, b]
+            image[finals.pixel[n], b] += finals.factor[n, b] * met
 
 
 @njit(inline="always")

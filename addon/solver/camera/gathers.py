@@ -2,7 +2,6 @@
 """Gathers: where camera paths meet surfaces. The surfaces' emission is added to the image, and rays that can be
 answered together are grouped into one gather, which asks for the light that is reflected."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +11,13 @@ from ..geometry.segments import glow, transmit
 from ..geometry.stage import emission_at, layer_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
 from ..physics.radiometry import NONE
+from ..planning.lamps import share_of_ray
+from ..sampling.heuristics import shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
-from .rays import largest_throughput
-from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING
+from .rays import ALONE, BLIND, largest_throughput
+from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
 
@@ -64,43 +65,38 @@ def first_gathers(gathers: Gathers, count: int) -> Gathers:
     return Gathers(*(column[:count] for column in gathers[:-1]), gathers.of)
 
 
-class NearDisks(NamedTuple):
-    """How near to its start a ray of a final gather may end and still recall irradiance: no nearer than the radius of
-    the disk from which that irradiance was estimated.
-
-    area: (sheets,) float64, m2, of the disk of an estimate on each sheet. shrink2: factor on the area in this pass, 0
-    without photons.
-    A ray that ends nearer starts in a corner, where light changes within the disk: the surface from which the ray
-    starts stands beside the disk. Such a ray is continued once, and the next end recalls, where the same blur counts
-    less (Jensen 2001). The photons of caustics, which no ray finds, are asked for at the first end.
-    """
-
-    area: np.ndarray
-    shrink2: float
-
-
-def near_disks(estimate) -> NearDisks:
-    """The NearDisks of an Estimate."""
-    if not estimate.photons:
-        return NearDisks(np.empty(0), 0.0)
-    return NearDisks(estimate.splitting.sheets.disk, estimate.shrink2)
+@njit(**KERNEL)
+def part_near(bounce, rows):
+    """Add up the closeness of what rays of final gathers meet, and give rays that meet something near to a row of their
+    own, see Rows: all or some of them, in the mean as much as is not shared."""
+    rays, hits = bounce.rays, bounce.hits
+    for i in range(hits.triangle.size):
+        if hits.triangle[i] < 0 or not rays.final[i] or rays.continued[i]:
+            continue
+        row, distance = rays.pixel[i], max(hits.distance[i], np.float32(1e-15))
+        rows.closeness[row] += 1.0 / distance
+        if rays.density[i] < ALONE:
+            shared = shared_part(float(rows.near[row]), float(distance))
+            rays.density[i] *= rows.fewer[row] + shared * (1.0 - rows.fewer[row])
+            if uniform(rays.path[i], PARTING + bounce.number) >= shared:
+                rays.pixel[i] = row + rows.apart[row]
 
 
-def meet(stage, lighting, disks, bounce, rows) -> Gathers:
+def meet(stage, lighting, bounce, rows) -> Gathers:
     """Add to the rows what surfaces emit where rays meet them; return the gathers that ask for the reflected light.
 
     Rays of a pixel that meet the same sheet and material, with throughputs in the same proportion of bands, share a
-    gather. Roulette decides on gathers with little throughput. Rays of final gathers do not see lamps, which are left
-    to shadow rays. disks: see NearDisks.
+    gather. Roulette decides on gathers with little throughput. What rays meet counts as far as it is not left to shadow
+    rays, or to photons of caustics.
     """
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
-    kept = _meet(stage, lighting, disks, bounce, rows, gathers, emitted, np.empty(count, np.int32))
+    kept = _meet(stage, lighting, bounce, rows, gathers, emitted, np.empty(count, np.int32))
     return first_gathers(gathers, kept)
 
 
 @njit(**FAST_KERNEL)
-def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
+def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
     found = newest = np.int64(0)  # no literal, see kernels
@@ -117,22 +113,23 @@ def _meet(stage, lighting, disks, bounce, rows, gathers, emitted, kept_as):
             continue
         at = interact(stage.surfaces, hits, i, rays.direction)
         side = at.side_id & 1
-        if rays.final[i] and not rays.continued[i]:
-            inverse = 1.0 / max(at.distance, 1e-15)
-            rows.closeness[pixel] += inverse
-            if disks.shrink2 > 0.0:
-                area = disks.area[sheet_of(stage.surfaces, at.side_id)] * disks.shrink2
-                bounce.near[i] = inverse * inverse * area > math.pi
-        if not (rays.final[i] and lamps.shines[at.triangle, side]):
+        share = np.float32(1.0)
+        if rays.density[i] < ALONE:
+            share = np.float32(share_of_ray(rays.density[i], lamps, at))
+        elif rays.density[i] == BLIND and lamps.caustic[at.triangle, side]:
+            share = np.float32(0.0)
+        if share > 0.0:
             radiance, first = emission_at(stage, at, emitted), bands * layer_at(stage, at)
             for b in range(bands):
-                rows.image[pixel, first + b] += throughput[b] * radiance[b]
+                rows.image[pixel, first + b] += throughput[b] * (share * radiance[b])
         if stored_at(stage, at) == NONE:
             continue
-        asks_sky = surroundings.open[at.triangle, side] and not bounce.near[i]
-        if rays.final[i] and not (lamps.power > 0.0 or asks_sky):
-            continue  # the reflected light is recalled from the cache, or is found by a continued ray
+        asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
+        if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky):
+            continue  # the reflected light is recalled from the cache, or roulette has ended the path
         reflected = largest_throughput(throughput, reflectance_at(stage, at))
+        if bounce.goes_on[i] > 0.0:
+            reflected *= bounce.goes_on[i]
         if reflected == 0.0:
             continue
         g = newest
@@ -158,7 +155,7 @@ def _is_alike(stage, bounce, at, i, other):
         sheet_of(stage.surfaces, there.side_id) == sheet_of(stage.surfaces, at.side_id)
         and there.material == at.material
         and rays.final[other] == rays.final[i]
-        and bounce.near[other] == bounce.near[i]
+        and bounce.unresolved[other] == bounce.unresolved[i]
         and (bounce.number == 0 or _in_proportion(rays.throughput[i], rays.throughput[other]))
     )
 
@@ -221,10 +218,7 @@ def _locate_gathers(surfaces, bounce, gathers, points):
 
 
 def asking_photons(bounce, gathers, photon_map, estimate) -> np.ndarray:
-    """Indices of the gathers that may ask photons, so that the free space around them has to be known.
-
-    Walls raise the variance of an estimate from photons at least as much as that from rays. So a gather that would send
-    rays without walls sends rays beside walls, too, and asks photons for caustics alone.
-    """
+    """Indices of the gathers that ask photons, so that the free space around them has to be known: those that send rays
+    ask for caustics alone, ends of final gathers for nothing here."""
     caustics, ends = len(photon_map.photons.caustic) > 0, bounce.rays.final[gathers.ray]
-    return np.flatnonzero(estimate.straight | (~ends & (caustics | (gathers.rays == 0))))
+    return np.flatnonzero(~ends & (estimate.straight | caustics | (gathers.rays == 0)))

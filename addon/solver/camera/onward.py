@@ -5,38 +5,52 @@ import numpy as np
 
 from ..geometry.interaction import interact, leave
 from ..geometry.stage import lobes_at, lobes_met, reflectance_at
-from ..geometry.surfaces import clear_of
+from ..geometry.surfaces import clear_of, sheet_of
 from ..photons.transport import MAX_SURVIVAL
-from ..physics.lobes import diffuse_share, is_specular, sample_diffuse, sample_specular
+from ..physics.lobes import (
+    diffuse_density,
+    diffuse_share,
+    glossy_density,
+    is_glossy,
+    is_specular,
+    sample_diffuse,
+    sample_specular,
+)
+from ..sampling.heuristics import SINGLE_RAY
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
-from ..sampling.vectors import put_vector
+from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .rays import largest_throughput
-from .streams import CONTINUING, DIMENSIONS, LOBE, SPLITTING, SURVIVAL
+from .rays import ALONE, BLIND, largest_throughput
+from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
+_DOUBTED = 64.0  # rays of final gathers of which one is sent twice more, to check what rays recall; one of each gather
 _WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
 
 
-def follow(stage, bounce, samples, gathers, onward) -> int:
-    """Fill onward with the next rays: specular reflections, rays of final gathers, and continued rays (see recall);
-    returns their number. samples: (pixels,), camera rays of each pixel."""
+def follow(stage, together, bounce, samples, gathers, onward) -> int:
+    """Fill onward with the next rays: specular reflections, rays of final gathers, continued rays (see recall), and
+    rays that check what is recalled; returns their number. together: see Looking, by sheet. samples: (pixels,), camera
+    rays of each pixel."""
     shares = np.zeros(len(gathers.ray))  # of each gather: throughput of the rays of its group so far
     first = np.empty(len(gathers.ray), np.int64)  # of each gather: index of the first of its rays in onward
-    return _follow(stage, bounce, samples, gathers, onward, shares, first)
+    return _follow(stage, together, bounce, samples, gathers, onward, (shares, first))
 
 
 @njit(**FAST_KERNEL)
-def _follow(stage, bounce, samples, gathers, onward, shares, first):
-    rays, hits, sent = bounce.rays, bounce.hits, np.int64(0)
+def _follow(stage, together, bounce, samples, gathers, onward, groups):
+    rays, hits, sent, (shares, first) = bounce.rays, bounce.hits, np.int64(0), groups
     for i in range(hits.triangle.size):
         if hits.triangle[i] >= 0 and is_specular(lobes_met(stage, hits, i)):
             at = interact(stage.surfaces, hits, i, rays.direction)
             # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
             # of it
-            full = _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
-            sent += _reflect_specularly(stage, at, bounce, i, full, onward, sent)
+            if rays.final[i]:
+                full, alike = _largest(rays.throughput[i]), 0.0
+            else:
+                full, alike = _WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
+            sent += _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent)
         if bounce.goes_on[i] > 0.0:
             _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, onward, sent)
             sent += 1
@@ -51,30 +65,64 @@ def _follow(stage, bounce, samples, gathers, onward, shares, first):
             shares[g] += largest_throughput(rays.throughput[i], reflectance_at(stage, at))
             part = before / gathers.throughput[g], shares[g] / gathers.throughput[g]
             path = path_key(rays.path[gathers.ray[g]], SPLITTING + bounce.number)
-            _split(stage.surfaces, at, gathers, g, part, path, first[g], onward)
+            looking = float(together[sheet_of(stage.surfaces, at.side_id)])
+            _split(stage.surfaces, at, gathers, g, (part, path, looking), first[g], onward)
+    for g in range(first.size):
+        if gathers.rays[g] > 0:
+            sent += _doubt(stage, bounce, (gathers, g, first[g]), samples.size, onward, sent)
     return sent
 
 
 @njit(inline="always")
-def _split(surfaces, at, gathers, g, part, path, first, onward):
+def _split(surfaces, at, gathers, g, group, first, onward):
     """Send, from the point `at` of one ray of the group, that ray's part of the rays of final gather g. These are
     cosine-distributed and add to the gather's row.
 
     part: cumulative share in the group's throughput before this ray and after it, in [0, 1]. The rays between these two
     shares, after a random start that is the same for the group, fall to this ray (systematic resampling). All
-    directions are points of one lattice; each ray of the group gets points that follow one another. first: index in
-    onward of the first ray of the gather.
+    directions are points of one lattice; each ray of the group gets points that follow one another. group: this part,
+    the key of the group's random numbers, and how many rays look together. first: index in onward of the first ray of
+    the gather.
     """
-    count, row = gathers.rays[g], gathers.row[g]
+    count, row, (part, path, together) = gathers.rays[g], gathers.row[g], group
     origin, throughput = clear_of(surfaces, at.side_id, at.point), np.float32(gathers.contribution[g] / count)
     start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
     for ray in range(_resampled(part[0], count, start), _resampled(part[1], count, start)):
         u, v = lattice_point(ray, count, shift_u, shift_v)
         put_vector(origin, onward.origin, first + ray)
-        put_vector(sample_diffuse(at.shading_normal, u, v), onward.direction, first + ray)
+        direction = sample_diffuse(at.shading_normal, u, v)
+        put_vector(direction, onward.direction, first + ray)
+        onward.density[first + ray] = together * diffuse_density(at.shading_normal, direction)
         onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
         onward.throughput[first + ray, :] = throughput
+
+
+@njit(inline="always")
+def _doubt(stage, bounce, gather, pixels, onward, sent):
+    """Send one ray of some final gathers twice more, as rays `sent` and `sent` + 1 of onward; returns 2, or 0.
+
+    The second of the two is like any ray; the first goes on from its end, whatever is recalled there. They add to rows
+    of their own, `pixels` and 2 `pixels` further than the pixel. The random numbers are the same, so the rows differ
+    only by what a continued ray finds in place of what is recalled: in the mean, by the bias of recalling.
+    gather: gathers, the number of one of them, and the index in onward of its first ray.
+    """
+    gathers, g, first = gather
+    rays, i, count = bounce.rays, gathers.ray[g], gathers.rays[g]
+    chance, number = min(1.0, count / _DOUBTED), uniform(rays.path[i], DOUBTING + bounce.number)
+    if number >= chance:
+        return 0
+    at, ray = interact(stage.surfaces, bounce.hits, i, rays.direction), first + int(number / chance * count)
+    rho, scale = reflectance_at(stage, at), np.float32(gathers.weight[g] * diffuse_share(lobes_at(stage, at)) / chance)
+    for twin in range(2):
+        put_vector(vector(onward.origin, ray), onward.origin, sent + twin)
+        put_vector(vector(onward.direction, ray), onward.direction, sent + twin)
+        onward.pixel[sent + twin], onward.path[sent + twin] = rays.pixel[i] + (1 + twin) * pixels, onward.path[ray]
+        onward.final[sent + twin], onward.continued[sent + twin] = True, False
+        onward.density[sent + twin], onward.doubts[sent + twin] = onward.density[ray], twin == 0
+        for b in range(rho.size):
+            onward.throughput[sent + twin, b] = rays.throughput[i, b] * rho[b] * scale
+    return 2
 
 
 @njit(inline="always")
@@ -97,6 +145,7 @@ def _go_on(stage, at, bounce, i, onward, sent):
     direction = sample_diffuse(at.shading_normal, uniform(path, 0), uniform(path, 1))
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent] = onward.continued[sent] = True
+    onward.density[sent] = SINGLE_RAY * diffuse_density(at.shading_normal, direction)
     scale = np.float32(diffuse_share(lobes_at(stage, at)) * bounce.goes_on[i])
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * scale
@@ -111,9 +160,10 @@ def _largest(throughput):
 
 
 @njit(inline="always")
-def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
+def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     """Send ray i on in one direction of the specular lobe, as ray `sent` of onward; returns 1 if it survives roulette,
-    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces."""
+    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces. alike:
+    number of rays of the pixel that share the light with one shadow ray, see shadow_rays."""
     rays, rho, lobes = bounce.rays, reflectance_at(stage, at), lobes_at(stage, at)
     path, dimension = rays.path[i], DIMENSIONS * bounce.number
     direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
@@ -124,6 +174,10 @@ def _reflect_specularly(stage, at, bounce, i, full, onward, sent):
         return 0
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
+    onward.doubts[sent] = rays.doubts[i]
+    onward.density[sent] = BLIND if rays.final[i] else ALONE
+    if is_glossy(lobes) and not rays.final[i]:
+        onward.density[sent] = alike * glossy_density(lobes, at, direction)
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
     return 1

@@ -11,6 +11,8 @@ from ..planning.splitting import Splitting
 from ..sampling.rng import path_key
 from ..system.kernels import FAST_INLINED, KERNEL, njit
 
+ALONE, BLIND = np.float32(1e30), np.float32(2e30)  # see Rays.density
+
 
 class Estimate(NamedTuple):
     """Choices of the radiance estimate in one pass.
@@ -35,7 +37,10 @@ class Rays(NamedTuple):
 
     origin, direction: (n, 3) float32. throughput: (n, b) float32. pixel: (n,) int32, row of the image to which the ray
     adds. path: (n,) uint64, key of the random numbers. final: (n,) bool, whether the ray belongs to a final gather.
-    continued: (n,) bool, whether it continues such a ray from its end (see NearDisks).
+    continued: (n,) bool, whether it continues such a ray from its end (see recall). density: (n,) float32, sr-1, how
+    many rays look in its direction, if shadow rays could find what it meets, too; ALONE where they cannot, and BLIND
+    where photons find the light of the lamps that throw caustics. doubts: (n,) bool, whether the ray goes on from its
+    end though the cache resolves the light there, see onward.doubt.
     """
 
     origin: np.ndarray
@@ -45,6 +50,8 @@ class Rays(NamedTuple):
     path: np.ndarray
     final: np.ndarray
     continued: np.ndarray
+    density: np.ndarray
+    doubts: np.ndarray
 
 
 def empty_rays(count: int, bands: int) -> Rays:
@@ -57,6 +64,8 @@ def empty_rays(count: int, bands: int) -> Rays:
         np.empty(count, np.uint64),
         np.empty(count, np.bool_),
         np.empty(count, np.bool_),
+        np.empty(count, np.float32),
+        np.zeros(count, np.bool_),
     )
 
 
@@ -67,6 +76,7 @@ def start_paths(key, samples, pixels, rays):
     for i in range(pixels.size):
         for sample in range(samples[i]):
             rays.pixel[row], rays.final[row], rays.continued[row] = i, False, False
+            rays.density[row] = ALONE
             rays.path[row] = path_key(key, MOST * pixels[i] + sample)
             rays.throughput[row, :] = np.float32(1.0) / samples[i]
             row += 1
@@ -75,26 +85,39 @@ def start_paths(key, samples, pixels, rays):
 class Bounce(NamedTuple):
     """One bounce of n rays. number: from 0. hits: of the rays.
 
-    near: (n,) bool, set for rays of final gathers that end too near to their start to recall (see NearDisks).
-    goes_on: (n,) float32, for rays that are continued the factor on their throughput by roulette, else 0.
+    unresolved: (n,) bool, set for rays of final gathers at whose end the cache does not resolve the light (see recall).
+    goes_on: (n,) float32, for those of them that roulette continues the factor on their throughput, else 0.
     """
 
     number: int
     rays: Rays
     hits: Hits
-    near: np.ndarray
+    unresolved: np.ndarray
     goes_on: np.ndarray
 
 
 class Rows(NamedTuple):
     """What rays add to: the pixels of a tile, followed by a row for each final gather.
 
-    image: (rows, layers * b) float32, W m-2 sr-1. closeness: (rows,) float64, 1 / m, sum of the inverse distances to
-    what the rays of a final gather meet.
+    image: (rows, layers * b) float32, W m-2 sr-1. near: (rows,) float32, m, and apart: (rows,) int32: what a ray of a
+    final gather meets nearer than about this adds to the row that lies so many rows further, and is not shared. fewer:
+    (rows,) float32, factor on the density of rays for that, see Looking. closeness: (rows,) float64, 1 / m, sum of the
+    inverse distances to what the rays of a final gather meet.
     """
 
     image: np.ndarray
+    near: np.ndarray
+    apart: np.ndarray
+    fewer: np.ndarray
     closeness: np.ndarray
+
+
+def empty_rows(image: np.ndarray) -> Rows:
+    """Rows with this image, none of which is of a final gather."""
+    count = len(image)
+    return Rows(
+        image, np.zeros(count, np.float32), np.zeros(count, np.int32), np.zeros(count, np.float32), np.zeros(count)
+    )
 
 
 @njit(**FAST_INLINED)

@@ -16,15 +16,17 @@ from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
 from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
 from ..planning.pilot import SKY_RAYS
-from ..planning.splitting import gather_chance, recall_chance
+from ..planning.splitting import recall_chance
+from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, Looking, looking_from
 from ..sampling.rng import uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
 from .gathers import Gathers, empty_gathers, first_gathers
 from .rays import largest_throughput
-from .shadow_rays import CANDIDATES, LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
+from .shadow_rays import LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
 from .streams import LAMP_NUMBERS, LAMPS, RECALLING
 
+_SURE, _LATE_SURVIVAL = 8, 15.0 / 16.0  # after so many bounces a path survives with at most this chance
 _FAR = 4.0  # largest squared distance to a cached point that is recalled, over the squared radius of the largest disk
 
 
@@ -56,7 +58,7 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
             continue
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, rho, out = lobes_at(stage, at), reflectance_at(stage, at), image[rays.pixel[i]]
-        by_lobe = is_glossy(lobes) and estimate.straight and not are_ends
+        by_lobe = is_glossy(lobes) and estimate.straight and not rays.final[i]
         is_diffuse = lobes.flags & DIFFUSE != 0 and rays.final[i] == are_ends
         if not (is_diffuse or by_lobe):
             continue
@@ -90,19 +92,21 @@ def _add_straight(stage, photons, index, at, scale, throughput, out):
                 out[b] += throughput[b] * rho[b] * f * photons.power[photon, b]
 
 
-def recall(stage, cache, estimate, bounce, image) -> Gathers:
-    """Add to the image what the ends of final gathers reflect, with the irradiance in the cache.
-
-    Sets bounce.goes_on for the rays that are continued. Returns gathers for the ends that have to ask photons: ends far
-    from all cached points, and the ends of continued rays, for caustics alone, as the continued ray finds all other
+def recall(stage, is_open, cache, estimate, bounce, image) -> Gathers:
+    """Add to the image what the ends of final gathers reflect, with the irradiance in the cache where it resolves the
     light.
+
+    It does not where no cached point lies near on this side of all walls, or where the disk of the nearest point is not
+    small against the distance to what is around it. Rays that end there are continued, in one direction of the diffuse
+    lobe: sets bounce.unresolved and bounce.goes_on. Returns gathers for the ends of continued rays, which ask photons
+    for caustics alone, as the continued ray finds all other light. is_open: see Surroundings.
     """
-    lost = empty_gathers(len(bounce.hits.triangle))
-    return first_gathers(lost, _recall(stage, cache, estimate, bounce, image, lost, empty_walk()))
+    continued = empty_gathers(len(bounce.hits.triangle))
+    return first_gathers(continued, _recall(stage, is_open, cache, estimate, bounce, image, continued, empty_walk()))
 
 
 @njit(**FAST_KERNEL)
-def _recall(stage, cache, estimate, bounce, image, lost, walk):
+def _recall(stage, is_open, cache, estimate, bounce, image, continued, walk):
     rays, splitting, found = bounce.rays, estimate.splitting, np.int64(0)
     for i in range(bounce.hits.triangle.size):
         if bounce.hits.triangle[i] < 0 or not rays.final[i]:
@@ -113,57 +117,66 @@ def _recall(stage, cache, estimate, bounce, image, lost, walk):
         if reflected == 0.0:
             continue
         sheet = sheet_of(stage.surfaces, at.side_id)
-        chance, choice = recall_chance(splitting, sheet, reflected), uniform(rays.path[i], RECALLING + bounce.number)
-        if choice >= chance:
-            continue
-        if bounce.near[i]:
-            bounce.goes_on[i] = 1.0 / chance
-            lost.ray[found], lost.weight[found], lost.rays[found] = i, 1.0 / chance, 1
-            found += 1
+        chance = min(recall_chance(splitting, sheet, reflected), 1.0 if bounce.number < _SURE else _LATE_SURVIVAL)
+        survives = uniform(rays.path[i], RECALLING + bounce.number) < chance
+        if not survives and not is_open[at.triangle, at.side_id & 1]:
             continue
         query = query_at(stage.surfaces, at.side_id, at.point)
         known = recalled(cache, query, _FAR * estimate.shrink2 * estimate.reach2, walk)
-        out = image[rays.pixel[i]]
-        if known >= 0:
-            scale = np.float32(diffuse / (math.pi * chance))
-            for layer in range(estimate.layers):
-                first = layer * rho.size
-                for b in range(rho.size):
-                    out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
+        bounce.unresolved[i] = known < 0 or rays.doubts[i]
+        if not survives:
             continue
-        chance = gather_chance(splitting, sheet, reflected)
-        if choice < chance:
-            lost.ray[found], lost.weight[found] = i, 1.0 / chance
+        if bounce.unresolved[i]:
+            bounce.goes_on[i] = 1.0 / chance
+            continued.ray[found], continued.weight[found], continued.rays[found] = i, 1.0 / chance, 1
             found += 1
+            continue
+        out, scale = image[rays.pixel[i]], np.float32(diffuse / (math.pi * chance))
+        for layer in range(estimate.layers):
+            first = layer * rho.size
+            for b in range(rho.size):
+                out[first + b] += rays.throughput[i, b] * rho[b] * (scale * cache.value[known, first + b])
     return found
 
 
-def shadow_rays(stage, lighting, bounce, gathers) -> Shadows:
-    """The shadow rays of the gathers, to lamps and lights and, from open sides, to the surroundings."""
+def shadow_rays(stage, lighting, bounce, samples, gathers) -> Shadows:
+    """The shadow rays of the gathers, to lamps and lights and, from open sides, to the surroundings.
+
+    samples: (pixels,), camera rays of each pixel. Where they meet a rough surface, each sends a ray of its own in the
+    lobe, and shares the light of lamps with the one shadow ray of the gather.
+    """
     bands = stage.radiometry.reference.size
     if len(gathers.ray) == 0:
         return empty_shadows(0, bands)
     shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
     room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
-    sent = _send_shadows(stage, lighting, bounce, gathers, shadows, room)
+    sent = _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room)
     return Shadows(*(column[:sent] for column in shadows))
 
 
 @njit(**FAST_KERNEL)
-def _send_shadows(stage, lighting, bounce, gathers, shadows, room):
+def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room):
     surroundings, rays, sky = lighting.surroundings, bounce.rays, False
     for b in range(surroundings.radiance.size):
         sky |= surroundings.radiance[b] != 0.0
-    sent = np.int64(0)
+    sent, lit = np.int64(0), lighting.points.entry.size > 0
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
+        lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
+        if rays.final[i]:
+            single = SINGLE_RAY if bounce.unresolved[i] else 0.0
+            looking = Looking(0.0, single, single)
+        else:
+            looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
+        in_lobe = SINGLE_RAY * samples[rays.pixel[i]] if is_glossy(lobes) and not rays.final[i] else 0.0
         receiver = Receiver(
-            at, rays.throughput[i], gathers.weight[g], rays.path[i], LAMPS + LAMP_NUMBERS * bounce.number, rays.pixel[i]
-        )
-        if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.near[i]:
+            at, lobes, reflectance_at(stage, at), looking, in_lobe, rays.throughput[i],
+            gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
+        )  # fmt: skip
+        if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(surroundings, stage, receiver, shadows, sent)
             sent += SKY_RAYS
-        if lighting.lamps.power > 0.0:
+        if lit and (looking.together > 0.0 or receiver.in_lobe > 0.0):
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
     return sent

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.interaction import Interaction, emit_at, leave
+from ..geometry.interaction import LEAST_COSINE, Interaction, emit_at, leave, stand_at
 from ..geometry.segments import transmit
-from ..geometry.stage import fill_emission, layer_at, lobes_at, reflectance_at
+from ..geometry.stage import fill_emission, layer_at
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, normal
 from ..photons.emission import Surroundings
@@ -21,9 +21,10 @@ from ..photons.lights import (
     area_light_point,
     spot_brightness,
 )
-from ..physics.lobes import diffuse_share, evaluate_glossy, is_glossy
+from ..physics.lobes import DIFFUSE, Lobes, diffuse_share, evaluate_glossy, glossy_density
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
+from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, rays_to
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
 from ..sampling.warps import cone_direction, cosine_stratum, to_world, triangle_point
@@ -31,15 +32,17 @@ from ..system.kernels import KERNEL, njit
 
 _SIDE = math.isqrt(SKY_RAYS)  # strata on each side of the unit square, of the rays to the surroundings
 POINTS = 4096  # lamp points of one pass
-CANDIDATES = 32  # lamp points that compete for a shadow ray
+_FROM_POINTS = 4  # shadow rays from each point of the irradiance cache
+_SHADOWING = 16  # first of the random numbers of such a point that choose them
 
 
 class LampPoints(NamedTuple):
-    """n points on lamps and lights for one pass, in proportion to power, in the order of the entries of Lamps.
+    """n points on lamps and lights for one pass, in the order of the entries of Lamps.
 
     position, normal: (n, 3) float64, m; for suns position is the unit direction towards the sun; normal is zero for
     suns and for point lights without a radius. entry: (n,) int32, of Lamps. u, v: (n,) float64, barycentric coordinates
-    on a lamp's triangle.
+    on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights. strength: (n,) float64, W, of the entry,
+    over its chance.
     """
 
     position: np.ndarray
@@ -47,22 +50,33 @@ class LampPoints(NamedTuple):
     entry: np.ndarray
     u: np.ndarray
     v: np.ndarray
+    density: np.ndarray
+    strength: np.ndarray
 
 
 class Lighting(NamedTuple):
-    """What camera paths find light by in one pass, besides photons: surroundings, lamps, and the points on lamps."""
+    """What finds light in one pass, besides photons: surroundings, lamps, and the points on lamps. looking: rays that
+    do, too, from each sheet. layers: of the image."""
 
     surroundings: Surroundings
     lamps: Lamps
     points: LampPoints
+    looking: Looking
+    layers: int
 
 
 @njit(cache=True, nogil=True)
 def lamp_points(lamps, surfaces, key):
     """The LampPoints of a pass, POINTS of them, none without lamps. key: of the pass's lamps."""
-    count = POINTS if lamps.power > 0.0 else 0
+    count = POINTS if lamps.cumulative[-1] > 0.0 else 0
     points = LampPoints(
-        np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, np.int32), np.zeros(count), np.zeros(count)
+        np.zeros((count, 3)),
+        np.zeros((count, 3)),
+        np.zeros(count, np.int32),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(count),
     )
     last = lamps.cumulative.size - 2
     entry = 0
@@ -72,6 +86,7 @@ def lamp_points(lamps, surfaces, key):
         while entry < last and lamps.cumulative[entry + 1] <= pick:
             entry += 1
         points.entry[i] = entry
+        points.strength[i] = lamps.strength[entry] / (lamps.cumulative[entry + 1] - lamps.cumulative[entry])
         s, w = uniform(path, 1), uniform(path, 2)
         if entry < lamps.side_id.size:
             u, v = triangle_point(s, w)
@@ -79,6 +94,7 @@ def lamp_points(lamps, surfaces, key):
             put_vector(clear_of(surfaces, at.side_id, at.point), points.position, i)
             put_vector(at.normal, points.normal, i)
             points.u[i], points.v[i] = u, v
+            points.density[i] = lamps.density[at.triangle, at.side_id & 1]
         else:
             position, n = _light_point(lamps.lights, entry - lamps.side_id.size, s, w)
             put_vector(position, points.position, i)
@@ -101,28 +117,47 @@ def _light_point(lights, light, s, w):
 
 
 @njit(inline="always")
-def _received(lighting, i, at):
-    """Irradiance at an Interaction from lamp point i, as if visible, m-2, for 1 W of power of the lamp."""
+def _towards(lighting, i, at):
+    """The way from an Interaction to lamp point i (m; for suns of unit length), and the irradiance from there, as if
+    visible, m-2, for 1 W of power of the lamp."""
     lamps, points = lighting.lamps, lighting.points
     lights, light = lamps.lights, points.entry[i] - lamps.side_id.size
     position, n = vector(points.position, i), vector(points.normal, i)
     kind = lights.kind[light] if light >= 0 else RECTANGLE
     if kind == SUN:
-        return max(0.0, dot(position, at.normal)) / (math.pi * lights.scene_radius * lights.scene_radius)
+        received = max(0.0, dot(position, at.normal)) / (math.pi * lights.scene_radius * lights.scene_radius)
+        return position, received
     way = difference(position, at.point)
     d2 = dot(way, way)
     cos_hit, cos_lamp = dot(way, at.normal), -dot(way, n)  # both cosines times the distance
     if cos_hit <= 0.0:
-        return 0.0
+        return way, 0.0
     if kind in (RECTANGLE, ELLIPSE):
-        return max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
+        return way, max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
     inverse = 1.0 / math.sqrt(d2)
     intensity = 1.0 / (2.0 * math.pi * (1.0 - lights.cos_cone[light]))
     if kind == SPOT:
         intensity *= spot_brightness(lights, light, -dot(way, vector(lights.axis, light)) * inverse)
     if lights.radius[light] > 0.0:  # a sphere shows each direction the disk pi r^2 of its 4 pi r^2
         intensity *= 4.0 * max(0.0, cos_lamp) * inverse
-    return intensity * cos_hit * inverse / d2
+    return way, intensity * cos_hit * inverse / d2
+
+
+@njit(inline="always")
+def _shared_brdf(receiver, way, distance, aimed):
+    """BRDF of the receiver's lobes between its ray and the way to a lamp, sr-1, each lobe times the share of the light
+    from there that is left to shadow rays, see share_of_ray. aimed: lamp points that compete, sr-1; 0 for lights, which
+    no ray meets."""
+    at, lobes, brdf = receiver.at, receiver.lobes, 0.0
+    if receiver.looking.together > 0.0:
+        cosine = max(0.0, dot(way, at.shading_normal)) / distance
+        met = rays_to(receiver.looking, distance) * cosine / math.pi if aimed > 0.0 else 0.0
+        brdf += diffuse_share(lobes) / math.pi * balance(aimed, met)
+    if receiver.in_lobe > 0.0:
+        direction = scaled(way, 1.0 / distance)
+        met = receiver.in_lobe * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
+        brdf += lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
+    return brdf
 
 
 class Shadows(NamedTuple):
@@ -154,11 +189,17 @@ def empty_shadows(count: int, bands: int) -> Shadows:
 class Receiver(NamedTuple):
     """Where a camera path asks for direct light.
 
-    at: the Interaction. throughput: (b,) float32, of the path so far. weight: a factor on the throughput. path: key of
-    the random numbers. dimension: the first one that is free. pixel: row of the image.
+    at: the Interaction. lobes, reflectance (b,) float32: there. looking: rays of the diffuse lobe that look for light,
+    too; none where it does not ask. in_lobe: number of those of the rough lobe. throughput: (b,) float32, of the path
+    so far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
+    pixel: row of the image.
     """
 
     at: Interaction
+    lobes: Lobes
+    reflectance: np.ndarray
+    looking: Looking
+    in_lobe: float
     throughput: np.ndarray
     weight: float
     path: int
@@ -177,9 +218,9 @@ class LampRoom(NamedTuple):
 def send_shadow(lighting, stage, receiver, room, shadows, count):
     """Choose a point on a lamp for a receiver and fill shadow ray `count`; returns 1, or 0 if no lamp shines there.
 
-    Of CANDIDATES points, spread evenly over the lamps' power, one is chosen in proportion to the irradiance that it
-    would cause (resampled importance sampling, Talbot et al. 2005). This is unbiased, and what is left to chance is
-    mostly the visibility of the point.
+    Of CANDIDATES points one is chosen in proportion to the reflected light that it is expected to bring (resampled
+    importance sampling, Talbot et al. 2005). This is unbiased, and what is left to chance is mostly the visibility of
+    the point.
     """
     lamps, points, value = lighting.lamps, lighting.points, room.value
     at = receiver.at
@@ -189,12 +230,9 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
     position, chosen = vector(points.position, i), points.entry[i]
     way, reach = difference(position, clear_of(stage.surfaces, at.side_id, at.point)), 1.0
     distance = math.sqrt(dot(way, way))
-    probability = lamps.cumulative[chosen + 1] - lamps.cumulative[chosen]
-    factor = receiver.weight * total / (CANDIDATES * probability)
-    rho, lobes, light, layer = reflectance_at(stage, at), lobes_at(stage, at), chosen - lamps.side_id.size, 0
-    brdf = diffuse_share(lobes) / math.pi
+    factor = receiver.weight * total / (CANDIDATES * lamps.strength[chosen])
+    rho, light, layer = receiver.reflectance, chosen - lamps.side_id.size, 0
     if light < 0:
-        # diffuse lobe alone: camera paths that follow the specular lobe meet the lamp themselves
         cosine = abs(dot(way, vector(points.normal, i))) / distance
         lamp = emit_at(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], cosine)
         layer = layer_at(stage, lamp)
@@ -207,25 +245,30 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
             scene_radius = lamps.lights.scene_radius
             factor *= math.pi * scene_radius * scene_radius  # its power is per square metre
             way, reach, distance = position, 1e37, 1.0
-        if is_glossy(lobes):
-            brdf += lobes.specular * evaluate_glossy(lobes, at, scaled(way, 1.0 / math.sqrt(dot(way, way))))
     # The end of a long ray is uncertain in float32, so it is moved away from the lamp: else the lamp's own surface, or
     # one that the lamp is flush with, might hide the point.
     end = moved(way, CLEAR * distance, vector(points.normal, i))
     _start(stage.surfaces, receiver, end, reach, layer, shadows, count)
     for b in range(value.size):
-        shadows.radiance[count, b] = receiver.throughput[b] * rho[b] * (value[b] * brdf * factor)
+        shadows.radiance[count, b] = receiver.throughput[b] * rho[b] * (value[b] * factor)
     return 1
 
 
 @njit(inline="always")
 def _choose_point(lighting, receiver, weight):
-    """The lamp point that is chosen for a receiver, and the sum of the irradiances that all candidates would cause."""
-    stride = POINTS // CANDIDATES
+    """The lamp point that is chosen for a receiver, and the sum of the light that all candidates are expected to
+    bring."""
+    points, stride = lighting.points, POINTS // CANDIDATES
     offset = int(stride * uniform(receiver.path, receiver.dimension))
     total = 0.0
     for c in range(CANDIDATES):
-        total += _received(lighting, offset + stride * c, receiver.at)
+        i = offset + stride * c
+        way, received = _towards(lighting, i, receiver.at)
+        if received > 0.0:
+            distance = math.sqrt(dot(way, way))
+            lamp_cosine = max(0.0, -dot(way, vector(points.normal, i))) / distance
+            aimed = points.density[i] * distance * distance / max(lamp_cosine, LEAST_COSINE)
+            total += received * points.strength[i] * _shared_brdf(receiver, way, distance, aimed)
         weight[c] = total
     pick = total * uniform(receiver.path, receiver.dimension + 1)
     c = 0
@@ -237,9 +280,8 @@ def _choose_point(lighting, receiver, weight):
 @njit(inline="always")
 def send_sky(surroundings, stage, receiver, shadows, count):
     """Fill SKY_RAYS shadow rays from `count` on towards the surroundings, cosine-distributed and stratified."""
-    at, path = receiver.at, receiver.path
-    rho = reflectance_at(stage, at)
-    scale = receiver.weight * diffuse_share(lobes_at(stage, at)) / SKY_RAYS
+    at, path, rho = receiver.at, receiver.path, receiver.reflectance
+    scale = receiver.weight * diffuse_share(receiver.lobes) / SKY_RAYS
     for stratum in range(SKY_RAYS):
         dimension = receiver.dimension + 2 + 2 * stratum
         local = cosine_stratum(stratum, _SIDE, uniform(path, dimension), uniform(path, dimension + 1))
@@ -267,3 +309,43 @@ def add_unshadowed(stage, hits, shadows, image):
             row, first = image[shadows.pixel[i]], bands * shadows.layer[i]
             for b in range(bands):
                 row[first + b] += shadows.radiance[i, b]
+
+
+def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray:
+    """The part of the direct light at points that is left to shadow rays and not to photons, see stored_share.
+
+    points: (n, 3) float32, m, and side_ids (n,) int32. key: of the random numbers of the points, which are number
+    first, first + 1, ... Returns the irradiance (n, layers * b) float32, W m-2.
+    """
+    bands, layers = stage.radiometry.reference.size, lighting.layers
+    value = np.zeros((len(points[1]), layers * bands), np.float32)
+    shadows = empty_shadows(_FROM_POINTS * len(value) if len(lighting.points.entry) else 0, bands)
+    if len(shadows.reach):
+        room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
+        sent = _send_from_points(stage, lighting, points, (key, first), np.ones(bands, np.float32), shadows, room)
+        shadows = Shadows(*(column[:sent] for column in shadows))
+        add_unshadowed(stage, tracer.trace(shadows.origin, shadows.direction, shadows.reach), shadows, value)
+    return value
+
+
+@njit(**KERNEL)
+def _send_from_points(stage, lighting, points, keys, white, shadows, room):
+    (point, side_id), (key, first) = points, keys
+    sent, lobes = np.int64(0), Lobes(DIFFUSE, 0.0, 0.0)
+    for i in range(side_id.size):
+        at, path = stand_at(stage.surfaces, side_id[i], vector(point, i)), path_key(key, first + i)
+        for ray in range(_FROM_POINTS):
+            receiver = Receiver(
+                at,
+                lobes,
+                white,
+                Looking(0.0, TYPICAL_RAYS, TYPICAL_RAYS),
+                0.0,
+                white,
+                math.pi / _FROM_POINTS,
+                path,
+                _SHADOWING + 2 * ray,
+                i,
+            )
+            sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
+    return sent

@@ -68,6 +68,15 @@ def emit_at(surfaces, side_id, u, v, cosine):
     return Interaction(triangle, np.int32(side_id), at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
 
 
+@njit(**INLINED)
+def stand_at(surfaces, side_id, point):
+    """The Interaction at a point of a side, seen from straight above: for light that arrives there, whichever way it
+    goes on. u, v and distance are 0."""
+    n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
+    material = np.int32(surfaces.material[triangle])
+    return Interaction(triangle, np.int32(side_id), point, n, n, material, 0.0, 0.0, scaled(n, -1.0), 1.0, 0.0)
+
+
 @njit(inline="always")  # as rays are tuples of many types
 def leave(surfaces, side_id, point, direction, rays, i):
     """Start ray i at a point of a side, clear of the surface (see clear_of), in a direction. rays: any named tuple with

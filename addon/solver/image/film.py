@@ -16,9 +16,11 @@ from ..physics.spectrum import apparent_temperature, band_names
 from ..scene import check_band_edges
 from ..system.kernels import KERNEL, njit
 from .pooling import pooled_variance
+from .self_check import GRID, region_means, regions, significant, spread_out
 
 _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
-_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")
+_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")  # by pixel
+_CHECKS = ("_missed", "_missed_squares")  # by region of the image
 
 
 class Film:
@@ -69,6 +71,8 @@ class Film:
         # and of second to fourth powers (Pebay 2008) of all other radiance, both through the sensor's response
         self._seen, self._seen_squares = np.zeros((2, height * width))
         self._squares, self._cubes, self._fourths = np.zeros((3, height * width))
+        # mean over the passes, and sum of squared deviations, of what regions miss (see self_check)
+        self._missed, self._missed_squares = np.zeros((2, GRID**2))
 
     def __getstate__(self):
         """A film can be pickled, to be merged on another machine; a lock cannot."""
@@ -79,21 +83,22 @@ class Film:
 
     def state(self) -> dict[str, np.ndarray]:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
-        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS)}
+        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS)}
         return arrays | {"layers": np.asarray(to_json(self.layers))}
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
         """The film of a state. Raises ValueError if something is missing, misshapen or not finite."""
-        missing = {*_VALUES, "ranges", "layers", *_ARRAYS} - set(state)
+        missing = {*_VALUES, "ranges", "layers", *_ARRAYS, *_CHECKS} - set(state)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
         edges = np.asarray(state["band_edges"], np.float64)
         check_band_edges(edges)
         layers = from_json(str(state["layers"]))
-        for name in _ARRAYS:
-            shape = (height * width, len(layers) * (len(edges) - 1)) if name == "_mean" else (height * width,)
+        shapes = dict.fromkeys(_ARRAYS, (height * width,)) | dict.fromkeys(_CHECKS, (GRID**2,))
+        shapes["_mean"] = height * width, len(layers) * (len(edges) - 1)
+        for name, shape in shapes.items():
             if state[name].shape != shape or state[name].dtype != np.float64:
                 raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
             if not np.isfinite(state[name]).all():
@@ -109,7 +114,7 @@ class Film:
         film = cls(width, height, edges, float(state["reference_temperature"]), weights=weights, layers=layers)
         film.ranges = [tuple(row) for row in ranges.tolist()]
         film.passes, film.photons = passes, photons
-        for name in _ARRAYS:
+        for name in shapes:
             setattr(film, name, state[name])
         return film
 
@@ -127,17 +132,22 @@ class Film:
         """Names of the bands as in Blender's passes."""
         return band_names(self.band_edges)
 
-    def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int) -> None:
+    def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int, missed: np.ndarray | None = None) -> None:
         """Add one finished pass.
 
         excess: (height * width, layers * b) float32, excess radiance, W m-2 sr-1 per band. seen: (height * width,)
         float32, the part of its sum, weighted with layer_weights, that surfaces emit straight into the camera. photons:
-        emitted in the pass.
+        emitted in the pass. missed: (height * width,) float32, what the excess misses where rays recall, as few rays
+        tell (see render_pixels); None for nothing.
         """
         with self.lock:
             count = self.passes + 1
             directly, rest = (self._seen, self._seen_squares), (self._squares, self._cubes, self._fourths)
             _accumulate(self._mean, directly, rest, (excess, seen), self.layer_weights.ravel(), count)
+            by_region = 0.0 if missed is None else region_means(missed, regions(self.width, self.height))
+            delta = by_region - self._missed
+            self._missed = self._missed + delta / count
+            self._missed_squares = self._missed_squares + delta * (by_region - self._missed)
             seed, first, stop = self.ranges[-1]
             self.ranges[-1] = seed, first, stop + 1
             self.passes += 1
@@ -188,6 +198,9 @@ class Film:
             total._fourths = self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
             total._fourths += 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0])
             total._fourths += 4.0 * apart * (a * cubes[1] - b * cubes[0])
+            missed = other._missed - self._missed
+            total._missed = self._missed + share * missed
+            total._missed_squares = self._missed_squares + other._missed_squares + missed**2 * self.passes * share
         return total
 
     def band_radiance(self, band: int) -> np.ndarray:
@@ -219,7 +232,8 @@ class Film:
     def noise(self) -> np.ndarray:
         """(height, width) float32 standard error of temperature(), K. Neighbouring pixels have a say, see pooling.
 
-        After a single pass the error is unknown, and the result is the temperature itself.
+        It includes what regions are known to miss, see self_check. After a single pass the error is unknown, and the
+        result is the temperature itself.
         """
         if self.passes < 2:
             return self.temperature()
@@ -231,11 +245,23 @@ class Film:
         shape = self.height, self.width
         sums = self._squares.reshape(shape), self._fourths.reshape(shape)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
-        error = np.sqrt((rest + seen / (self.passes - 1)) / self.passes) / self.correction.emissivity
+        variance = (rest + seen / (self.passes - 1)) / self.passes
+        bias = significant(self._missed, self._missed_squares, self.passes)
+        if bias.any():
+            variance += spread_out(bias, np.sqrt(rest / self.passes), regions(self.width, self.height)) ** 2
+        error = np.sqrt(variance) / self.correction.emissivity
         # half of the interval from one standard error below to one above: finite even where the radiance is 0
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))
         return self._image(0.5 * (above - below))
+
+    def missed(self) -> tuple[np.ndarray, np.ndarray]:
+        """What regions of the image miss where rays recall, in the mean over their pixels and all passes, and its
+        standard error: (GRID, GRID) float64 each, W m-2 sr-1 through the sensor's response, row 0 at the bottom. An
+        error of infinity is that of a single pass."""
+        variance = self._missed_squares / max(self.passes * (self.passes - 1), 1)
+        error = np.sqrt(variance) if self.passes > 1 else np.full(GRID**2, math.inf)
+        return self._missed.reshape(GRID, GRID), error.reshape(GRID, GRID)
 
     def _apparent(self, radiance: np.ndarray) -> np.ndarray:
         return apparent_temperature(radiance, self.band_edges, self.weights)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.interaction import emit_at, leave
+from ..geometry.interaction import LEAST_COSINE, emit_at, leave
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
@@ -16,7 +16,7 @@ from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .guide import DIMENSIONS, Guide, even_guide
 from .lights import LightTable, light_ray, light_totals
-from .wave import LIT_BY_LAMP, LIT_BY_LIGHT
+from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
@@ -65,8 +65,8 @@ class Emitters(NamedTuple):
     """Everything that emits, as entries of one discrete distribution: surface sides, surroundings, lights.
 
     cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of the entries; zeros where nothing emits.
-    surface: (n,) int32, side_ids of the sides that emit: entries 0..n-1. lamp: (n,) bool, whether the direct light of
-        such a side is found by shadow rays.
+    surface: (n,) int32, side_ids of the sides that emit: entries 0..n-1. caustic: (n,) bool, whether
+        photons find the caustics of such a side. aimed: (n,) float32, m-2, points on it that compete for a shadow ray.
     sky: (m,) int32, side_ids of the sides on which photons from the surroundings arrive: entries n..n+m-1.
     area: (t,) float64, of the triangles, m2.
     surroundings: see Surroundings. lights: see LightTable; entries from n + m on. Lights add to the first layer.
@@ -75,7 +75,8 @@ class Emitters(NamedTuple):
 
     cumulative: np.ndarray
     surface: np.ndarray
-    lamp: np.ndarray
+    caustic: np.ndarray
+    aimed: np.ndarray
     sky: np.ndarray
     area: np.ndarray
     surroundings: Surroundings
@@ -116,12 +117,11 @@ def build_emitters(
     reach: Reach,
     area: np.ndarray,
     power: np.ndarray,
-    lamp: np.ndarray,
+    lamps,
 ) -> Emitters:
     """The Emitters.
 
-    area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamp: (t, 2) bool, sides to which shadow rays are
-    sent.
+    area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamps: see planning.lamps.
     """
     sky_flux = math.pi * np.abs(surroundings.radiance).sum()
     sky_area = (area[:, None] * reach.arrival).ravel()
@@ -146,7 +146,8 @@ def build_emitters(
     cumulative = np.concatenate(([0.0], np.cumsum(chosen)))
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
-    return Emitters(cumulative, surface, lamp.ravel()[surface], sky, area, surroundings, lights, even_guide())
+    caustic, aimed = lamps.caustic.ravel()[surface], lamps.density.ravel()[surface]
+    return Emitters(cumulative, surface, caustic, aimed, sky, area, surroundings, lights, even_guide())
 
 
 @njit(inline="always")
@@ -212,10 +213,10 @@ def _emit(emitters, stage, batch, wave, emitted):
             entry += 1
         probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
         share = 1.0 / (batch.total * probability * guide.density[cell])
-        lamp, layer = entry < surface_end and emitters.lamp[entry], 0
+        caustic, layer = entry < surface_end and emitters.caustic[entry], 0
         wave.photon[i], wave.arrival[i] = photon, -1
-        wave.chain[i] = LIT_BY_LIGHT if entry >= sky_end else LIT_BY_LAMP if lamp else 0
-        wave.direct[i] = wave.chain[i] != 0
+        wave.chain[i] = STRAIGHT_FROM_LIGHT if entry >= sky_end else CAUSTIC if caustic else 0
+        wave.aimed[i] = np.inf if entry >= sky_end else 0.0
         if entry >= sky_end:
             light = entry - sky_end
             origin, direction, brightness = light_ray(lights, light, (s0, s1, s2, s3))
@@ -230,11 +231,12 @@ def _emit(emitters, stage, batch, wave, emitted):
             scale = math.pi * emitters.area[at.triangle] * share
             if entry < surface_end:
                 layer = layer_at(stage, at)
+                wave.aimed[i] = emitters.aimed[entry] / max(local[2], LEAST_COSINE)
                 _set_power(wave, i, emission_at(stage, at, emitted), scale)
             else:
                 layer = surroundings.layer
                 wave.arrival[i], wave.u[i], wave.v[i] = side_id, u, v
-                wave.direct[i] = surroundings.open[at.triangle, side_id & 1]
+                wave.aimed[i] = np.inf if surroundings.open[at.triangle, side_id & 1] else 0.0
                 _set_power(wave, i, surroundings.radiance, scale)
             leave(stage.surfaces, side_id, at.point, to_world(local, at.shading_normal), wave, i)
         if wave.layer.size:

@@ -29,7 +29,7 @@ from ..geometry.point_tree import (
 from ..geometry.stage import reflectance_at, stored_at
 from ..physics.radiometry import NONE
 from ..system.kernels import KERNEL, njit
-from .wave import arrive, has_arrived
+from .wave import arrive, has_arrived, stored_share
 
 DIMENSIONS = 5
 CELLS = 1024
@@ -171,12 +171,12 @@ def _add_scores(gather_tree, stage, hits, wave, score, walk):
         if not has_arrived(wave, i, hits.triangle[i]):
             continue
         at = arrive(stage.surfaces, hits, i, wave)
-        if wave.direct[i] or stored_at(stage, at) == NONE:
+        if stored_at(stage, at) == NONE:
             continue
         rho, power = reflectance_at(stage, at), 0.0
         for b in range(rho.size):
             power += abs(wave.power[i, b]) * rho[b]
-        score[wave.photon[i]] += power * math.sqrt(_count(gather_tree, at, walk))
+        score[wave.photon[i]] += stored_share(wave, i, at) * power * math.sqrt(_count(gather_tree, at, walk))
 
 
 @njit(inline="always")

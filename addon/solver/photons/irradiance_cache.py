@@ -13,27 +13,35 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.free_space import FreeSpace, largest_disk, wall_of
+from ..geometry.free_space import LEAST_FREE, FreeSpace, free_space, largest_disk, wall_of
 from ..geometry.interaction import interact, leave
 from ..geometry.point_tree import WIDTH, PointTree, build_tree, empty_leaves, kd_order, open_node, start_walk
 from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.surfaces import Surfaces, sheet_of, unit_normal
 from ..physics.lobes import sample_diffuse
-from ..sampling.rng import path_key, uniform
+from ..sampling.low_discrepancy import lattice_point
+from ..sampling.rng import path_key, uniform, uniforms
 from ..sampling.vectors import put_vector, vector
-from ..system.kernels import FAST_KERNEL, KERNEL, njit
+from ..system.kernels import FAST_KERNEL, INLINED, KERNEL, njit
 from .photon_map import Disk, PhotonMap, gather, irradiance, leaf_distances, neighbours_room
 
 _SHARE = 1.0 / 16.0  # rays that find the points of the cache, over photons, in the first pass
 _CHUNK = 512  # points that are one piece of work
+_LOOKING = 8  # first of the two random numbers of a point that turn these rays
+_LOOKS = 8  # rays from each point that tell how far away its surroundings are
+# Largest radius of a disk that tells the light at its centre, over the harmonic mean distance h to what is around:
+# irradiance changes by about r / h over a distance r (Ward et al. 1988)
+_RESOLVED = 0.5
 
 
 class IrradianceCache(NamedTuple):
-    """Irradiance at n points: a tree whose leaves hold positions, normals and labels of sheets (see PhotonMap), and
-    value (n, layers * b) float32, W m-2 per layer and band."""
+    """Irradiance at n points: a tree whose leaves hold positions, normals, labels of sheets (see PhotonMap) and walls
+    (see FreeSpace); value (n, layers * b) float32, W m-2 per layer and band; and resolved2 (n,) float32, m2, squared
+    distance up to which the value tells the light around the point, 0 where not even at the point."""
 
     tree: PointTree
     value: np.ndarray
+    resolved2: np.ndarray
 
 
 def cache_points(photons: int, shrink2: float) -> int:
@@ -43,6 +51,14 @@ def cache_points(photons: int, shrink2: float) -> int:
     the blur to vanish, slow enough to be affordable for many passes.
     """
     return max(1, min(photons, round(photons * _SHARE / math.sqrt(shrink2))))
+
+
+class Vicinity(NamedTuple):
+    """What is around n points. space: the FreeSpace along the surface. closeness: (n,) float64, 1 / m, mean of the
+    inverse distances to what cosine-distributed rays meet."""
+
+    space: FreeSpace
+    closeness: np.ndarray
 
 
 class VisiblePoints(NamedTuple):
@@ -91,53 +107,72 @@ def build_irradiance_cache(
     surfaces: Surfaces,
     estimate,
     points: tuple[np.ndarray, np.ndarray],
-    feel: Callable[[np.ndarray, np.ndarray, int], FreeSpace],
+    look: Callable[[np.ndarray, np.ndarray, int], tuple[Vicinity, np.ndarray]],
     run=map,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> IrradianceCache:
     """The cache of a pass.
 
-    estimate: see Estimate. points: (n, 3) float32, m, and side_ids (n,) int32, see ray_ends. feel(point, side_id,
-    first): gives the FreeSpace around points that are numbers first, first + 1, ... run: map, or a pool's. cancelled:
-    once it returns true the cache stays unfinished.
+    estimate: see Estimate. points: (n, 3) float32, m, and side_ids (n,) int32, see ray_ends. look(point, side_id,
+    first): gives the Vicinity of points, which are number first, first + 1, ..., and the part of their direct light
+    that photons do not find, W m-2, as in value. run: map, or a pool's. cancelled: once it returns true the cache stays
+    unfinished.
     """
     order = kd_order(points[0])
     point, side_id = (column[order] for column in points)
-    leaves = empty_leaves(len(side_id), 7)
+    leaves, resolved2 = empty_leaves(len(side_id), 10), np.zeros(len(side_id), np.float32)
     value = np.empty((len(side_id), estimate.layers * photon_map.photons.power.shape[1]), np.float32)
 
     def fill(first):
         if cancelled():
             return
         chosen = slice(first, first + _CHUNK)
-        space = feel(point[chosen], side_id[chosen], first)
-        fill_values(photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), space, value[chosen])
-        _fill_leaves(surfaces, point[chosen], side_id[chosen], first, leaves)
+        vicinity, direct = look(point[chosen], side_id[chosen], first)
+        fill_values(photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen])
+        value[chosen] += direct
+        radius2 = _expected_radius2(surfaces, estimate, side_id[chosen], vicinity.space)
+        far = _RESOLVED / np.maximum(vicinity.closeness, 1e-15) - np.sqrt(radius2)
+        resolved2[chosen] = np.maximum(far, 0.0) ** 2
+        _fill_leaves(surfaces, point[chosen], side_id[chosen], vicinity.space.wall, first, leaves)
 
     list(run(fill, range(0, len(side_id), _CHUNK)))
-    return IrradianceCache(build_tree(leaves), value)
+    return IrradianceCache(build_tree(leaves), value, resolved2)
 
 
 @njit(**KERNEL)
-def _fill_leaves(surfaces, point, side_id, first, leaves):
-    """Put points (n, 3) on sides (n,) into the leaves, as points number first, first + 1, ..."""
+def _fill_leaves(surfaces, point, side_id, wall, first, leaves):
+    """Put points (n, 3) on sides (n,) into the leaves, as points number first, first + 1, ... wall: see FreeSpace."""
     for i in range(side_id.size):
         leaf, slot = (first + i) // WIDTH, (first + i) % WIDTH
         for axis in range(3):
             leaves[leaf, axis, slot] = point[i, axis]
         leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = unit_normal(surfaces, side_id[i])
         leaves[leaf, 6, slot] = sheet_of(surfaces, side_id[i])
+        for axis in range(3):
+            leaves[leaf, 7 + axis, slot] = wall[i, axis]
+
+
+def _expected_radius2(surfaces: Surfaces, estimate, side_id: np.ndarray, space: FreeSpace) -> np.ndarray:
+    """(n,) float64, m2, squared radii that the disks around points on sides (n,) are expected to have.
+
+    It goes by the photons of the trial pass. If it went by those of this pass, points where many fell by chance would
+    be recalled rather than others, and the image would be too bright.
+    """
+    sheet = surfaces.sheet[side_id >> 1, side_id & 1]
+    free2 = np.maximum(space.cut2 / estimate.shrink2, LEAST_FREE * estimate.reach2)
+    radius2 = estimate.neighbours / (math.pi * np.maximum(estimate.splitting.sheets.density[sheet], 1e-300))
+    return estimate.shrink2 * np.minimum(np.minimum(free2, estimate.reach2), radius2)
 
 
 def fill_values(photon_map, surfaces, estimate, points, space, value) -> None:
     """Fill value (n, layers * b) float32 with the irradiance at points (n, 3) on sides (n,). space: see FreeSpace."""
-    room = neighbours_room(estimate.neighbours)
-    _fill_values(photon_map, surfaces, estimate, points, space, value, room, np.empty(value.shape[1]))
+    rooms = neighbours_room(estimate.neighbours), np.empty(value.shape[1])
+    _fill_values(photon_map, surfaces, estimate, points, space, value, rooms)
 
 
 @njit(**FAST_KERNEL)
-def _fill_values(photon_map, surfaces, estimate, points, space, value, room, out):
-    guess, (point, side_id) = estimate.reach2, points
+def _fill_values(photon_map, surfaces, estimate, points, space, value, rooms):
+    guess, (point, side_id), (room, out) = estimate.reach2, points, rooms
     for i in range(side_id.size):
         reach2 = largest_disk(space.cut2[i], estimate)
         disk = Disk(estimate.neighbours, reach2, estimate.shrink2, wall_of(space, i), False)
@@ -149,7 +184,8 @@ def _fill_values(photon_map, surfaces, estimate, points, space, value, room, out
 
 @njit(inline="always")
 def recalled(cache, query, reach2, walk):
-    """Index of the cached point nearest to a Query, -1 if none is nearer than sqrt(reach2) m. walk: room, see Walk."""
+    """Index of the cached point nearest to a Query, -1 if none is nearer than sqrt(reach2) m or if that point does not
+    tell the light here. A point does not count from beyond its wall, where other light falls. walk: room, see Walk."""
     tree, bound = cache.tree, np.float32(reach2)
     near = walk.near
     best = -1
@@ -162,6 +198,50 @@ def recalled(cache, query, reach2, walk):
             leaf = walk.stack[depth + c]
             leaf_distances(tree.leaves[leaf], query, bound, near)
             for j in range(WIDTH):
-                if near[j] < bound:
+                if near[j] < bound and not _is_beyond_wall(tree.leaves[leaf], j, query.point):
                     best, bound = leaf * WIDTH + j, near[j]
-    return best
+    return best if best >= 0 and bound < cache.resolved2[best] else -1
+
+
+@njit(**INLINED)
+def _is_beyond_wall(leaf, j, point):
+    """Whether a point lies beyond the wall of point j of a leaf, see FreeSpace."""
+    across = np.float32(0.0)
+    for axis in range(3):
+        across += (point[axis] - leaf[axis, j]) * leaf[7 + axis, j]
+    return across > np.float32(1.0)
+
+
+def look_around(
+    tracer: Tracer, surfaces: Surfaces, reach2: float, points: tuple[np.ndarray, np.ndarray], key: np.uint64, first: int
+) -> Vicinity:
+    """The Vicinity of points: (n, 3) float32, m, on sides (n,) int32, with free space of at most sqrt(reach2) m.
+
+    key: of the random numbers of the points, which are number first, first + 1, ...
+    """
+    point, side_id = points[0].astype(np.float64), points[1]
+    space = free_space(tracer, surfaces, reach2, point, side_id, uniforms(key, first, len(side_id)))
+    rays, closeness = empty_ray_batch(_LOOKS * len(side_id)), np.empty(len(side_id))
+    _start_looks(surfaces, point, side_id, key, first, rays)
+    _mean_closeness(tracer.trace(*rays), closeness)
+    return Vicinity(space, closeness)
+
+
+@njit(**KERNEL)
+def _start_looks(surfaces, point, side_id, key, first, rays):
+    for i in range(side_id.size):
+        path = path_key(key, first + i)
+        n, u, v = unit_normal(surfaces, side_id[i]), uniform(path, _LOOKING), uniform(path, _LOOKING + 1)
+        for look in range(_LOOKS):
+            direction = sample_diffuse(n, *lattice_point(look, _LOOKS, u, v))
+            leave(surfaces, side_id[i], vector(point, i), direction, rays, _LOOKS * i + look)
+
+
+@njit(**KERNEL)
+def _mean_closeness(hits, closeness):
+    for i in range(closeness.size):
+        total = 0.0
+        for ray in range(_LOOKS * i, _LOOKS * (i + 1)):
+            if hits.triangle[ray] >= 0:
+                total += 1.0 / max(float(hits.distance[ray]), 1e-15)
+        closeness[i] = total / _LOOKS

@@ -386,8 +386,9 @@ def gather(photon_map, surfaces, side_id, point, disk, guess, room):
     exactly what the limit cuts off that mean. Near edges the area is that of the surface inside the disk, and only
     photons on that surface count (see patch_in_ball); beside a wall only the part on this side of the wall counts.
 
-    disk: see Disk. guess: m2, squared radius that is tried first; it changes the time, not the result.
-    Returns the number of photons, listed first in room.index, the area (m2) and the next guess (m2).
+    disk: see Disk. guess: m2, about the squared distance to the k-th photon, such as that of a gather near by; it
+    changes the time, not the result. Returns the number of photons, listed first in room.index, the area (m2) and the
+    squared distance (m2) to the k-th photon, or reach2 where that is less.
     """
     x, y, z = point
     wx, wy, wz = disk.wall
@@ -405,20 +406,19 @@ def _gather(photon_map, surfaces, side_id, point, disk, guess, room):
     query = query_at(surfaces, side_id, point)
     limit = np.float32(disk.reach2)
     smallest = np.float32(1e-12) * limit  # photons that all coincide still get an area
-    bound = max(np.float32(min(guess, disk.reach2)), smallest)
+    bound = max(np.float32(min(_GUESS * guess, disk.reach2)), smallest)
     while True:
         count, r2 = _search(photon_map, query, k, bound, room)
         if count >= k or bound >= limit:
             break
         bound = min(np.float32(4.0) * bound, limit)
-    next_guess = _GUESS * r2
     disk2 = max(np.float32(disk.shrink2 * r2), smallest)
     ball = Ball(point, np.float64(disk2), disk.wall)
     members, area = patch_in_ball(surfaces, side_id, ball, room.patch)
     if members == 0:  # a mesh much finer than the disk
         area = region_area(surfaces, side_id, ball, room.walk)
     if area <= 0.0:  # at a wall's foot float32 puts points beyond the rim, where nothing lies before the wall
-        return 0, math.pi * disk2, next_guess
+        return 0, math.pi * disk2, r2
     index = room.index
     near = np.int64(0)
     for i in range(count):  # no branch here and below: the order is as good as random
@@ -437,7 +437,7 @@ def _gather(photon_map, surfaces, side_id, point, disk, guess, room):
             index[marked] = index[i]
             marked += 1 if photons.caustic[index[i]] else 0
         near = marked
-    return _on_patch(photons, surfaces, side_id, ball, members, near, room), area, next_guess
+    return _on_patch(photons, surfaces, side_id, ball, members, near, room), area, r2
 
 
 @njit(**FAST_KERNEL)

@@ -16,13 +16,14 @@ from ..sampling.vectors import put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
-from .wave import LIT_BY_LAMP, LIT_BY_LIGHT, Wave, arrive, empty_wave, has_arrived
+from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
 
 # Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
 # of the survivors makes up for it.
 MAX_SURVIVAL = 1.0 - 1.0 / 4096.0
 _DIMENSIONS = 4  # random numbers of one bounce
-_ROULETTE, _LOBE = 8, 9  # dimensions in the first bounce: of the survival, and the first of two for the new direction
+# dimensions in the first bounce: of the survival, the first of two for the new direction, and of storing the photon
+_ROULETTE, _LOBE, _STORING = 8, 9, 11
 
 
 class Optics(NamedTuple):
@@ -84,11 +85,19 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
         share = _reflected_share(optics, wave.power[i], rho)
         if not share > 0.0:
             continue
-        straight, stores = wave.chain[i] == LIT_BY_LIGHT and is_glossy(lobes), stored_at(stage, at)
-        if (stores == ALL or (straight and stores == STRAIGHT)) and not wave.direct[i]:
+        straight, stores = wave.chain[i] == STRAIGHT_FROM_LIGHT and is_glossy(lobes), stored_at(stage, at)
+        path = path_key(key, wave.photon[i])
+        if stores == ALL:
+            kept_share = stored_share(wave, i, at)
+            is_stored = kept_share >= 1.0 or uniform(path, _DIMENSIONS * bounce + _STORING) < kept_share
+        else:
+            is_stored = straight and stores == STRAIGHT and wave.aimed[i] == 0.0
+        if is_stored:
             _store(optics, at, straight, wave, i, stored, kept)
+            if optics.keep_caustic:
+                stored.caustic[kept] = bounce > 0 and wave.chain[i] != 0
             kept += 1
-        path, survival = path_key(key, wave.photon[i]), min(MAX_SURVIVAL, share)
+        survival = min(MAX_SURVIVAL, share)
         choice = uniform(path, _DIMENSIONS * bounce + _ROULETTE)
         if choice >= survival:
             continue
@@ -99,17 +108,16 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
             if weight <= 0.0:
                 continue
             scale *= weight
-            # A light's photon is straight as long as it meets mirrors alone; a lamp's photon is part of a caustic after
-            # rough lobes, too
-            if wave.chain[i] == LIT_BY_LAMP or not is_glossy(lobes):
-                chain = wave.chain[i]
+            # A light's photon is straight as long as it meets mirrors alone, and part of a caustic after rough lobes,
+            # too: no ray hits a light, and ends of final gathers ask none for what their rough lobes reflect
+            chain = CAUSTIC if wave.chain[i] != 0 and is_glossy(lobes) else wave.chain[i]
         else:
             direction = sample_diffuse(at.shading_normal, s, w)
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)
         factor = np.float32(scale)
         for b in range(rho.size):
             wave.power[alive, b] = wave.power[i, b] * rho[b] * factor
-        wave.photon[alive], wave.direct[alive] = wave.photon[i], False
+        wave.photon[alive], wave.aimed[alive] = wave.photon[i], 0.0
         wave.chain[alive], wave.arrival[alive] = chain, -1
         if optics.keep_layer:
             wave.layer[alive] = wave.layer[i]
@@ -142,7 +150,5 @@ def _store(optics, at, straight, wave, i, stored, kept):
         stored.power[kept, b] = wave.power[i, b]
     if optics.keep_incoming:
         put_vector(scaled(at.incoming, -1.0 if straight else 0.0), stored.incoming, kept)
-    if optics.keep_caustic:
-        stored.caustic[kept] = wave.chain[i] != 0
     if optics.keep_layer:
         stored.layer[kept] = wave.layer[i]

@@ -1,24 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The wave: photons in flight from one surface to the next."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ..geometry.interaction import interact, interact_at
+from ..sampling.heuristics import TYPICAL_RAYS, balance
 from ..sampling.vectors import scaled, vector
 from ..system.kernels import INLINED, njit
 
-LIT_BY_LIGHT, LIT_BY_LAMP = 1, 2
+STRAIGHT_FROM_LIGHT, CAUSTIC = 1, 2  # see Wave.chain
 
 
 class Wave(NamedTuple):
     """n photons in flight.
 
     origin, direction: (n, 3) float32. power: (n, b) float32, W. photon: (n,) int64, number in the pass.
-    direct: (n,) bool, whether the next hit is direct light that shadow rays find, so that it is not stored. chain: (n,)
-    int8, LIT_BY_LIGHT or LIT_BY_LAMP where the photon has met nothing but specular surfaces (after a light: nothing but
-    mirrors) since a light or lamp emitted it, else 0.
+    aimed: (n,) float32, m-2, points that compete for a shadow ray on each m2 across the direction of the emission,
+    where the next hit is direct light, see stored_share; 0 where shadow rays find nothing of the light, infinite where
+    they find all. chain: (n,) int8, STRAIGHT_FROM_LIGHT where the photon has met nothing but mirrors since a light
+    emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones too, since a light or a lamp that
+    throws caustics emitted it, else 0.
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
     ray leads back: it arrives if that ray leaves the scene. -1 for photons that travel forwards. u, v: (n,) float32,
     barycentric coordinates on that side. layer: (n,) uint8 as in Photons.
@@ -28,7 +32,7 @@ class Wave(NamedTuple):
     direction: np.ndarray
     power: np.ndarray
     photon: np.ndarray
-    direct: np.ndarray
+    aimed: np.ndarray
     chain: np.ndarray
     arrival: np.ndarray
     u: np.ndarray
@@ -43,7 +47,7 @@ def empty_wave(count: int, bands: int, layer: bool) -> Wave:
         np.empty((count, 3), np.float32),
         np.empty((count, bands), np.float32),
         np.empty(count, np.int64),
-        np.empty(count, np.bool_),
+        np.empty(count, np.float32),
         np.empty(count, np.int8),
         np.empty(count, np.int32),
         np.empty(count, np.float32),
@@ -66,3 +70,9 @@ def arrive(surfaces, hits, i, wave):
         return interact(surfaces, hits, i, wave.direction)
     u, v, back = wave.u[i], wave.v[i], scaled(vector(wave.direction, i), -1.0)
     return interact_at(surfaces, np.int64(wave.arrival[i] >> 1), u, v, back, hits.distance[i])
+
+
+@njit(**INLINED)
+def stored_share(wave, i, at):
+    """Share of the light of photon i that is left to photons at an Interaction, and not to shadow rays."""
+    return balance(TYPICAL_RAYS * at.cosine / math.pi, wave.aimed[i] * at.distance * at.distance)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..sampling.vectors import dot
 from ..sampling.warps import cosine_direction, to_local, to_world, turn
 from ..scene import Material
 from ..system.kernels import INLINED, njit
@@ -98,6 +99,12 @@ def sample_diffuse(normal, s, w):
 
 
 @njit(**INLINED)
+def diffuse_density(normal, direction):
+    """Density, sr^-1, with which sample_diffuse draws a unit direction."""
+    return max(0.0, dot(normal, direction)) / math.pi
+
+
+@njit(**INLINED)
 def sample_specular(lobes, at, s, w):
     """The LobeSample of the specular or glossy lobe at an Interaction, from two numbers in [0, 1)."""
     if lobes.alpha == 0.0:
@@ -115,6 +122,15 @@ def evaluate_glossy(lobes, at, direction):
         return 0.0
     x, y, _ = to_local(at.incoming, at.shading_normal)
     return evaluate_ggx(to_local(direction, at.shading_normal), (-x, -y, at.cosine), lobes.alpha)
+
+
+@njit(**INLINED)
+def glossy_density(lobes, at, direction):
+    """Density, sr^-1, with which sample_specular draws a unit direction from the glossy lobe; 0 for mirrors."""
+    if lobes.alpha == 0.0:
+        return 0.0
+    x, y, _ = to_local(at.incoming, at.shading_normal)
+    return ggx_density((-x, -y, at.cosine), to_local(direction, at.shading_normal), lobes.alpha)
 
 
 @njit(**INLINED)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The choice of lamps: small hot surfaces whose direct light is found by shadow rays instead of photons.
+"""Lamps: where shadow rays are sent to.
 
-The light of a wall that spans half the view is best found by photons. Of a source that is small against its distance
-one shadow ray says nearly all, while k photons err by 1 / sqrt(k). Photons of a lamp are then stored only from the
-second surface on that they meet (Jensen 2001, section 7.4; docs/estimators.md).
+Everything that emits is a lamp. The direct light of a lamp is shared by multiple importance sampling (Veach 1997)
+between shadow rays and rays that meet the lamp by chance (see camera.shadow_rays). So how often shadow rays are sent
+to which lamp costs or saves noise, and never changes the mean. They are sent where they are needed: to lamps that are
+small against their distance, which other rays seldom meet, and that are seldom hidden.
 """
 
 import math
@@ -14,138 +15,65 @@ import numpy as np
 from ..geometry.interaction import emit_at, leave
 from ..geometry.point_tree import morton_order
 from ..geometry.segments import Tracer, empty_ray_batch
-from ..geometry.surfaces import Surfaces, clear_of
-from ..geometry.triangles import CLEAR, centroids
-from ..photons.emission import Emitters
-from ..photons.lights import LightTable, light_totals
-from ..sampling.rng import path_key, uniform
+from ..geometry.stage import Stage, fill_emission
+from ..geometry.surfaces import clear_of, sheet_of
+from ..geometry.triangles import CLEAR, areas, centroids, normal
+from ..photons.lights import SUN, LightTable, light_totals
+from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
+from ..sampling.low_discrepancy import unevenness
+from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
 from ..sampling.vectors import difference, dot, moved, vector
 from ..sampling.warps import triangle_point
-from ..system.kernels import KERNEL, njit
+from ..system.kernels import INLINED, KERNEL, njit
 from .pilot import Pilot
 
-_MOST = 64  # candidates: the sheets with most power
-_RECEIVERS = 512  # points at which candidates are judged
-_COMPACT = 0.3  # largest ratio of radius to distance of a lamp, in the mean over the points that it lights
-_LEAST_SHARE = 0.03  # share of the light in the image that a lamp contributes at least
-_LEAST_OF_ALL = 0.3  # share that all lamps contribute at least; below it shadow rays do not pay
-_AIMED, _AIMED_FROM = 8, 256  # trial shadow rays to each candidate: how many from a receiver, and how many receivers
-_UNSURE = 0.05  # largest _unsureness of a lamp: sources that are often hidden in part are left to photons and rays
+_RECEIVERS, _FEWEST_RECEIVERS = 512, 32  # points at which lamps are judged
+_PAIRS = 1 << 20  # of lamps and such points, about
+_AIMED = 8192  # trial shadow rays between such pairs
+_TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
+# that a shadow ray may count as
+_WORTHS = tuple(float(BEST / 2.0**i) for i in range(12))
+# Time that a gather takes besides its TYPICAL_RAYS rays, over theirs. Of 256, 64, 16 and 4 the worth that is next to
+# the chosen one was best, or within 3 % of the best error times root of time, in room, ring, engine, street, office and
+# bay of tests/benchmarks/speed_scenes.py; in cavity it costs 12 %.
+_BESIDES = 1.0 / 8.0
+_LEAST_NEED = 1.0 / 64.0  # least need of a lamp, over the mean, as the points say little of others
 
 
 class Lamps(NamedTuple):
-    """What shadow rays are sent to, as entries of one discrete distribution: sides of lamps, then lights.
+    """What shadow rays are sent to, as entries of one discrete distribution: sides of triangles, then lights.
 
     cumulative: (e + 1,) float64, from 0 to 1. side_id: (n,) int32 of entries 0..n-1. lights: entries from n on, see
-    LightTable. power: W, of all entries. shines: (t, 2) bool, sides of triangles that belong to lamps.
+    LightTable. strength: (e,) float64, W, power of the entries, lowered for those that are often hidden. density: (t,
+    2) float32, m-2, lamp points that compete for a shadow ray, on each m2 of a side. found: (t,) float32, share of a
+    triangle's direct light that is left to rays of final gathers, in the mean. caustic: (t, 2) bool, sides whose light
+    in specular lobes photons find, see choose_caustic_lamps.
     """
 
     cumulative: np.ndarray
     side_id: np.ndarray
     lights: LightTable
-    power: float
-    shines: np.ndarray
+    strength: np.ndarray
+    density: np.ndarray
+    found: np.ndarray
+    caustic: np.ndarray
 
 
-class _Receivers(NamedTuple):
-    """r points at which candidates are judged: point, normal (r, 3) float64; side_id (r,) int32."""
+class Receivers(NamedTuple):
+    """r points at which lamps are judged: point, normal (r, 3) float64; side_id (r,) int32."""
 
     point: np.ndarray
     normal: np.ndarray
     side_id: np.ndarray
 
-    def thinned(self, most: int) -> "_Receivers":
+    def thinned(self, most: int) -> "Receivers":
         """About `most` of these receivers."""
         some = slice(None, None, max(1, len(self.point) // most))
-        return _Receivers(*(column[some] for column in self))
-
-
-def choose_lamps(
-    surfaces: Surfaces, tracer: Tracer, side_power: np.ndarray, pilot: Pilot, lit: float, key: np.uint64
-) -> np.ndarray:
-    """Choose the sheets that are lamps: small against their distance, a good part of the light in the image, and seldom
-    hidden in part.
-
-    side_power: (t,) float64 |excess| power of one side of each triangle, W. pilot: tells which sides can light the
-    image (the inside of a closed lamp cannot), and where camera paths gather. lit: W m-2, mean irradiance from all
-    surfaces where camera paths gather, as far as known. key: of the random numbers.
-    Returns (t, 2) bool, which sides of triangles belong to a lamp.
-    """
-    sheet = surfaces.sheet
-    power = np.bincount(sheet.ravel(), (side_power[:, None] * pilot.reachable).ravel())
-    chosen = np.zeros(power.size, np.bool_)
-    labels = np.argsort(-power, kind="stable")[:_MOST]
-    labels = labels[power[labels] > 0]
-    if len(pilot.point) == 0 or len(labels) == 0:
-        return chosen[sheet]
-    receivers = _Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
-    irradiance, nearness = _judge(surfaces, labels, power, receivers)
-    compact = (irradiance > 0) & (nearness < _COMPACT)
-    lit = max(lit, irradiance[compact].sum())
-    compact &= irradiance > _LEAST_SHARE * lit
-    receivers = receivers.thinned(_AIMED_FROM)
-    for lamp in np.flatnonzero(compact):
-        compact[lamp] = _unsureness(surfaces, tracer, side_power, labels[lamp], receivers, key) < _UNSURE
-    if irradiance[compact].sum() > _LEAST_OF_ALL * lit:
-        chosen[labels[compact]] = True
-    return chosen[sheet]
-
-
-def _judge(surfaces, labels, power, receivers) -> tuple[np.ndarray, np.ndarray]:
-    """Judge the sheets with these labels (n,): their mean irradiance (n,) at the receivers, W m-2, as if all were
-    visible, and the ratio of radius to distance (n,), averaged with the irradiance as weight. power: (sheets,) W."""
-    row = np.full(power.size, -1, np.int32)
-    row[labels] = np.arange(labels.size)
-    centre, radius = _spheres(surfaces.corners, surfaces.sheet, row, labels.size)
-    towards = centre[:, None] - receivers.point
-    distance = np.maximum(np.linalg.norm(towards, axis=2), radius[:, None])
-    cosine = np.maximum(np.sum(towards * receivers.normal, axis=2), 0.0) / distance
-    received = power[labels, None] * cosine / (4.0 * math.pi * distance**2)
-    nearness = np.sum(received * radius[:, None] / distance, axis=1) / np.maximum(received.sum(axis=1), 1e-300)
-    return received.mean(axis=1), nearness
-
-
-def _unsureness(surfaces, tracer, side_power, label, receivers, key) -> float:
-    """Variance of shadow rays to one sheet because other surfaces hide a part of it, over the mean square of the
-    irradiance that these rays find at the receivers.
-
-    A shadow ray chooses a point in proportion to the irradiance that this point would cause (see send_shadow). Let G be
-    the mean irradiance over all points of the sheet, and E the mean with 0 for hidden points. A shadow ray then finds G
-    with probability E / G and else 0: its variance is E (G - E).
-    """
-    sides = np.flatnonzero(surfaces.sheet.ravel() == label)
-    cumulative = np.cumsum(side_power[sides >> 1])
-    rays = empty_ray_batch(_AIMED * len(receivers.point))
-    caused = np.empty(len(rays.origin))
-    _aim(surfaces, sides, cumulative / cumulative[-1], receivers, key, rays, caused)
-    free = tracer.visible(*rays, np.ones(len(caused), np.float32)).reshape(-1, _AIMED)
-    caused = caused.reshape(-1, _AIMED)
-    unhidden, seen = caused.mean(axis=1), (caused * free).mean(axis=1)
-    total = float(np.sum(seen**2))
-    return float(np.sum(seen * (unhidden - seen))) / total if total > 0.0 else math.inf
-
-
-@njit(**KERNEL)
-def _aim(surfaces, sides, cumulative, receivers, key, rays, caused):
-    """Fill rays from each receiver to _AIMED points on a sheet, and caused (rays,) float64, m-2, the irradiance that
-    the point would cause for 1 W of the sheet's power. sides: (n,) side_ids of the sheet. cumulative: (n,) float64,
-    cumulative share of the sides' power, up to 1."""
-    for i in range(caused.size):
-        path, receiver = path_key(key, i), i // _AIMED
-        chosen = sides[min(np.searchsorted(cumulative, uniform(path, 0)), sides.size - 1)]
-        u, v = triangle_point(uniform(path, 1), uniform(path, 2))
-        lamp = emit_at(surfaces, chosen, u, v, 1.0)
-        point, side_id, n = vector(receivers.point, receiver), receivers.side_id[receiver], receivers.normal[receiver]
-        way = difference(clear_of(surfaces, chosen, lamp.point), clear_of(surfaces, side_id, point))
-        cos_hit, cos_lamp = dot(way, n), -dot(way, lamp.normal)  # times the distance
-        d2 = dot(way, way)
-        caused[i] = max(0.0, cos_hit) * max(0.0, cos_lamp) / (math.pi * d2 * d2)
-        # the ray ends a little beyond the point, or the lamp would hide its own point: see send_shadow
-        leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(d2), lamp.normal), rays, i)
+        return Receivers(*(column[some] for column in self))
 
 
 @njit(cache=True, nogil=True)
-def _spheres(corners, sheet, row, count):
+def spheres(corners, sheet, row, count):
     """Centre (n, 3) and radius (n,) of spheres around sheets. row: (labels,) int32, sphere of a label or -1."""
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for t in range(sheet.shape[0]):
@@ -169,14 +97,301 @@ def _spheres(corners, sheet, row, count):
     return centre, np.sqrt(square)
 
 
-def build_lamps(emitters: Emitters, surfaces: Surfaces, side_power: np.ndarray, shines: np.ndarray) -> Lamps:
-    """The emitters to which shadow rays are sent: those marked as lamps, and all lights. shines: see Lamps."""
-    side_id = emitters.surface[emitters.lamp]
+def build_lamps(
+    stage: Stage, tracer: Tracer, pilot: Pilot, side_power: np.ndarray, lights: LightTable, caustic: np.ndarray
+) -> Lamps:
+    """The Lamps of a scene: all sides that emit and can light the image, and all lights.
+
+    side_power: (t,) float64 |excess| power of one side of each triangle, W. pilot: tells which sides can light the
+    image, and where camera paths gather. caustic: see Lamps.
+    """
+    surfaces = stage.surfaces
+    side_id = np.flatnonzero((side_power[:, None] * pilot.reachable).ravel()).astype(np.int32)
     # in the order of a Morton curve: points at equal steps along this curve lie all around a lamp
     side_id = side_id[morton_order(centroids(surfaces.corners[side_id >> 1]))]
-    power = np.concatenate((side_power[side_id >> 1], light_totals(emitters.lights)))
-    cumulative = np.concatenate(([0.0], np.cumsum(power)))
-    total = float(cumulative[-1])
-    if total > 0:
-        cumulative /= total
-    return Lamps(cumulative, side_id, emitters.lights, total, shines)
+    power = np.concatenate((side_power[side_id >> 1], light_totals(lights)))
+    label = surfaces.sheet.ravel()[side_id]
+    kelvin = surfaces.temperature[side_id >> 1].mean(axis=1)
+    sign = np.ones(int(surfaces.sheet.max()) + 1)
+    sign[label] = np.sign(kelvin - stage.radiometry.quiet)
+    need, visible, met, hidden = _need(surfaces, tracer, side_power, side_id, pilot, sign)
+    chance = power * np.concatenate((need[label], _light_need(lights, pilot)))
+    cumulative = np.concatenate(([0.0], np.cumsum(chance)))
+    if cumulative[-1] > 0.0:
+        cumulative /= cumulative[-1]
+    chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
+    of_sheet = np.bincount(label, chance[: len(side_id)], len(need))
+    best = _best_worth(stage, pilot, _Chances(side_id, cumulative, of_sheet, power, visible), hidden)
+    worth = best * chance[: len(side_id)]
+    density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
+    density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
+    # the power heuristic, as in balance
+    found[side_id >> 1] = met[label] ** 2 / np.maximum(met[label] ** 2 + (best * of_sheet[label]) ** 2, 1e-300)
+    return Lamps(cumulative, side_id, lights, power * visible, density, found, caustic)
+
+
+def _need(surfaces, tracer, side_power, side_id, pilot, sign) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """By label of the sheet, (labels,) float64 each: how much irradiance, m-2, that rays of final gathers seldom find
+    each W of the sheet's power brings to where camera paths gather; the share of that which no surface hides; and how
+    many of those rays meet the sheet, in the mean over its light. And the variance, see _variance.
+
+    side_power, side_id: see build_lamps. sign: (labels,) -1 for sheets that are colder than the reference, else 1.
+    """
+    labels = int(surfaces.sheet.max()) + 1 if surfaces.sheet.size else 0
+    power = np.bincount(surfaces.sheet.ravel()[side_id], side_power[side_id >> 1], labels)
+    emitting = np.flatnonzero(power > 0.0)
+    need, visible, met = np.ones(labels), np.ones(labels), np.ones(labels)
+    if len(pilot.point) == 0 or len(emitting) == 0:
+        return need, visible, met, 0.0
+    receivers = Receivers(pilot.point, pilot.normal, pilot.side_id)
+    receivers = receivers.thinned(min(_RECEIVERS, max(_FEWEST_RECEIVERS, _PAIRS // len(emitting))))
+    row = np.full(labels, -1, np.int32)
+    row[emitting] = np.arange(len(emitting))
+    centre, radius = spheres(surfaces.corners, surfaces.sheet, row, len(emitting))
+    brought, seldom = np.zeros((2, len(emitting), len(receivers.point)))
+    _bring(centre, radius, receivers, brought, seldom)
+    sides, weight = _sides(surfaces, side_power, side_id), power[emitting, None] * seldom
+    visible[emitting] = _visibility(surfaces, tracer, sides, weight, receivers)
+    weight *= visible[emitting, None]
+    gain = sign[emitting] / visible[emitting]
+    variance = _variance(surfaces, tracer, sides, weight, receivers, gain)
+    mean = seldom.mean(axis=1) * visible[emitting]
+    # never far below the mean, as few receivers tell of all
+    need[emitting] = np.maximum(mean, _LEAST_NEED * mean.mean())
+    met[emitting] = brought.sum(axis=1) / np.maximum(seldom.sum(axis=1), 1e-300) - 1.0
+    return need, visible, met, variance
+
+
+@njit(**KERNEL)
+def _bring(centre, radius, receivers, brought, seldom):
+    """Fill brought (n, r), m-2, with the irradiance that 1 W of each of n spheres brings to each of r receivers, as if
+    visible, and seldom with the part of it that shadow rays are needed for: a sphere that takes the share F of the
+    cosine-weighted view is met by TYPICAL_RAYS F rays of a final gather."""
+    for k in range(radius.size):
+        c, r2 = vector(centre, k), radius[k] * radius[k]
+        for i in range(receivers.side_id.size):
+            way = difference(c, vector(receivers.point, i))
+            d2 = max(dot(way, way), r2)
+            cosine = min(1.0, max(0.0, dot(way, vector(receivers.normal, i)) + radius[k]) / math.sqrt(d2))
+            brought[k, i] = cosine / (4.0 * math.pi * d2)
+            seldom[k, i] = brought[k, i] / (1.0 + TYPICAL_RAYS * cosine * r2 / d2)
+
+
+class _Sides(NamedTuple):
+    """Sides that emit, the sides of a sheet one behind the other. side_id: (n,) int32. total: (n + 1,) float64, W,
+    running sum of their power. first, stop: (sheets,) int64, of each emitting sheet."""
+
+    side_id: np.ndarray
+    total: np.ndarray
+    first: np.ndarray
+    stop: np.ndarray
+
+
+def _sides(surfaces, side_power, side_id) -> _Sides:
+    """The _Sides with these side_ids (n,)."""
+    side_id = side_id[np.argsort(surfaces.sheet.ravel()[side_id], kind="stable")]
+    _, first, count = np.unique(surfaces.sheet.ravel()[side_id], return_index=True, return_counts=True)
+    total = np.concatenate(([0.0], np.cumsum(side_power[side_id >> 1])))
+    return _Sides(side_id, total, first, first + count)
+
+
+def _visibility(surfaces, tracer, sides, weight, receivers) -> np.ndarray:
+    """(n,) float64 share of the light of n sheets that no surface hides, of that which faces the receivers at all; told
+    by rays between pairs of sheets and receivers that are chosen in proportion to weight (n, r)."""
+    key, cumulative = pass_key(0, LAMP_CHOICE, PILOT), np.cumsum(weight.ravel())
+    picks = (np.arange(_AIMED) + uniforms(key, 0, _AIMED)) / _AIMED * cumulative[-1]
+    pair = np.minimum(np.searchsorted(cumulative, picks, side="right"), cumulative.size - 1)
+    sheet, receiver = np.divmod(pair, weight.shape[1])
+    seen, faces = _aimed(surfaces, tracer, sides, (sheet, receiver, receivers), key)
+    tried, met, seen = (np.bincount(sheet, some, len(weight)) for some in (np.ones(_AIMED), faces, seen))
+    # of a sheet that faces nothing, such as the back of a plate, nothing is seen
+    return (seen + 1.0) / (np.where(met > 0.0, met, tried) + 1.0)
+
+
+def _variance(surfaces, tracer, sides, weight, receivers, gain) -> float:
+    """Variance of a shadow ray over the square of the light that it looks for, as a mean over the receivers.
+
+    The choice of a lamp leaves what it cannot know: whether the lamp is hidden. And cold lamps take light away. weight:
+    (n, r), in proportion to which sheets are chosen at a receiver. gain: (n,) what a ray to a sheet brings if it meets
+    nothing, over the mean.
+    """
+    key, total = pass_key(1, LAMP_CHOICE, PILOT), weight.sum(axis=0)
+    cumulative, each = np.cumsum(weight, axis=0), max(8, _AIMED // weight.shape[1])
+    brought, faces = np.zeros((2, each, weight.shape[1]))
+    for ray in range(each):
+        receiver = np.arange(weight.shape[1])
+        picks = (ray + uniforms(key, ray * receiver.size, receiver.size)) / each * total
+        sheet = np.minimum((cumulative <= picks).sum(axis=0), len(weight) - 1)
+        seen, faces[ray] = _aimed(
+            surfaces, tracer, sides, (sheet, receiver, receivers), pass_key(2 + ray, LAMP_CHOICE, PILOT)
+        )
+        brought[ray] = seen * gain[sheet]
+    count = np.maximum(faces.sum(axis=0), 1.0)
+    mean = brought.sum(axis=0) / count
+    variance = np.sum(faces * (brought - mean) ** 2, axis=0) / np.maximum(count - 1.0, 1.0)
+    return float(np.sum(total**2 * variance) / max(np.sum(total**2), 1e-300))
+
+
+def _aimed(surfaces, tracer, sides, pairs, key) -> tuple[np.ndarray, np.ndarray]:
+    """For pairs of sheets and receivers (numbers of both, (n,) each, and the Receivers): whether a point of the sheet,
+    by power, is visible, (n,) bool, and whether it faces the receiver at all, (n,) bool. key: of the random numbers."""
+    sheet, receiver, receivers = pairs
+    low, high = sides.total[sides.first[sheet]], sides.total[sides.stop[sheet]]
+    picks = low + uniforms(key, len(sheet), len(sheet)) * (high - low)
+    chosen = sides.side_id[np.minimum(np.searchsorted(sides.total, picks, side="right"), len(sides.side_id)) - 1]
+    rays, faces = empty_ray_batch(len(sheet)), np.zeros(len(sheet), np.bool_)
+    _aim(surfaces, chosen, receiver, receivers, key, rays, faces)
+    return faces & tracer.visible(*rays, np.ones(len(sheet), np.float32)), faces
+
+
+@njit(**KERNEL)
+def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
+    """Fill rays (n) from receivers with these indices (n,) to points on the chosen sides (n,), and faces (n,): whether
+    both face each other."""
+    for i in range(faces.size):
+        path, j = path_key(key, 2 * faces.size + i), receiver[i]
+        u, v = triangle_point(uniform(path, 0), uniform(path, 1))
+        lamp = emit_at(surfaces, chosen[i], u, v, 1.0)
+        point, side_id, n = vector(receivers.point, j), receivers.side_id[j], vector(receivers.normal, j)
+        way = difference(clear_of(surfaces, chosen[i], lamp.point), clear_of(surfaces, side_id, point))
+        faces[i] = dot(way, n) > 0.0 and dot(way, lamp.normal) < 0.0
+        # the ray ends a little beyond the point, or the lamp would hide its own point: see send_shadow
+        leave(surfaces, side_id, point, moved(way, CLEAR * math.sqrt(dot(way, way)), lamp.normal), rays, i)
+
+
+class _Chances(NamedTuple):
+    """How shadow rays choose among sides that emit, (n,), and lights behind them. side_id, cumulative: see Lamps.
+    of_sheet: (labels,) float64, chance of all sides of a sheet. power: (e,) float64, W. visible: (e,) float64, see
+    _visibility."""
+
+    side_id: np.ndarray
+    cumulative: np.ndarray
+    of_sheet: np.ndarray
+    power: np.ndarray
+    visible: np.ndarray
+
+
+class _Found(NamedTuple):
+    """Room for what CANDIDATES lamp points bring to a receiver. emitted: (b,) float64. sums: (2, 3) float64, see
+    _try_candidates. sheet: (CANDIDATES,) int32, label, -1 for lights. taken: float64, share of the receiver's
+    cosine-weighted view that the sheet takes, as this point tells it. left: float64, variance of single random rays."""
+
+    emitted: np.ndarray
+    sums: np.ndarray
+    sheet: np.ndarray
+    taken: np.ndarray
+    left: np.ndarray
+
+
+def _best_worth(stage, pilot, chances, hidden) -> float:
+    """How many rays a shadow ray should count as in the heuristic: of some numbers the one that costs least, in the sum
+    over where camera paths gather.
+
+    hidden: see _variance.
+    """
+    if len(pilot.point) == 0 or chances.cumulative[-1] == 0.0:
+        return _WORTHS[0]
+    receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
+    key, emitted = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
+    room = _Found(emitted, np.empty((2, 3)), np.empty(CANDIDATES, np.int32), *np.empty((2, CANDIDATES)))
+    cost = [_cost_with(stage, receivers, chances, (worth, hidden, key), room) for worth in _WORTHS]
+    return _WORTHS[int(np.argmin(cost))]
+
+
+@njit(**KERNEL)
+def _cost_with(stage, receivers, chances, choice, room):
+    """Standard error of direct irradiance times the root of the time, summed over the receivers. choice: worth of a
+    shadow ray, variance of what it finds by what is hidden, and key of the random numbers.
+
+    With m times as many rays the variance is a + b / m, and the time in proportion to _BESIDES + m. The product is
+    least at m = (_BESIDES b / a)^(1/2): ((_BESIDES a)^(1/2) + b^(1/2))^2.
+    """
+    (worth, hidden, key), sums, cost = choice, room.sums, 0.0
+    for i in range(receivers.side_id.size):
+        path, n = path_key(key, i), vector(receivers.normal, i)
+        here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
+        # two sets of candidates, as their strata differ less than single candidates do
+        for row in range(2):
+            _try_candidates(stage, (here, n), chances, (worth, path_key(path, row)), room, sums[row])
+        mean = 0.5 * (sums[0, 0] + sums[1, 0])
+        of_shadows = 0.5 * (sums[0, 0] - sums[1, 0]) ** 2 + hidden * mean * mean
+        of_shadows += mean * 0.5 * (sums[0, 1] + sums[1, 1])
+        cost += math.sqrt(_BESIDES * of_shadows) + math.sqrt(0.5 * (sums[0, 2] + sums[1, 2]))
+    return cost
+
+
+@njit(**KERNEL)
+def _try_candidates(stage, receiver, chances, choice, room, sums):
+    """Fill sums with what CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, as far
+    as it is left to shadow rays; the part of it from points brighter or darker than their triangle, times the square of
+    the difference; and the variance of what is left to TYPICAL_RAYS rays."""
+    (here, n), (worth, path) = receiver, choice
+    sums[:], room.sheet[:], room.taken[:], room.left[:] = 0.0, -1, 0.0, 0.0
+    for c in range(CANDIDATES):
+        pick = (c + uniform(path, 3 * c)) / CANDIDATES
+        entry = min(np.searchsorted(chances.cumulative, pick, side="right") - 1, chances.power.size - 1)
+        if entry >= chances.side_id.size:
+            continue
+        u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
+        lamp = emit_at(stage.surfaces, chances.side_id[entry], u, v, _TYPICAL_COSINE)
+        room.sheet[c] = sheet_of(stage.surfaces, lamp.side_id)
+        way = difference(lamp.point, here)
+        distance = math.sqrt(max(dot(way, way), 1e-30))
+        cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
+        if cosine <= 0.0 or lamp_cosine <= 0.0:
+            continue
+        chance, power = chances.cumulative[entry + 1] - chances.cumulative[entry], chances.power[entry]
+        area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
+        view = lamp_cosine / (distance * distance)
+        shared = balance(worth * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
+        brought = cosine * view * chances.visible[entry] * power / chance / CANDIDATES
+        fill_emission(stage, lamp, room.emitted)
+        sums[0] += shared * brought
+        sums[1] += shared * brought * (math.pi * area * _total(room.emitted) / power - 1.0) ** 2
+        room.taken[c] = cosine * view * area / math.pi * chances.of_sheet[room.sheet[c]] / chance
+        room.left[c] = (1.0 - shared) ** 2 * brought * math.pi * power / area / TYPICAL_RAYS
+    for c in range(CANDIDATES):
+        if room.left[c] > 0.0:
+            sums[2] += room.left[c] * unevenness(TYPICAL_RAYS * _taken(room, room.sheet[c]))
+
+
+@njit(**INLINED)
+def _taken(room, sheet):
+    """Share of the view that a sheet takes, as the candidates on it tell."""
+    taken, count = 0.0, 0
+    for c in range(CANDIDATES):
+        if room.sheet[c] == sheet:
+            taken, count = taken + room.taken[c], count + 1
+    return taken / count
+
+
+@njit(**INLINED)
+def _total(radiance):
+    """Sum over the bands of the absolute value of a radiance (b,)."""
+    total = 0.0
+    for b in range(radiance.size):
+        total += abs(radiance[b])
+    return total
+
+
+def _light_need(lights: LightTable, pilot: Pilot) -> np.ndarray:
+    """(l,) float64 irradiance, m-2, that each W of the lights brings, in the mean over where camera paths gather."""
+    if len(pilot.point) == 0:
+        return np.ones(len(lights.kind))
+    receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
+    way = lights.position[:, None] - receivers.point
+    distance2 = np.maximum(np.sum(way**2, axis=2), 1e-300)
+    cosine = np.maximum(np.sum(way * receivers.normal, axis=2), 0.0) / np.sqrt(distance2)
+    near = np.mean(cosine / (4.0 * math.pi * distance2), axis=1)
+    sun = np.mean(np.maximum(-lights.axis @ receivers.normal.T, 0.0), axis=1) / (math.pi * lights.scene_radius**2)
+    need = np.where(lights.kind == SUN, sun, near)
+    return np.maximum(need, _LEAST_NEED * (need.mean() if need.size else 0.0))
+
+
+@njit(inline="always")
+def share_of_ray(density, lamps, at):
+    """Share of the light of the lamp that a ray meets which is left to such rays, and not to shadow rays.
+
+    density: sr-1, of the rays. at: the Interaction of the ray with the lamp.
+    """
+    return balance(density * at.cosine, lamps.density[at.triangle, at.side_id & 1] * at.distance * at.distance)

@@ -31,25 +31,23 @@ from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trac
 from ..physics.lobes import GLOSSY, SPECULAR
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
+from ..sampling.heuristics import Looking, typical_looking
 from ..sampling.rng import LAMP_CHOICE, PILOT, SHEETS, TRIAL, pass_key
 from ..scene import Scene
 from ..settings import Settings
 from .antialiasing import choose_samples, least_price
-from .lamps import Lamps, build_lamps, choose_lamps
+from .caustics import choose_caustic_lamps
+from .lamps import Lamps, build_lamps
 from .pilot import explore, gather_reach
 from .reference import Sources, choose_reference, gather_sources, typical_source
 from .sheets import Excess, Gathering, Trial, dark_sheets, measure_sheets
-from .splitting import Splitting, most_rays, plan_splitting
+from .splitting import Splitting, most_rays, plan_looking, plan_splitting
 from .survey import survey_pixels
 
 log = logging.getLogger(__name__)
 
-_TRIAL_PHOTONS = (
-    1024,
-    8192,
-    16384,
-    65536,
-)  # of one trial after the other; the first tells whether a guide would help
+# of one trial after the other; the first tells whether a guide would help
+_TRIAL_PHOTONS = 1024, 8192, 16384, 65536
 _KNOWN = 512  # contributing photons that suffice, so that no larger trial is made
 _PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
 _ENOUGH = 0.15  # share of contributing photons above which unequal weights would cost more than a guide brings
@@ -61,12 +59,12 @@ class Model:
     """A scene made ready to render.
 
     samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
-    estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons.
-    reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature groups that the
-    image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's signal.
-    hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays under way at once, in the tile
-    where they are most. openness: share of the rays that leave the scene, of those from the camera or of those from
-    what the image depends on, whichever is larger.
+    estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons. looking:
+    from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature
+    groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's
+    signal. hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays under way at once, in
+    the tile where they are most. openness: share of the rays that leave the scene, of those from the camera or of those
+    from what the image depends on, whichever is larger.
     """
 
     tracer: Tracer
@@ -80,6 +78,7 @@ class Model:
     estimated: np.ndarray
     visible: VisiblePoints
     splitting: Splitting | None
+    looking: Looking
     reference_temperature: float
     weights: np.ndarray
     layers: tuple[Layer, ...]
@@ -113,14 +112,14 @@ def prepare(
     stage = _build_stage(scene, grey, layers, reference, typical_source(sources, scene.band_edges, reference))
     power = side_power(stage, area)
     lit = float(np.sum(pilot.importance * power / area))
-    lamp = choose_lamps(surfaces, tracer, power, pilot, lit, pass_key(0, LAMP_CHOICE, PILOT))
+    caustic = choose_caustic_lamps(surfaces, tracer, power, pilot, lit, pass_key(0, LAMP_CHOICE, PILOT))
     sky = sky_layer(scene, layers)
     kelvin = layers[sky].traced if sky else scene.world_temperature
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
-    emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamp)
-    lamps = build_lamps(emitters, surfaces, power, lamp)
+    lamps = build_lamps(stage, tracer, pilot, power, lights, caustic)
+    emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
@@ -128,7 +127,7 @@ def prepare(
     _log_needs(scene, stage, reference if settings.reference_subtraction else None, photons)
     if cancelled():
         return None
-    excess, sheets, hits = Excess(surroundings, lamps.shines), dark_sheets(sheet_count(surfaces)), 0.0
+    excess, sheets, hits = Excess(surroundings, lamps), dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
         if len(pilot.point):
             tree = build_gather_tree(pilot.point, pilot.normal, reach2)
@@ -140,6 +139,9 @@ def prepare(
     if cancelled():
         return None
     splitting = plan_splitting(sheets, survey, reach2, settings.neighbours, photons) if photons else None
+    looking = (
+        plan_looking(splitting, reach2, settings.neighbours) if splitting else typical_looking(sheet_count(surfaces))
+    )
     price = max(splitting.price if splitting else 0.0, least_price(survey.variance))
     samples = choose_samples(survey.variance, survey.unknown, price)
     log.info("%.1f camera rays a pixel and pass", samples.mean())
@@ -157,6 +159,7 @@ def prepare(
         estimated=survey.estimated,
         visible=VisiblePoints(pilot.point, pilot.normal, pilot.side_id, np.cumsum(pilot.throughput)),
         splitting=splitting,
+        looking=looking,
         reference_temperature=reference,
         weights=weights,
         layers=layers,
@@ -192,7 +195,7 @@ def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps,
     """The Optics of a scene, and whether any hit stores a photon."""
     used = np.unique(stage.surfaces.material)
     flags = stage.radiometry.lobes.flags[used]
-    caustic = lamps.power > 0 and bool(np.any(flags & (GLOSSY | SPECULAR)))
+    caustic = bool(lamps.caustic.any() or len(scene.lights)) and bool(np.any(flags & (GLOSSY | SPECULAR)))
     straight = bool(np.any(flags & GLOSSY)) and len(scene.lights) > 0  # by way of a mirror; shadow rays find the rest
     stored = stage.radiometry.stores[used]
     widths = np.diff(scene.band_edges)

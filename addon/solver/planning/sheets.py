@@ -19,6 +19,7 @@ from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import vector
 from ..sampling.warps import cosine_direction, to_world
 from ..system.kernels import KERNEL, njit
+from .lamps import Lamps
 from .pilot import Pilot
 
 FALL = 1.25  # the variance of n rays of a lattice falls as n^-FALL: n^-1.5 at straight edges, n^-1 for small parts
@@ -67,11 +68,10 @@ class Trial(NamedTuple):
 
 
 class Excess(NamedTuple):
-    """What rays of final gathers meet beside ordinary surfaces: the surroundings; and lamps. shines: (t, 2) bool, sides
-    of lamps, whose emission is left to shadow rays."""
+    """What rays of final gathers meet: the surroundings, and lamps, whose light is left to shadow rays in part."""
 
     surroundings: Surroundings
-    shines: np.ndarray
+    lamps: Lamps
 
 
 class Gathering(NamedTuple):
@@ -107,7 +107,7 @@ def measure_sheets(
     squares = trial.power**2 * (trial.photons / photons) / math.pi**2
     density, photon_noise, reflected, lit = _measure_photons(surfaces, pilot, trial, area, squares, photons)
     radiance = np.append(_radiance(stage), excess.surroundings.radiance.sum())
-    radiance[:-1][excess.shines.any(axis=1)] = 0.0
+    radiance[:-1] *= excess.lamps.found
     met = radiance[pilot.met]
     mean = _means(pilot.left, met, labels, met.mean() if met.size else 0.0)
     ray_noise = _means(pilot.left, (met - mean[pilot.left]) ** 2, labels, met.var() if met.size else 0.0)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Splitting: whether a gather estimates reflection from the photons around it or from rays of its own, and how many
-rays.
+"""Splitting: how many rays a gather of a camera path sends, and at which of their ends roulette stops.
 
-The variance and the time of both can be foreseen. The best choice makes the product of variance and time least. There,
-a further ray saves the same variance everywhere in the image: the variance of the image over its time, called the price
-of a ray (Rath et al. 2022 split paths by this rule). So a gather sends more rays where the contributions of these rays
-differ more, and asks photons where photons are cheaper.
+Variance and time can be foreseen. The best choice makes the product of variance and time least. There, a further ray
+saves the same variance everywhere in the image: the variance of the image over its time, called the price of a ray
+(Rath et al. 2022 split paths by this rule). So a gather sends more rays where the contributions of these rays differ
+more.
 """
 
 import math
@@ -14,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..image.tiles import TILE
+from ..sampling.heuristics import Looking
 from ..sampling.low_discrepancy import LATTICES
 from ..sampling.rng import PILOT, PRICED_CELLS, PRICED_PIXELS, pass_key, strata
 from ..system.kernels import KERNEL, njit
@@ -22,13 +22,13 @@ from .sheets import FALL, Sheets
 from .survey import Cells, Survey
 
 # Times, in units of the time of one ray of a final gather (tests/benchmarks/throughput.py)
-_GATHER = 6.0  # of an estimate from k photons
 _CAMERA = 0.75  # of a camera ray
 _FIXED = 4.0  # of a pixel, however many rays it sends
 _PHOTON = 2.0  # of a photon, traced and sorted, and its share of the cache
 _RECALL = 1.6  # of recalling irradiance; more than measured, as neighbouring pixels share the noise of its roulette
 _FEWEST, _MOST = min(LATTICES), max(LATTICES)  # rays of a final gather
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over the area of the photons' disk
+_ALONE = 0.25  # distance below which what a ray meets is not shared, over that harmonic mean distance
 NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to what the rays meet: about 5 % of change
 # n final gathers in the disk, with weights w = 1 - r^2 / R^2, are worth _EQUAL n of equal weight: the ratio is
 # (sum of w)^2 / (n sum of w^2).
@@ -42,7 +42,7 @@ _PRICES = np.geomspace(1e-4, 1e1, 31)  # that are tried, over the price if all g
 
 
 class Splitting(NamedTuple):
-    """All that the choice between photons and rays rests on.
+    """All that the number of rays rests on.
 
     sheets: see Sheets. cells: see Cells. block (p,) int32, sensitivity (p,) float64: by pixel, see Survey. price: W2
     sr-2 m-4, variance times squared sensitivity that a ray should save.
@@ -90,69 +90,51 @@ def spread_in(cells, cell):
 
 
 @njit(inline="always")
-def rays_beside(splitting, sheet, spread, contribution, free2, k, shrink2):
-    """Number of rays that a gather should send, a power of two, or 0 where photons are better; and the variance.
+def rays_alone(splitting, sheet, spread, contribution, reach2, k, shrink2):
+    """Number of rays that a gather should send, a power of two, and the variance.
 
-    spread: around the gather. contribution: see Gathers. free2: m2, squared radius of the free space around the gather.
-    k, shrink2: see Estimate.
+    spread: around the gather. contribution: see Gathers. reach2, k, shrink2: see Estimate.
     """
-    area = disk_area(splitting.sheets, sheet, spread, free2, k, shrink2)
-    by_photons = contribution * contribution * spread.brightness * splitting.sheets.photon_noise[sheet] / area
-    rays, by_rays = rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2)
-    if by_photons + _GATHER * splitting.price > by_rays + rays * splitting.price:
-        return rays, by_rays
-    return 0, by_photons
-
-
-@njit(inline="always")
-def rays_alone(splitting, sheet, spread, contribution, free2, k, shrink2):
-    """rays_beside for a gather that must not ask photons: number of rays, a power of two, and the variance."""
-    noise = contribution * contribution * ray_variance(splitting.sheets, sheet, spread, free2, k, shrink2)
+    noise = contribution * contribution * ray_variance(splitting.sheets, sheet, spread, reach2, k, shrink2)
     best = (FALL * noise / splitting.price) ** (1.0 / (1.0 + FALL))
     rays = 1 << int(math.log2(min(max(best, float(_FEWEST)), float(_MOST))) + 0.5)
     return rays, noise * rays**-FALL
 
 
 @njit(inline="always")
-def disk_area(sheets, sheet, spread, free2, k, shrink2):
+def disk_area(sheets, sheet, spread, reach2, k, shrink2):
     """Area (m2) of a gather's disk: it holds k photons, or fills the free space of this squared radius (m2); shrunk."""
-    area, density = min(math.pi * free2, sheets.span[sheet]), spread.brightness * sheets.density[sheet]
+    area, density = min(math.pi * reach2, sheets.span[sheet]), spread.brightness * sheets.density[sheet]
     if density * area > k:
         area = k / density
     return max(area * shrink2, 1e-30)
 
 
 @njit(inline="always")
-def shared_area(sheets, sheet, spread, free2, k, shrink2):
+def shared_area(sheets, sheet, spread, reach2, k, shrink2):
     """Area (m2) of the disk in which final gathers share rays, before surfaces close by limit it (see NEAR)."""
-    return _SHARING * disk_area(sheets, sheet, spread, free2, k, shrink2)
+    return _SHARING * disk_area(sheets, sheet, spread, reach2, k, shrink2)
 
 
 @njit(inline="always")
-def sharing(sheets, sheet, spread, free2, k, shrink2):
+def sharing(sheets, sheet, spread, reach2, k, shrink2):
     """How many final gathers of equal weight share rays in the disk around one of them; below 1, none share."""
     near = NEAR / max(spread.closeness, 1e-30)
-    area = min(shared_area(sheets, sheet, spread, free2, k, shrink2), math.pi * near * near * shrink2)
+    area = min(shared_area(sheets, sheet, spread, reach2, k, shrink2), math.pi * near * near * shrink2)
     return min(_EQUAL_MOST, _EQUAL * spread.density * area)
 
 
 @njit(inline="always")
-def ray_variance(sheets, sheet, spread, free2, k, shrink2):
+def ray_variance(sheets, sheet, spread, reach2, k, shrink2):
     """Variance (W2 sr-2 m-4) of the radiance that a perfect reflector reflects, estimated from n rays of each final
     gather that shares, times n^FALL."""
-    return sheets.evenness * spread.ray_noise / max(1.0, sharing(sheets, sheet, spread, free2, k, shrink2))
+    return sheets.evenness * spread.ray_noise / max(1.0, sharing(sheets, sheet, spread, reach2, k, shrink2))
 
 
 @njit(inline="always")
 def recall_chance(splitting, sheet, throughput):
     """Chance with which a final ray's end on a sheet recalls irradiance. throughput: after the reflection there."""
     return _chance(splitting, sheet, throughput, _RECALL)
-
-
-@njit(inline="always")
-def gather_chance(splitting, sheet, throughput):
-    """Chance with which a final ray's end asks photons, where no cached point is near. See recall_chance."""
-    return _chance(splitting, sheet, throughput, _GATHER)
 
 
 @njit(inline="always")
@@ -183,6 +165,30 @@ def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: in
     return splitting._replace(price=min(tried)[1])
 
 
+def plan_looking(splitting: Splitting, reach2: float, neighbours: int) -> Looking:
+    """The Looking from each sheet, (labels,) float32 each: means over the gathers on it. near is a share of the
+    harmonic mean distance to what their rays meet."""
+    cells, labels = splitting.cells, len(splitting.sheets.density)
+    sheet = cells.key % labels
+    rays, _ = _in_cells(splitting, reach2, neighbours)
+    sharing = np.zeros(len(rays))
+    _share_in_cells(splitting, reach2, neighbours, sharing)
+    count = np.maximum(np.bincount(sheet, cells.count, labels), 1e-30)
+    closeness, alone, together = (
+        np.bincount(sheet, cells.count * of, labels) / count for of in (cells.closeness, rays, rays * sharing)
+    )
+    near = _ALONE / np.maximum(closeness, 1e-30)
+    return Looking(*(of.astype(np.float32) for of in (near, np.maximum(alone, _FEWEST), np.maximum(together, _FEWEST))))
+
+
+@njit(**KERNEL)
+def _share_in_cells(splitting, reach2, k, shared):
+    cells, labels = splitting.cells, splitting.sheets.density.size
+    for cell in range(shared.size):
+        sheet, spread = cells.key[cell] % labels, spread_in(cells, cell)
+        shared[cell] = max(1.0, sharing(splitting.sheets, sheet, spread, reach2, k, 1.0))
+
+
 def _fewer_cells(splitting: Splitting, pixels: int) -> tuple[Splitting, float]:
     """The splitting with at most _CELLS of its cells, and the number of pixels that would have so many."""
     cells = splitting.cells
@@ -204,7 +210,7 @@ def noise_and_time(splitting: Splitting, pixels: float, reach2: float, neighbour
     """Mean over the pixels of the variance and of the time of their gathers, without walls around."""
     rays, variance = _in_cells(splitting, reach2, neighbours)
     count = splitting.cells.count
-    return float(np.sum(count * variance)) / pixels, float(np.sum(count * np.where(rays, rays, _GATHER))) / pixels
+    return float(np.sum(count * variance)) / pixels, float(np.sum(count * rays)) / pixels
 
 
 def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, reach2: float, neighbours: int) -> float:
@@ -223,7 +229,7 @@ def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, re
 
 
 def _in_cells(splitting, reach2, k):
-    """Rays (c,) of a gather in each cell without walls around, 0 where it asks photons, and the variance (c,)."""
+    """Rays (c,) of a gather in each cell, and the variance (c,)."""
     rays, variance = np.zeros((2, len(splitting.cells.key)))
     _choose_in_cells(splitting, reach2, k, rays, variance)
     return rays, variance
@@ -234,4 +240,5 @@ def _choose_in_cells(splitting, reach2, k, rays, variance):
     cells, labels = splitting.cells, splitting.sheets.density.size
     for cell in range(rays.size):
         sheet, contribution = cells.key[cell] % labels, math.sqrt(cells.contribution2[cell])
-        rays[cell], variance[cell] = rays_beside(splitting, sheet, spread_in(cells, cell), contribution, reach2, k, 1.0)
+        spread = spread_in(cells, cell)
+        rays[cell], variance[cell] = rays_alone(splitting, sheet, spread, contribution, reach2, k, 1.0)

@@ -20,10 +20,12 @@ from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.stage import Stage, emission_at, lobes_at, nothing_emitted, reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..image.pooling import sum_around
-from ..physics.lobes import diffuse_share, is_glossy, is_specular, sample_diffuse, sample_specular
+from ..physics.lobes import diffuse_density, diffuse_share, is_glossy, is_specular, sample_diffuse, sample_specular
 from ..physics.spectrum import apparent_temperature
+from ..sampling.heuristics import TYPICAL_RAYS
 from ..sampling.rng import PILOT, SURVEY, pass_key, path_key, uniform
 from ..system.kernels import INLINED, KERNEL, njit
+from .lamps import share_of_ray
 from .sheets import Excess, Sheets
 
 _SAMPLES = 16  # samples of a pixel: camera rays that survey it
@@ -223,11 +225,10 @@ class _Surveyor:
         samples, reach = _straight(self.eye, self.key, pixels)
         count = len(samples.number)
         seen, unclear = np.zeros(count), np.zeros(count, np.bool_)
-        nothing_hidden = np.zeros_like(self.excess.shines)
         gathers, tried = [], []
         for bounce in range(_BOUNCES + 1):
             hits = self.tracer.trace(samples.origin, samples.direction, reach)
-            seen[samples.number] += samples.throughput * self._see(hits, samples, nothing_hidden)
+            seen[samples.number] += samples.throughput * self._see(hits, samples)
             shown = self._shown(hits, samples)
             tried.append(self._try_gathers(pixels, bounce, hits, samples, shown))
             gathers.append(_join_gathers(pixels, samples, shown))
@@ -240,12 +241,23 @@ class _Surveyor:
         shape = (len(pixels), _SAMPLES)
         return _Chunk(pixels, seen.reshape(shape), unclear.reshape(shape).any(axis=1), gathers, tried)
 
-    def _see(self, hits, rays, hidden) -> np.ndarray:
-        """(n,) excess radiance of all bands, W m-2 sr-1, that rays see. hidden: (t, 2) bool, sides whose emission does
-        not count."""
+    def _see(self, hits, rays, density=None) -> np.ndarray:
+        """(n,) excess radiance of all bands, W m-2 sr-1, that rays see. density: (n,) float32, see Rays, of rays of
+        final gathers, which leave a part of the light of lamps to shadow rays; None for rays that see all."""
+        lamps = self.excess.lamps
+        density = np.empty(0, np.float32) if density is None else density
         radiance = self.excess.surroundings.radiance
         seen, emitted = np.empty(len(rays.origin)), nothing_emitted(len(radiance), np.float64)
-        _see(self.stage, hits, rays.direction, self.sheets.reflected, float(radiance.sum()), hidden, seen, emitted)
+        _see(
+            self.stage,
+            hits,
+            rays.direction,
+            self.sheets.reflected,
+            float(radiance.sum()),
+            (lamps, density),
+            seen,
+            emitted,
+        )
         return seen
 
     def _shown(self, hits, samples) -> _Shown:
@@ -261,11 +273,12 @@ class _Surveyor:
         chosen = np.flatnonzero(shown.sheet >= 0)
         chosen = chosen[(first + samples.number[chosen]) % self.stride == 0]
         rays = empty_ray_batch(len(chosen))
-        _start_gathers(stage.surfaces, bounce, hits, samples, chosen, rays)
+        density = np.empty(len(chosen), np.float32)
+        _start_gathers(stage.surfaces, bounce, hits, samples, chosen, rays, density)
         ends = self.tracer.trace(*rays)
         noise, closeness, rest = np.zeros((3, len(chosen)))
         _measure(stage, self.sheets, ends, rays, closeness, noise, rest)
-        met = self._see(ends, rays, self.excess.shines)
+        met = self._see(ends, rays, density)
         sheet = shown.sheet[chosen]
         stored = (ends.triangle >= 0) | ~self._open_sheets[sheet]
         return _Tried(
@@ -397,20 +410,22 @@ def _diffuse_reflectance(stage, at):
 
 
 @njit(**KERNEL)
-def _see(stage, hits, direction, reflected, surroundings, hidden, seen, emitted):
+def _see(stage, hits, direction, reflected, surroundings, sharing, seen, emitted):
     """Fill seen (n,) with the excess radiance of all bands, W m-2 sr-1, that rays see: the emission, and the mean
     diffuse reflection of the sheet. Specular reflection is left out.
 
-    reflected: (labels,) see Sheets. surroundings: W m-2 sr-1. hidden: (t, 2) bool, sides whose emission does not count.
+    reflected: (labels,) see Sheets. surroundings: W m-2 sr-1. sharing: Lamps, and density of the rays, (0,)
+    where all emission counts.
     """
+    lamps, density = sharing
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
             seen[i] = surroundings
             continue
         at = interact(stage.surfaces, hits, i, direction)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
-        if not hidden[at.triangle, at.side_id & 1]:
-            seen[i] += emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _HEAD_ON), emitted).sum()
+        radiance = emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _HEAD_ON), emitted)
+        seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, at) if density.size else 1.0)
 
 
 @njit(**KERNEL)
@@ -461,13 +476,14 @@ def _follow(stage, bounce, hits, samples, unclear, onward):
 
 
 @njit(**KERNEL)
-def _start_gathers(surfaces, bounce, hits, samples, chosen, rays):
-    """Start a ray of a final gather from each of the chosen samples (n,)."""
+def _start_gathers(surfaces, bounce, hits, samples, chosen, rays, density):
+    """Start a ray of a final gather from each of the chosen samples (n,). density: (n,), see Rays."""
     for row in range(chosen.size):
         i, dimension = chosen[row], _DIMENSION + 4 * bounce
         at, path = interact(surfaces, hits, i, samples.direction), samples.path[i]
         direction = sample_diffuse(at.normal, uniform(path, dimension), uniform(path, dimension + 1))
         leave(surfaces, at.side_id, at.point, direction, rays, row)
+        density[row] = TYPICAL_RAYS * diffuse_density(at.normal, direction)
 
 
 @njit(**KERNEL)

@@ -85,6 +85,8 @@ _GENERATORS, _STEPS = np.zeros((2, max(LATTICES) // 8 + 1), np.int64)
 for _count, (_generator, _step) in LATTICES.items():
     _GENERATORS[_count >> 3], _STEPS[_count >> 3] = _generator, _step
 
+_RIM = 0.27  # see unevenness; between 0.22 and 0.30 for disks that 1 to 100 of 64 to 512 points meet (same tests)
+
 
 @njit(**INLINED)
 def lattice_point(index, count, u, v):
@@ -95,3 +97,10 @@ def lattice_point(index, count, u, v):
     step = index * _STEPS[count >> 3] & (count - 1)
     x, y = u + step / count, v + (_GENERATORS[count >> 3] * step & (count - 1)) / count
     return x - math.floor(x), y - math.floor(y)
+
+
+@njit(**INLINED)
+def unevenness(hits):
+    """Variance of the number of points of a lattice in a disk, over that of as many random points. hits: their mean
+    number. Points along the rim alone are uncertain, h^(1/2) of h, so the ratio falls as h^(-1/2) (Mitchell 1996)."""
+    return min(1.0, _RIM / math.sqrt(max(hits, 1e-30)))
