@@ -16,6 +16,11 @@ rms: root mean square over the pixels of the error over the stated one; 1 is hon
 >3, >5: share of pixels whose error is more than 3 and 5 stated ones.
 block: the block of 4 x 4 pixels that is off the most in its own standard errors (spread of passes, with the same in
     quadrature), and where (column and row from the top); and the one that is off the most in K.
+check: what the engine itself finds that its recalled light misses, K, in the region of 4 x 4 regions where that is the
+    most over its standard error, and that ratio (Film.missed).
+
+It ends with an error if that ratio is above SIGNIFICANT anywhere; the standard error has a fifth of ALLOWANCE in
+quadrature.
 
 Errors are differences of apparent temperatures; those of means are errors of radiance over dB/dT at the pixel's
 apparent temperature. With --excess LEFT TOP RIGHT BOTTOM the mean excess of a window is printed, too: radiance less
@@ -31,6 +36,7 @@ from pathlib import Path
 import numpy as np
 
 from addon.solver import Settings, render
+from addon.solver.image.self_check import GRID, region_means, regions
 from addon.solver.physics.spectrum import apparent_temperature
 from tests.benchmarks.families import FAMILIES, member
 from tests.benchmarks.peers.problem import build_problem
@@ -39,6 +45,7 @@ from tests.helpers.exact_cases import PHOTONS
 from tests.helpers.path_tracer import black_radiance, black_slope, standard_error, trace_paths
 
 ALLOWANCE = 0.002  # K, of what is not noise
+SIGNIFICANT = 5.0  # standard errors: of 2000 regions and more none by chance
 BLOCK = 4
 _CHUNK = 2.0  # s of each independent image of a reference: they count alike, and their spread tells its standard error
 _SIZE = 1000.0  # that Mitsuba's scenes are enlarged to: it moves rays off a surface by 1e-4 of (1 + coordinate)
@@ -126,12 +133,14 @@ def brute_images(scene, count, first, options):
 @dataclass
 class Ours:
     """Of a film after some passes: temperature and noise (height, width), K; radiance (height, width) W m-2 sr-1; and
-    passes (n, height / 4, width / 4), K: mean over each block of the radiance of each pass over the truth's slope."""
+    passes (n, height / 4, width / 4), K: mean over each block of the radiance of each pass over the truth's slope.
+    missed (2, GRID, GRID): see Film.missed, but in K."""
 
     temperature: np.ndarray
     noise: np.ndarray
     radiance: np.ndarray
     passes: np.ndarray
+    missed: np.ndarray
 
 
 def our_images(scene, truth, options):
@@ -143,7 +152,9 @@ def our_images(scene, truth, options):
         sums.append(film.passes * blocks(excess / truth.slope))
         if film.passes in options.passes:
             radiance = excess + black_radiance(scene.band_edges, film.reference_temperature)[0]
-            kept[film.passes] = Ours(film.temperature(), film.noise(), radiance, np.diff(sums, axis=0))
+            over = region_means(truth.slope.ravel(), regions(film.width, film.height)).reshape(GRID, GRID)
+            missed = np.stack(film.missed()) / over
+            kept[film.passes] = Ours(film.temperature(), film.noise(), radiance, np.diff(sums, axis=0), missed)
 
     settings = Settings(
         max(options.passes), photons_per_pass=options.photons, seed=options.seed, threads=options.threads
@@ -175,12 +186,15 @@ class Comparison:
     where: tuple[int, int]
     largest: float
     largest_where: tuple[int, int]
+    missed: float
+    missed_ratio: float
 
     def __str__(self):
         return (
             f"mean {self.mean:+8.4f} K ({self.mean_ratio:+6.1f})   rms {self.rms:6.2f}   >3 {self.beyond3:6.2%}   "
             f">5 {self.beyond5:6.2%}   block {self.block_ratio:+7.1f}, {self.block:+8.3f} K at {self.where}   "
-            f"largest {self.largest:+8.3f} K at {self.largest_where}"
+            f"largest {self.largest:+8.3f} K at {self.largest_where}   "
+            f"check {self.missed:+8.4f} K ({self.missed_ratio:+5.1f})"
         )
 
 
@@ -193,7 +207,10 @@ def compare(ours, truth):
     error = np.hypot(standard_error(ours.passes), standard_error(reference))
     mean_error = np.hypot(*(standard_error(each.mean(axis=(1, 2))) for each in (ours.passes, reference)))
     ratios = difference / np.hypot(error, ALLOWANCE)
-    worst, largest = (np.unravel_index(np.argmax(np.abs(each)), each.shape) for each in (ratios, difference))
+    missed, its_error = ours.missed
+    # with ALLOWANCE, as regions in which next to nothing is recalled have no error to speak of
+    over = missed / np.hypot(its_error, ALLOWANCE / SIGNIFICANT)
+    worst, largest, check = (np.unravel_index(np.argmax(np.abs(of)), of.shape) for of in (ratios, difference, over))
     return Comparison(
         difference.mean(),
         difference.mean() / np.hypot(mean_error, 0.1 * ALLOWANCE),
@@ -205,6 +222,8 @@ def compare(ours, truth):
         place(worst, difference.shape),
         difference[largest],
         place(largest, difference.shape),
+        missed[check],
+        over[check],
     )
 
 
@@ -244,17 +263,21 @@ def compare_member(family, index, options):
 
 def print_summary(results):
     """One row for each family and number of passes: means of squares over the members, and the worst."""
-    print("\n| family | passes | members | mean, rms of ratios | rms | >3 | >5 | worst block, ratio | worst block, K |")
-    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
+    print(
+        "\n| family | passes | members | mean, rms of ratios | rms | >3 | >5 | worst block, ratio | worst block, K | check |"
+    )
+    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
     for family, members in results.items():
         for passes in members[0]:
             of = [each[passes] for each in members]
             ratio, rms = (np.sqrt(np.mean(np.square(v))) for v in ([c.mean_ratio for c in of], [c.rms for c in of]))
             far = [np.mean([getattr(c, name) for c in of]) for name in ("beyond3", "beyond5")]
-            worst = max((c.block_ratio for c in of), key=abs), max((c.largest for c in of), key=abs)
+            worst = [
+                max((getattr(c, name) for c in of), key=abs) for name in ("block_ratio", "largest", "missed_ratio")
+            ]
             print(
                 f"| {family} | {passes} | {len(of)} | {ratio:.1f} | {rms:.2f} | {far[0]:.2%} | {far[1]:.2%} | "
-                f"{worst[0]:+.1f} | {worst[1]:+.3f} |"
+                f"{worst[0]:+.1f} | {worst[1]:+.3f} | {worst[2]:+.1f} |"
             )
 
 
@@ -282,6 +305,15 @@ def main():
         indices = range(options.first, options.first + options.members)
         results[family] = [compare_member(family, index, options) for index in indices]
     print_summary(results)
+    wrong = [
+        f"{family} {options.first + i} after {passes} passes"
+        for family, members in results.items()
+        for i, of in enumerate(members)
+        for passes, comparison in of.items()
+        if abs(comparison.missed_ratio) > SIGNIFICANT
+    ]
+    if wrong:
+        raise SystemExit(f"Light that is recalled is wrong in {', '.join(wrong)}")
 
 
 if __name__ == "__main__":
