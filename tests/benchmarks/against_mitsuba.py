@@ -263,10 +263,9 @@ def compare_member(family, index, options):
 
 def print_summary(results):
     """One row for each family and number of passes: means of squares over the members, and the worst."""
-    print(
-        "\n| family | passes | members | mean, rms of ratios | rms | >3 | >5 | worst block, ratio | worst block, K | check |"
-    )
-    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
+    columns = "family", "passes", "members", "mean, rms of ratios", "rms", ">3", ">5", "worst block, ratio"
+    columns += "worst block, K", "check"
+    print("\n|", " | ".join(columns), "|\n|---|" + (len(columns) - 1) * "--:|")
     for family, members in results.items():
         for passes in members[0]:
             of = [each[passes] for each in members]
