@@ -25,7 +25,7 @@ from .rays import ALONE, BLIND, largest_throughput
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
-_DOUBTED = 64.0  # rays of final gathers of which one is sent twice more, to check what rays recall; one of each gather
+_DOUBTED = 256.0  # rays of final gathers of which about one is sent twice more, to check what rays recall
 _WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
 
 
