@@ -7,8 +7,8 @@ plan raises it.
 
 The error is that of Film.noise, which is the spread between passes. Its square is averaged over all pixels but the
 worst 2 %, as in the benchmark of error against time: over all of them the few pixels at the edges of small hot things
-make most of the figure's own spread. That is, as a standard deviation over 12 seeds, 0.7 to 2.3 %. A figure fails if it is beyond TOLERANCE either
-way, six standard deviations: one that is far better should be stored.
+make most of the figure's own spread. That is, as a standard deviation over 12 seeds, 0.7 to 2.3 %. A figure fails if it
+is beyond TOLERANCE either way, six standard deviations: one that is far better should be stored.
 
 `python -m pytest -s tests/test_efficiency.py` prints the figures beside those that are stored;
 `python -m tests.test_efficiency` prints new ones to store, and their spread, which takes some minutes.
