@@ -37,6 +37,7 @@ from pathlib import Path
 import numpy as np
 
 from addon.solver import Settings, render
+from addon.solver.image.pooling import pooled_variance
 from addon.solver.image.self_check import GRID, region_means, regions
 from addon.solver.physics.spectrum import apparent_temperature
 from tests.benchmarks.families import FAMILIES, member
@@ -57,7 +58,8 @@ class Truth:
     """excess (n, height, width): independent images of the excess radiance over the ambient, W m-2 sr-1.
 
     edges of the band, um, and ambient, K. From them: radiance (height, width), its temperature, K, slope dB/dT there,
-    and error, the standard error in K.
+    and error, the standard error in K, told by neighbours, too, as in Film.noise: a pixel that no path of the reference
+    lit has no spread of its own.
     """
 
     excess: np.ndarray
@@ -68,7 +70,10 @@ class Truth:
         self.radiance = self.excess.mean(axis=0) + black_radiance(self.edges, self.ambient)[0]
         self.temperature = apparent_temperature(self.radiance, self.edges)
         self.slope = slope(self.temperature, self.edges)
-        self.error = standard_error(self.excess) / self.slope
+        deviation = self.excess - self.excess.mean(axis=0)
+        powers = (np.sum(deviation**power, axis=0) for power in (2, 4))
+        variance = pooled_variance(*powers, np.ones(self.slope.shape, np.bool_), len(self.excess)) / len(self.excess)
+        self.error = np.sqrt(variance) / self.slope
 
 
 def slope(kelvin, edges):
