@@ -101,7 +101,7 @@ def test_it_finds_what_is_recalled_between_plates():
 
     4 standard errors, of the spread of the passes of both images and of the check.
     """
-    scene, settings = comb(), Settings(passes=48, photons_per_pass=20_000)
+    scene, settings = comb(), Settings(passes=144, photons_per_pass=20_000)
     right = render(scene, settings)
     with changed(ALWAYS_RECALL):
         wrong = render(scene, settings)
@@ -112,7 +112,7 @@ def test_it_finds_what_is_recalled_between_plates():
     print(f"short {short[worst]:.4f}, check {missed[worst]:.4f} +- {error[worst]:.4f}")
     assert abs(missed[worst]) > 4 * error[worst]
     told, uncertain = missed[worst] / short[worst], 4 * error[worst] / abs(short[worst])
-    assert 0.3 - uncertain < told < 1.0 + uncertain and uncertain < 0.5
+    assert 0.3 - uncertain < told < 1.0 + uncertain and uncertain < 0.6
     # the image that goes on there states no such error
     known, its_error = right.missed()
     assert abs(known[worst]) < max(4 * its_error[worst], 0.2 * abs(missed[worst]))
