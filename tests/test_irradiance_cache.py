@@ -128,8 +128,8 @@ def test_what_shadow_rays_find_is_added_to_what_photons_tell():
 
 @pytest.mark.parametrize("closeness", [0.0, 1.0, 2.0, 20.0])
 def test_only_light_that_is_resolved_is_recalled(closeness):
-    """Up to the distance that, with the radius of the disk, makes a quarter of the harmonic mean distance h. Shrunk by a
-    quarter, the radius of the disk that holds all within 0.2 m is 0.1 m."""
+    """Up to the distance that, with the radius of the disk, makes a quarter of the harmonic mean distance h. Shrunk by
+    a quarter, the radius of the disk that holds all within 0.2 m is 0.1 m."""
     surfaces = square()
     point, side_id = np.zeros((1, 3), np.float32), np.zeros(1, np.int32)
     built = photon_map(np.array([(0.1, 0.0, 0.0)]), surfaces)
