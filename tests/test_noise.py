@@ -75,7 +75,7 @@ def lamps_and_mirrors():
 
 
 def below_a_hole():
-    """A poorly emitting room lit by a cold sky through a hole in its ceiling: photons are guided to the hole."""
+    """A poorly emitting room lit by a cold sky through a hole in its ceiling, which few photons find."""
     vertices, triangles = box((2.0, 2.0, 1.5))
     lid = [(0, 0, 2, 0.8), (0, 1.2, 2, 2), (0, 0.8, 0.8, 1.2), (1.2, 0.8, 2, 1.2)]
     parts = [((vertices, triangles[:10]), 290.0, 0)]

@@ -365,8 +365,6 @@ def test_variants_start_in_a_process_of_their_own(monkeypatch, tmp_path):
     """With kernels in a folder of their own. What it would render first is left out."""
     monkeypatch.setattr(estimators, "measure", print)
     monkeypatch.setenv(estimators.FOLDER_VARIABLE, str(tmp_path))  # which `start` changes
-    with estimators.start("no guide", tmp_path) as pool:
-        looked_up = pool.submit(
-            eval, "__import__('importlib').import_module('addon.solver.planning.preparation')._ENOUGH"
-        )
-        assert looked_up.result() == -1.0
+    with estimators.start("spread of each block", tmp_path) as pool:
+        looked_up = pool.submit(eval, "__import__('importlib').import_module('addon.solver.planning.survey')._PRIOR")
+        assert looked_up.result() == 4.0

@@ -80,7 +80,7 @@ def outdoors():
 
 
 def test_outdoors_has_lamps_and_open_sheets():
-    """What the tests of determinism below rest on; test_guide.py has those with a guide."""
+    """What the tests of determinism below rest on."""
     model = prepare(outdoors(), QUICK)
     emitters = model.emitters
     assert model.lamps.side_id.size and emitters.caustic.any() and emitters.surroundings.open.any()

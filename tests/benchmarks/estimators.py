@@ -96,8 +96,6 @@ VARIANTS = {
     "no roulette on gathers": {"camera.gathers._LITTLE": 1e-30},
     "no sky rays": {"planning.pilot._OPEN": 2.0},
     "sky rays everywhere": _OPEN,
-    "no guide": {"planning.preparation._ENOUGH": -1.0},
-    "guide always": {"planning.preparation._ENOUGH": 2.0, "planning.preparation._WORTHWHILE": 0.0},
     "emission by power alone": {"planning.pilot._density": by_power_alone},
     "no feelers": {"camera.eye_paths.free_space": no_walls, "photons.irradiance_cache.free_space": no_walls},
     "20 neighbours": {"neighbours": 20},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Families of scenes that are hard for photon maps, caches and guides, in numbers: random members without end.
+"""Families of scenes that are hard for photon maps and caches, in numbers: random members without end.
 
 Each family is a function of a random generator that returns a Scene of one narrow band, 64 x 48 pixels. FIXED are
 members that do not change, by the family's name. The surroundings have the ambient temperature, T0 of the excess.

@@ -68,7 +68,7 @@ ERRORS = ("trimmed", "all", "each band, trimmed", "each band, all")
 PEER_SECONDS = (1.0, 3.0)  # of a peer's curve, before the point that counts
 
 
-# Our modes: settings and what else changes. The paper is Boudet et al. 2004; + are our guide and feelers.
+# Our modes: settings and what else changes. The paper is Boudet et al. 2004; + are our feelers.
 MODES = {"ours": ({}, contextlib.nullcontext), "paper+": (PAPER, photons_alone)}
 
 

@@ -92,7 +92,6 @@ PHOTONS_ALONE = {
     "planning.pilot._OPEN": 1.0,  # no rays to the surroundings
 }
 PAPERS_ESTIMATOR = PHOTONS_ALONE | {
-    "planning.preparation.learn_guide": lambda tracer, stage, emitters, *_: emitters,
     "planning.pilot._density": by_power_alone,
     "planning.preparation.gather_reach": any_reach,
     "camera.eye_paths.free_space": no_walls,

@@ -12,8 +12,8 @@ import numpy as np
 
 GRID = 4  # regions along each side of the image
 # Standard errors. Where light is rare, the few rays that look for it mostly find less than is recalled: of 240 regions
-# of 15 scenes of tests/benchmarks/families.py after 64 passes 5 are between 3 and 4.6 standard errors off, and the image
-# is right there (to 0.3 of what they say at most).
+# of 15 scenes of tests/benchmarks/families.py after 64 passes 5 are between 3 and 4.6 standard errors off, while the
+# image is off by 0.3 of that at most.
 _SIGNIFICANT = 5.0
 _FEWEST = 16  # passes, as the spread of fewer says little of the standard error
 

@@ -14,7 +14,6 @@ from ..sampling.vectors import put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .guide import DIMENSIONS, Guide, even_guide
 from .lights import LightTable, light_ray, light_totals
 from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT
 
@@ -70,7 +69,6 @@ class Emitters(NamedTuple):
     sky: (m,) int32, side_ids of the sides on which photons from the surroundings arrive: entries n..n+m-1.
     area: (t,) float64, of the triangles, m2.
     surroundings: see Surroundings. lights: see LightTable; entries from n + m on. Lights add to the first layer.
-    guide: density of the five numbers that choose an emission.
     """
 
     cumulative: np.ndarray
@@ -81,7 +79,6 @@ class Emitters(NamedTuple):
     area: np.ndarray
     surroundings: Surroundings
     lights: LightTable
-    guide: Guide
 
 
 @njit(cache=True, nogil=True)
@@ -147,42 +144,7 @@ def build_emitters(
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
     caustic, aimed = lamps.caustic.ravel()[surface], lamps.density.ravel()[surface]
-    return Emitters(cumulative, surface, caustic, aimed, sky, area, surroundings, lights, even_guide())
-
-
-@njit(inline="always")
-def _next_cell(guide, cell, pick):
-    """The guide's cell that holds a photon. Picks ascend from photon to photon; cell: of the photon before this one."""
-    while cell < guide.density.size - 1 and guide.cumulative[cell + 1] <= pick:
-        cell += 1
-    return cell
-
-
-@njit(inline="always")
-def _choose(guide, cell, pick, path):
-    """The five numbers of a photon, evenly over the cell; the first number ascends with the pick."""
-    low, size = guide.low[cell], guide.size[cell]
-    along = (pick - guide.cumulative[cell]) / (guide.cumulative[cell + 1] - guide.cumulative[cell])
-    return (
-        low[0] + size[0] * min(along, 0.9999999999999999),
-        low[1] + size[1] * uniform(path, 0),
-        low[2] + size[2] * uniform(path, 1),
-        low[3] + size[3] * uniform(path, 2),
-        low[4] + size[4] * uniform(path, 3),
-    )
-
-
-@njit(cache=True, nogil=True)
-def chosen_numbers(guide, key, total):
-    """The (total, 5) float64 numbers that choose the emissions of a pass, and their densities, (total,) float64."""
-    numbers, density = np.empty((total, DIMENSIONS)), np.empty(total)
-    shift, cell = uniform(key, 0), 0
-    for photon in range(total):
-        pick = (photon + shift) / total
-        cell = _next_cell(guide, cell, pick)
-        numbers[photon] = _choose(guide, cell, pick, path_key(key, photon))
-        density[photon] = guide.density[cell]
-    return numbers, density
+    return Emitters(cumulative, surface, caustic, aimed, sky, area, surroundings, lights)
 
 
 def emit(emitters: Emitters, stage: Stage, batch: Batch, wave) -> None:
@@ -192,27 +154,24 @@ def emit(emitters: Emitters, stage: Stage, batch: Batch, wave) -> None:
 
 @njit(**FAST_KERNEL)
 def _emit(emitters, stage, batch, wave, emitted):
-    # One random shift spreads all photons evenly over the guide's cells and the emitters within (systematic sampling).
+    # One random shift spreads all photons evenly over the emitters (systematic sampling).
     # Positions and directions are independent random numbers: the estimate from the k nearest photons assumes that
     # photons lie at random. A low-discrepancy sequence lays them out evenly, and the estimate then counts half a photon
     # of the k too few (measured under a point light).
-    guide, surroundings, lights = emitters.guide, emitters.surroundings, emitters.lights
+    surroundings, lights = emitters.surroundings, emitters.lights
     shift = uniform(batch.key, 0)
     surface_end = emitters.surface.size
     sky_end = surface_end + emitters.sky.size
     last = emitters.cumulative.size - 2
-    cell = entry = 0
+    entry = min(last, np.searchsorted(emitters.cumulative, (batch.first + shift) / batch.total, side="right") - 1)
     for i in range(wave.photon.size):
         photon = batch.first + i
-        pick, before = (photon + shift) / batch.total, cell
-        cell = _next_cell(guide, cell, pick)
-        number, s0, s1, s2, s3 = _choose(guide, cell, pick, path_key(batch.key, photon))
-        if i == 0 or cell != before:
-            entry = min(last, np.searchsorted(emitters.cumulative, number, side="right") - 1)
+        number, path = (photon + shift) / batch.total, path_key(batch.key, photon)
+        s0, s1, s2, s3 = uniform(path, 0), uniform(path, 1), uniform(path, 2), uniform(path, 3)
         while entry < last and emitters.cumulative[entry + 1] <= number:
             entry += 1
         probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
-        share = 1.0 / (batch.total * probability * guide.density[cell])
+        share = 1.0 / (batch.total * probability)
         caustic, layer = entry < surface_end and emitters.caustic[entry], 0
         wave.photon[i], wave.arrival[i] = photon, -1
         wave.chain[i] = STRAIGHT_FROM_LIGHT if entry >= sky_end else CAUSTIC if caustic else 0

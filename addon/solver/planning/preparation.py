@@ -3,8 +3,8 @@
 
 Each step needs the results of those before. The pilot follows grey camera paths and finds what the image can depend on.
 From the pilot follows the reference temperature, and with it how much each surface emits in excess. From the emission
-follow the lamps and the probabilities with which photons are emitted. A few trial photons then say where photons are
-needed, and a survey of the pixels says how many rays each pixel needs.
+follow the lamps and the probabilities with which photons are emitted. A few trial photons then say how
+light lies on the sheets, and a survey of the pixels says how many rays each pixel needs.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
 from ..geometry.surfaces import Geometry, build_surfaces, sheet_count
 from ..geometry.triangles import areas, scene_radius
-from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, chosen_numbers, side_power
-from ..photons.guide import GatherTree, add_scores, build_gather_tree, build_guide
+from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, side_power
 from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
@@ -46,12 +45,7 @@ from .survey import survey_pixels
 
 log = logging.getLogger(__name__)
 
-# of one trial after the other; the first tells whether a guide would help
-_TRIAL_PHOTONS = 1024, 8192, 16384, 65536
-_KNOWN = 512  # contributing photons that suffice, so that no larger trial is made
 _PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
-_ENOUGH = 0.15  # share of contributing photons above which unequal weights would cost more than a guide brings
-_WORTHWHILE = 1.2  # reduction of the noise for which a guide is kept and refined
 
 
 @dataclass(frozen=True)
@@ -129,9 +123,6 @@ def prepare(
         return None
     excess, sheets, hits = Excess(surroundings, lamps), dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
-        if len(pilot.point):
-            tree = build_gather_tree(pilot.point, pilot.normal, reach2)
-            emitters = learn_guide(tracer, stage, emitters, optics, tree, cancelled)
         trial = trial_pass(tracer, stage, emitters, optics, cancelled)
         hits = len(trial.side_id) / trial.photons
         sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
@@ -238,42 +229,8 @@ def trial_pass(
         return hits.position, hits.surface, hits.power.sum(axis=1, dtype=np.float64), caustic
 
     count = _PLAN_PHOTONS
-    batch = Batch(pass_key(0, len(_TRIAL_PHOTONS), TRIAL), 0, count, count)
+    batch = Batch(pass_key(0, 0, TRIAL), 0, count, count)
     nothing = photon_store(stage.radiometry.reference.size, optics).photons
     batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled)
     parts = zip(*map(told, itertools.chain([nothing], batches)), strict=True)
     return Trial(count, *map(np.concatenate, parts))
-
-
-def learn_guide(
-    tracer: Tracer,
-    stage: Stage,
-    emitters: Emitters,
-    optics: Optics,
-    gather_tree: GatherTree,
-    cancelled: Callable[[], bool],
-) -> Emitters:
-    """The emitters with a guide towards where camera paths gather, if trial passes say that it lowers the noise."""
-    for trial, count in enumerate(_TRIAL_PHOTONS):
-        batch = Batch(pass_key(0, trial, TRIAL), 0, count, count)
-        score = np.zeros(count)
-
-        def add(hits, wave, score=score):
-            add_scores(gather_tree, stage, hits, wave, score)
-
-        for _ in trace_photons(tracer, stage, emitters, optics, batch, cancelled, add):
-            pass  # the stored photons are not needed, only their scores
-        numbers, density = chosen_numbers(emitters.guide, batch.key, count)
-        guide, gain = build_guide(numbers, score * density * count, density)
-        contributing = np.count_nonzero(score)
-        log.info(
-            "%d of %d trial photons contribute to the image; guide of %d cells, gain %.2f",
-            contributing, count, len(guide.density), gain,
-        )  # fmt: skip
-        if contributing > _ENOUGH * count:
-            break
-        if gain >= _WORTHWHILE:
-            emitters = emitters._replace(guide=guide)
-        if contributing > _KNOWN:
-            break
-    return emitters
