@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Error after equal time beside path tracers at the size that people render, on the scenes of speed_scenes.py.
+
+    python -m tests.benchmarks.large_pictures [--scene NAME ...] [--peers NAME ...] [--size WIDTH HEIGHT] [--seconds S]
+
+A reference with less noise than ours would take hours at this size. But two independent renders of an engine tell its
+noise: the variance is half of the mean square of their difference. What they have in common is a bias, which their
+difference does not hold. So the table also shows how far the means of both engines over blocks of 32 x 32 pixels are
+apart, root mean square over the blocks, beside what noise alone would give: of the peer and of ours.
+
+Errors are root mean squares of the apparent temperatures of every band, K, without the worst 2 %. Each engine has the
+seconds for all bands: a peer renders three in a run, and its time is that of its runs, without loading and compilation.
+Ours is all of render(), planning included, after a first render that compiles; the last pass that ends in time counts.
+The last column is how many times longer the best peer would need for our error: the squared ratio of the errors, at
+equal time.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from addon.solver import Settings, render
+from tests.benchmarks.peers.problem import build_problem
+from tests.benchmarks.speed_scenes import SCENES
+from tests.benchmarks.speed_vs_error import KEPT, band_temperatures, film_image, run_peer
+
+BLOCK = 32  # pixels
+
+
+def of_size(scene, width, height):
+    """The scene with so many pixels."""
+    return replace(scene, camera=replace(scene.camera, width=width, height=height))
+
+
+def our_image(scene, seed, options):
+    """Radiances (height, width, bands) of the last pass that ended in time, and s and number of passes until then."""
+    kept, started = [], time.perf_counter()
+
+    def on_pass(film):
+        spent = time.perf_counter() - started
+        if not kept or spent <= options.seconds:
+            kept[:] = film_image(film), spent, film.passes
+
+    def out_of_time():
+        return bool(kept) and time.perf_counter() - started > options.seconds
+
+    render(scene, Settings(0, time_limit=1e6, seed=seed, threads=options.threads), on_pass, out_of_time)
+    return kept
+
+
+def noise(pair):
+    """Trimmed error (K) of two independent images of temperatures (2, height, width, bands)."""
+    squares = np.sort(np.diff(pair, axis=0).ravel() ** 2) / 2.0
+    return np.sqrt(squares[: int(KEPT * squares.size)].mean())
+
+
+def blocks(image):
+    """(n, bands) means over whole blocks of an image (height, width, bands)."""
+    rows, columns = image.shape[0] // BLOCK, image.shape[1] // BLOCK
+    whole = image[: rows * BLOCK, : columns * BLOCK]
+    return whole.reshape(rows, BLOCK, columns, BLOCK, -1).mean(axis=(1, 3)).reshape(rows * columns, -1)
+
+
+def compare(name, options):
+    """Print the rows of one scene."""
+    scene = of_size(SCENES[name](), *options.size)
+    render(SCENES[name](), Settings(passes=2, threads=options.threads))  # compiles
+    ours = [our_image(scene, seed, options) for seed in (0, 1)]
+    spent, passes = np.mean([each[1] for each in ours]), min(each[2] for each in ours)
+    temperatures = np.stack([band_temperatures(each[0], scene.band_edges) for each in ours])
+    error = noise(temperatures)
+    own_blocks = np.stack([blocks(each) for each in temperatures])
+    problem = build_problem(scene)
+    for peer in options.peers:
+        images, seconds = run_peer(peer, problem, options.threads, "wall", [options.seconds] * 2, python=options.python)
+        others = np.stack([band_temperatures(image, scene.band_edges) for image in images])
+        equal = noise(others) * np.sqrt(np.mean(seconds) / spent)
+        other_blocks = np.stack([blocks(each) for each in others])
+        apart = np.sqrt(np.mean((own_blocks.mean(axis=0) - other_blocks.mean(axis=0)) ** 2))
+        by_noise = np.sqrt(sum(np.mean(np.diff(each, axis=0) ** 2) / 4.0 for each in (own_blocks, other_blocks)))
+        print(
+            f"| {name} | {peer} | {equal:.4f} | {spent:.1f} | {passes} | {error:.5f} | {apart:.5f} | {by_noise:.5f} | "
+            f"{(equal / error) ** 2:.0f} |",
+            flush=True,
+        )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
+    parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
+    parser.add_argument("--peers", nargs="+", default=["mitsuba"], help="engines of tests/benchmarks/peers (%(default)s)")
+    parser.add_argument("--size", nargs=2, type=int, default=(640, 480), help="pixels (%(default)s)")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of each engine for all bands (%(default)s)")
+    parser.add_argument("--threads", type=int, default=2, help="of every engine (%(default)s)")
+    parser.add_argument("--python", help="interpreter that has the peers, where it is not this one")
+    options = parser.parse_args()
+    print(
+        "| scene | peer | its error, K | s | our passes | our error, K | blocks apart, K | by noise, K | longer |\n"
+        "|---|---|--:|--:|--:|--:|--:|--:|--:|"
+    )
+    for name in options.scene:
+        compare(name, options)
+
+
+if __name__ == "__main__":
+    main()
