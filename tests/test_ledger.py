@@ -51,7 +51,7 @@ _ERRORS = (0.01, 0.01, 0.01, 0.02, 0.04)  # relative errors at which references 
 _SECONDS = 240.0  # for one reference, about, if it does not get so good
 
 
-def _all_lamps(surfaces, tracer, side_power, pilot, lit, key):
+def _all_lamps(surfaces, side_power, pilot, lit):
     """Instead of choose_caustic_lamps: every side that emits and that the image can depend on."""
     return side_power[:, None] * pilot.reachable > 0.0
 
@@ -60,6 +60,12 @@ _CAUSTIC, _END = "[Dds][GSds]+$", "[Dds].*[Dds]"  # chains with a caustic, and w
 WAYS = {  # by name: the chains and the emitters that it makes a difference to, and what is changed in the solver
     # photons find what comes by way of specular surfaces alone, not rays (planning/caustics.py)
     "caustics": (_CAUSTIC, ("plate", "lamp"), {"planning.preparation.choose_caustic_lamps": _all_lamps}),
+    # the same, and what comes first by way of rough lobes, too, as where these are narrow (physics/lobes.py)
+    "narrow": (
+        "[Dds][GSs]*G$",
+        ("lamp", "light"),
+        {"planning.preparation.choose_caustic_lamps": _all_lamps, "physics.lobes._WIDE": np.inf},
+    ),
     # no end of a final gather recalls: all go on (photons/irradiance_cache.py). As planned, nearly all recall here
     "continued": (_END, EMITTERS, {"photons.irradiance_cache._RESOLVED": 0.0}),
     # ends look for the surroundings by rays, and photons that arrive from there are not stored (planning/pilot.py)
@@ -77,6 +83,8 @@ def passes_of(lobes):
     behind, is_longest = _BEHIND.match(lobes), len(lobes) == LENGTH
     if behind:
         factor = 16 if is_longest and lobes[0] == "D" else 4 * len(behind[1])
+    elif lobes[:3] == "GSS":
+        factor = 2 if len(lobes) == SHORT else 3
     else:
         factor = 4 if is_longest and lobes[:2] in ("DD", "GG") else 1
     return PASSES[len(lobes)] * factor
@@ -84,13 +92,14 @@ def passes_of(lobes):
 
 def is_compared(lobes, emitter, forced=False):
     """Whether a chain is rendered. Lights are not seen in mirrors alone, and as planned rays hardly ever find a lamp
-    behind the lobes of other surfaces: in their place the plate tells, and lamps where they are forced to throw
+    behind mirrors that other surfaces show: in their place the plate tells, and lamps where they are forced to throw
     caustics. The longest of these chains are rendered with the plate, whose light rays find, and with the light."""
     if emitter == "light":
         return not any(set(kind) <= {"S"} for kind in kinds_of(lobes))
     if len(lobes) == LENGTH and _BEHIND.match(lobes):
         return emitter == "plate"
-    return forced or emitter != "lamp" or not re.search("^[GS]*D[GS]+$", lobes)
+    hidden = "D[GS]+$" if len(lobes) == LENGTH else "^[GS]*D[GS]*S$"
+    return forced or emitter != "lamp" or not re.search(hidden, lobes)
 
 
 def is_long(lobes, emitter):

@@ -21,6 +21,7 @@ from addon.solver.physics.lobes import (
     DIFFUSE,
     GLOSSY,
     SPECULAR,
+    WIDE,
     Lobes,
     build_lobe_table,
     diffuse_share,
@@ -31,6 +32,7 @@ from addon.solver.physics.lobes import (
     interpolate_albedo,
     is_glossy,
     is_specular,
+    is_wide,
     lobes_of,
     sample_diffuse,
     sample_ggx,
@@ -420,25 +422,26 @@ def test_mirrors_reflect_exactly(cosine, normal):
 MATERIALS = {
     DIFFUSE: Material("diffuse", 0.3),
     SPECULAR: Material("mirror", 0.3, specular=1.0),
-    GLOSSY: Material("rough metal", 0.3, specular=1.0, roughness=0.6),
+    GLOSSY | WIDE: Material("rough metal", 0.3, specular=1.0, roughness=0.6),
     DIFFUSE | SPECULAR: Material("varnish", 0.3, specular=0.25),
-    DIFFUSE | GLOSSY: Material("paint", 0.3, specular=0.25, roughness=0.6),
+    DIFFUSE | GLOSSY | WIDE: Material("paint", 0.3, specular=0.25, roughness=0.6),
 }
 
 
 def test_materials_have_the_lobes_that_they_need():
     """Roughness counts where there is a specular lobe alone; one too sharp for GGX in float32 is a mirror."""
     further = (Material("dull", 0.3, roughness=0.6), Material("smooth", 0.3, specular=1.0, roughness=1e-9))
+    further += (Material("satin", 0.3, specular=1.0, roughness=0.1),)
     table = build_lobe_table((*MATERIALS.values(), *further))
-    flags = [*MATERIALS, DIFFUSE, SPECULAR]
+    flags = [*MATERIALS, DIFFUSE, SPECULAR, GLOSSY]
     assert table.flags.tolist() == flags
-    assert table.specular.tolist() == [0, 1, 1, 0.25, 0.25, 0, 1]
-    assert table.alpha.tolist() == pytest.approx([0, 0, 0.36, 0, 0.36, 0, 0])
+    assert table.specular.tolist() == [0, 1, 1, 0.25, 0.25, 0, 1, 1]
+    assert table.alpha.tolist() == pytest.approx([0, 0, 0.36, 0, 0.36, 0, 0, 0.01])
     for i, kinds in enumerate(flags):
         lobes = lobes_of(table, i)
         assert lobes == Lobes(kinds, table.specular[i], table.alpha[i])
         assert diffuse_share(lobes) == 1 - table.specular[i] and (diffuse_share(lobes) > 0) == (kinds & DIFFUSE != 0)
-        assert is_glossy(lobes) == (kinds & GLOSSY != 0)
+        assert is_glossy(lobes) == (kinds & GLOSSY != 0) and is_wide(lobes) == (kinds & WIDE != 0)
         assert is_specular(lobes) == (kinds & (GLOSSY | SPECULAR) != 0)
     assert np.all(table.albedo[[0, 1, 3, 5, 6]] == 1)
 

@@ -69,7 +69,6 @@ VARIANTS = {
         "planning.caustics._COMPACT": 1e9,
         "planning.caustics._LEAST_SHARE": 0.0,
         "planning.caustics._LEAST_OF_ALL": -1.0,
-        "planning.caustics._UNSURE": np.inf,
     },
     "lamps by power alone": {"planning.lamps._LEAST_NEED": 1e9},
     "shadow rays worth a quarter": {"planning.lamps.BEST": 64.0},

@@ -90,7 +90,9 @@ def compare(name, options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
-    parser.add_argument("--peers", nargs="+", default=["mitsuba"], help="engines of tests/benchmarks/peers (%(default)s)")
+    parser.add_argument(
+        "--peers", nargs="+", default=["mitsuba"], help="engines of tests/benchmarks/peers (%(default)s)"
+    )
     parser.add_argument("--size", nargs=2, type=int, default=(640, 480), help="pixels (%(default)s)")
     parser.add_argument("--seconds", type=float, default=30.0, help="of each engine for all bands (%(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="of every engine (%(default)s)")

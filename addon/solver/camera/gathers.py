@@ -8,8 +8,9 @@ import numpy as np
 
 from ..geometry.interaction import interact
 from ..geometry.segments import glow, transmit
-from ..geometry.stage import emission_at, layer_at, nothing_emitted, reflectance_at, stored_at
+from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
+from ..physics.lobes import is_wide
 from ..physics.radiometry import NONE
 from ..planning.lamps import share_of_ray
 from ..sampling.heuristics import shared_part
@@ -125,7 +126,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
         if stored_at(stage, at) == NONE:
             continue
         asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
-        if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky):
+        if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky or is_wide(lobes_at(stage, at))):
             continue  # the reflected light is recalled from the cache, or roulette has ended the path
         reflected = largest_throughput(throughput, reflectance_at(stage, at))
         if bounce.goes_on[i] > 0.0:

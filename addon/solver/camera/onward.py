@@ -13,6 +13,7 @@ from ..physics.lobes import (
     glossy_density,
     is_glossy,
     is_specular,
+    is_wide,
     sample_diffuse,
     sample_specular,
 )
@@ -47,7 +48,7 @@ def _follow(stage, together, bounce, samples, gathers, onward, groups):
             # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
             # of it
             if rays.final[i]:
-                full, alike = _largest(rays.throughput[i]), 0.0
+                full, alike = _largest(rays.throughput[i]), SINGLE_RAY
             else:
                 full, alike = _WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
             sent += _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent)
@@ -163,7 +164,7 @@ def _largest(throughput):
 def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     """Send ray i on in one direction of the specular lobe, as ray `sent` of onward; returns 1 if it survives roulette,
     else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces. alike:
-    number of rays of the pixel that share the light with one shadow ray, see shadow_rays."""
+    number of rays that share the light with one shadow ray, see shadow_rays."""
     rays, rho, lobes = bounce.rays, reflectance_at(stage, at), lobes_at(stage, at)
     path, dimension = rays.path[i], DIMENSIONS * bounce.number
     direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
@@ -176,7 +177,7 @@ def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
     onward.doubts[sent] = rays.doubts[i]
     onward.density[sent] = BLIND if rays.final[i] else ALONE
-    if is_glossy(lobes) and not rays.final[i]:
+    if is_wide(lobes) or (is_glossy(lobes) and not rays.final[i]):
         onward.density[sent] = alike * glossy_density(lobes, at, direction)
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)

@@ -14,7 +14,7 @@ from ..geometry.stage import lobes_at, reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
-from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
+from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy, is_wide
 from ..planning.pilot import SKY_RAYS
 from ..planning.splitting import recall_chance
 from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, Looking, looking_from
@@ -142,7 +142,7 @@ def _recall(stage, is_open, cache, estimate, bounce, image, continued, walk):
 def shadow_rays(stage, lighting, bounce, samples, gathers) -> Shadows:
     """The shadow rays of the gathers, to lamps and lights and, from open sides, to the surroundings.
 
-    samples: (pixels,), camera rays of each pixel. Where they meet a rough surface, each sends a ray of its own in the
+    samples: (pixels,), camera rays of each pixel. Where rays meet a rough surface, each sends a ray of its own in the
     lobe, and shares the light of lamps with the one shadow ray of the gather.
     """
     bands = stage.radiometry.reference.size
@@ -164,19 +164,22 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
+        in_lobe, lobe_weight = SINGLE_RAY if is_wide(lobes) or (is_glossy(lobes) and not rays.final[i]) else 0.0, 1.0
         if rays.final[i]:
-            single = SINGLE_RAY if bounce.unresolved[i] else 0.0
+            single = SINGLE_RAY if bounce.goes_on[i] > 0.0 else 0.0
             looking = Looking(0.0, single, single)
+            if bounce.goes_on[i] > 0.0:  # the gather's weight makes up for roulette, which plays for the diffuse lobe
+                lobe_weight = 1.0 / bounce.goes_on[i]
         else:
             looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
-        in_lobe = SINGLE_RAY * samples[rays.pixel[i]] if is_glossy(lobes) and not rays.final[i] else 0.0
+            in_lobe *= samples[rays.pixel[i]]
         receiver = Receiver(
-            at, lobes, reflectance_at(stage, at), looking, in_lobe, rays.throughput[i],
+            at, lobes, reflectance_at(stage, at), looking, (in_lobe, lobe_weight), rays.throughput[i],
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(surroundings, stage, receiver, shadows, sent)
             sent += SKY_RAYS
-        if lit and (looking.together > 0.0 or receiver.in_lobe > 0.0):
+        if lit and (looking.together > 0.0 or receiver.in_lobe[0] > 0.0):
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)
     return sent

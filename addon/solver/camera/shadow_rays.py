@@ -153,10 +153,11 @@ def _shared_brdf(receiver, way, distance, aimed):
         cosine = max(0.0, dot(way, at.shading_normal)) / distance
         met = rays_to(receiver.looking, distance) * cosine / math.pi if aimed > 0.0 else 0.0
         brdf += diffuse_share(lobes) / math.pi * balance(aimed, met)
-    if receiver.in_lobe > 0.0:
+    rays, weight = receiver.in_lobe
+    if rays > 0.0:
         direction = scaled(way, 1.0 / distance)
-        met = receiver.in_lobe * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
-        brdf += lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
+        met = rays * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
+        brdf += weight * lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
     return brdf
 
 
@@ -190,16 +191,16 @@ class Receiver(NamedTuple):
     """Where a camera path asks for direct light.
 
     at: the Interaction. lobes, reflectance (b,) float32: there. looking: rays of the diffuse lobe that look for light,
-    too; none where it does not ask. in_lobe: number of those of the rough lobe. throughput: (b,) float32, of the path
-    so far. weight: a factor on the throughput. path: key of the random numbers. dimension: the first one that is free.
-    pixel: row of the image.
+    too; none where it does not ask. in_lobe: number of those of the rough lobe, and a factor on what this lobe
+    reflects. throughput: (b,) float32, of the path so far. weight: a factor on the throughput. path: key of the random
+    numbers. dimension: the first one that is free. pixel: row of the image.
     """
 
     at: Interaction
     lobes: Lobes
     reflectance: np.ndarray
     looking: Looking
-    in_lobe: float
+    in_lobe: tuple[float, float]
     throughput: np.ndarray
     weight: float
     path: int
@@ -340,7 +341,7 @@ def _send_from_points(stage, lighting, points, keys, white, shadows, room):
                 lobes,
                 white,
                 Looking(0.0, TYPICAL_RAYS, TYPICAL_RAYS),
-                0.0,
+                (0.0, 1.0),
                 white,
                 math.pi / _FROM_POINTS,
                 path,

@@ -9,7 +9,7 @@ import numpy as np
 from ..geometry.interaction import leave
 from ..geometry.segments import Hits, Tracer, transmit
 from ..geometry.stage import Stage, lobes_at, reflectance_at, stored_at
-from ..physics.lobes import is_glossy, sample_diffuse, sample_specular
+from ..physics.lobes import is_glossy, is_wide, sample_diffuse, sample_specular
 from ..physics.radiometry import ALL, STRAIGHT
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector, scaled
@@ -109,8 +109,10 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
                 continue
             scale *= weight
             # A light's photon is straight as long as it meets mirrors alone, and part of a caustic after rough lobes,
-            # too: no ray hits a light, and ends of final gathers ask none for what their rough lobes reflect
-            chain = CAUSTIC if wave.chain[i] != 0 and is_glossy(lobes) else wave.chain[i]
+            # too. What a wide lobe reflects straight from its source, shadow rays find there.
+            chain = wave.chain[i]
+            if chain != 0 and is_glossy(lobes):
+                chain = 0 if is_wide(lobes) and bounce == 0 else CAUSTIC
         else:
             direction = sample_diffuse(at.shading_normal, s, w)
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)

@@ -21,8 +21,8 @@ class Wave(NamedTuple):
     aimed: (n,) float32, m-2, points that compete for a shadow ray on each m2 across the direction of the emission,
     where the next hit is direct light, see stored_share; 0 where shadow rays find nothing of the light, infinite where
     they find all. chain: (n,) int8, STRAIGHT_FROM_LIGHT where the photon has met nothing but mirrors since a light
-    emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones too, since a light or a lamp that
-    throws caustics emitted it, else 0.
+    emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones too but no wide one first, since a
+    light or a lamp that throws caustics emitted it, else 0.
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
     ray leads back: it arrives if that ray leaves the scene. -1 for photons that travel forwards. u, v: (n,) float32,
     barycentric coordinates on that side. layer: (n,) uint8 as in Photons.

@@ -27,11 +27,11 @@ from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
 from ..photons.transport import Optics, trace_photons
 from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
-from ..physics.lobes import GLOSSY, SPECULAR
+from ..physics.lobes import GLOSSY, SPECULAR, WIDE
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
 from ..sampling.heuristics import Looking, typical_looking
-from ..sampling.rng import LAMP_CHOICE, PILOT, SHEETS, TRIAL, pass_key
+from ..sampling.rng import PILOT, SHEETS, TRIAL, pass_key
 from ..scene import Scene
 from ..settings import Settings
 from .antialiasing import choose_samples, least_price
@@ -106,7 +106,7 @@ def prepare(
     stage = _build_stage(scene, grey, layers, reference, typical_source(sources, scene.band_edges, reference))
     power = side_power(stage, area)
     lit = float(np.sum(pilot.importance * power / area))
-    caustic = choose_caustic_lamps(surfaces, tracer, power, pilot, lit, pass_key(0, LAMP_CHOICE, PILOT))
+    caustic = choose_caustic_lamps(surfaces, power, pilot, lit)
     sky = sky_layer(scene, layers)
     kelvin = layers[sky].traced if sky else scene.world_temperature
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
@@ -186,7 +186,8 @@ def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps,
     """The Optics of a scene, and whether any hit stores a photon."""
     used = np.unique(stage.surfaces.material)
     flags = stage.radiometry.lobes.flags[used]
-    caustic = bool(lamps.caustic.any() or len(scene.lights)) and bool(np.any(flags & (GLOSSY | SPECULAR)))
+    throws = (flags & SPECULAR > 0) | (flags & (GLOSSY | WIDE) == GLOSSY)
+    caustic = bool(lamps.caustic.any() or len(scene.lights)) and bool(np.any(throws))
     straight = bool(np.any(flags & GLOSSY)) and len(scene.lights) > 0  # by way of a mirror; shadow rays find the rest
     stored = stage.radiometry.stores[used]
     widths = np.diff(scene.band_edges)
