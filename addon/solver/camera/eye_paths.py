@@ -9,12 +9,12 @@ import numpy as np
 
 from ..geometry.eye import Eye, eye_rays
 from ..geometry.free_space import free_space, unlimited
-from ..geometry.segments import Tracer
+from ..geometry.segments import Tracer, ways
 from ..geometry.stage import Stage
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
 from .final_gather import choose_splits, open_finals, share
-from .gathers import asking_photons, locate_gathers, meet, part_near
+from .gathers import asking_photons, cross_media, locate_gathers, meet, part_near
 from .onward import follow
 from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
@@ -65,6 +65,9 @@ def render_pixels(
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         if estimate.photons and number > 0:
             part_near(bounce, rows)
+        if (air := tracer.cross(rays.origin[:count], rays.direction[:count], ways(hits))) is not None:
+            cross_media(air, bounce, rows.image)
+        if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)
         if number == 0:
@@ -74,8 +77,7 @@ def render_pixels(
             rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
         shadows = shadow_rays(stage, lighting, bounce, samples, gathers)
         if len(shadows.reach):
-            met = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
-            add_unshadowed(stage, met, shadows, rows.image)
+            add_unshadowed(tracer, shadows, rows.image)
         room = count + int(gathers.rays.sum()) + 2 * np.count_nonzero(gathers.rays) + np.count_nonzero(bounce.goes_on)
         rays = empty_rays(room, bands)
         count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1

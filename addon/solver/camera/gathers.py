@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import interact
-from ..geometry.segments import glow, transmit
+from ..geometry.segments import traverse
 from ..geometry.stage import emission_at, layer_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
 from ..physics.radiometry import NONE
@@ -82,6 +82,13 @@ def part_near(bounce, rows):
                 rays.pixel[i] = row + rows.apart[row]
 
 
+@njit(**KERNEL)
+def cross_media(air, bounce, image):
+    """Add to the image what media along the rays emit, and lower the rays' throughput by what they absorb."""
+    for i in range(bounce.hits.triangle.size):
+        traverse(air, i, bounce.rays.throughput[i], image[bounce.rays.pixel[i]])
+
+
 def meet(stage, lighting, bounce, rows) -> Gathers:
     """Add to the rows what surfaces emit where rays meet them; return the gathers that ask for the reflected light.
 
@@ -104,9 +111,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
     for i in range(hits.triangle.size):
         if rays.pixel[i] != pixel:
             pixel, newest = rays.pixel[i], found
-        origin, direction, throughput = rays.origin[i], rays.direction[i], rays.throughput[i]
-        glow(stage, origin, direction, hits.distance[i], throughput, rows.image[pixel])
-        transmit(stage, origin, direction, hits.distance[i], throughput)
+        throughput = rays.throughput[i]
         if hits.triangle[i] < 0:
             for b in range(bands):
                 rows.image[pixel, sky + b] += throughput[b] * surroundings.radiance[b]

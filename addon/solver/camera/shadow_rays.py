@@ -299,13 +299,18 @@ def _start(surfaces, receiver, direction, reach, layer, shadows, count):
     shadows.pixel[count], shadows.layer[count] = receiver.pixel, layer
 
 
+def add_unshadowed(tracer, shadows, image) -> None:
+    """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through."""
+    hits = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
+    _add_unshadowed(hits, tracer.cross(shadows.origin, shadows.direction, hits.distance), shadows, image)
+
+
 @njit(**KERNEL)
-def add_unshadowed(stage, hits, shadows, image):
-    """Add to the image (n, layers * b) the radiance of the shadow rays that met nothing (triangle < 0)."""
+def _add_unshadowed(hits, air, shadows, image):
     bands = shadows.radiance.shape[1]
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
-            transmit(stage, shadows.origin[i], shadows.direction[i], hits.distance[i], shadows.radiance[i])
+            transmit(air, i, shadows.radiance[i])
             row, first = image[shadows.pixel[i]], bands * shadows.layer[i]
             for b in range(bands):
                 row[first + b] += shadows.radiance[i, b]
@@ -324,7 +329,7 @@ def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray
         room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
         sent = _send_from_points(stage, lighting, points, (key, first), np.ones(bands, np.float32), shadows, room)
         shadows = Shadows(*(column[:sent] for column in shadows))
-        add_unshadowed(stage, tracer.trace(shadows.origin, shadows.direction, shadows.reach), shadows, value)
+        add_unshadowed(tracer, shadows, value)
     return value
 
 

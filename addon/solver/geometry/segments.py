@@ -7,6 +7,7 @@ segment ends and how long it is. Only here is asked what a segment takes from th
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -64,17 +65,103 @@ class Tracer:
         """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""
         return self.trace(origin, direction, reach).triangle < 0
 
+    def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air | None:
+        """What segments cross: rays, origin and direction (n, 3) float32, up to a distance (n,) float32, in units of
+        the direction's length, infinite for rays that leave the scene. None where there are no media."""
+        return None
 
-@njit(inline="always")
-def transmit(stage, origin, direction, distance, power):
-    """Lower power (b,), or a radiance or throughput, by what a segment absorbs. Both directions absorb alike.
 
-    stage: see Stage. origin, direction: (3,) of the segment. distance: length of the segment, in units of the
-    direction's length. Between surfaces there is a vacuum, which absorbs nothing, so this compiles to nothing.
+class Air(NamedTuple):
+    """What n segments cross, and how it absorbs and emits.
+
+    first: (n + 1,) int64, where the stretches of each segment begin in medium, begin and end. medium: (s,) int64.
+    begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
+    several media may overlap. length: (n,) of the direction. absorption, excess: see MediumTable. surroundings: (b,)
+    float64, excess radiance of what lies beyond, W m-2 sr-1.
     """
 
+    first: np.ndarray
+    medium: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+    length: np.ndarray
+    absorption: np.ndarray
+    excess: np.ndarray
+    surroundings: np.ndarray
+
+
+def ways(hits: Hits) -> np.ndarray:
+    """(n,) float32, how far rays go: to what they meet, or without end."""
+    return np.where(hits.triangle < 0, np.float32(np.inf), hits.distance)
+
 
 @njit(inline="always")
-def glow(stage, origin, direction, distance, throughput, radiance):
-    """Add to radiance (b,) what a segment emits towards its origin, times the throughput (b,) at the origin: nothing in
-    a vacuum. The other arguments are those of `transmit`, which is to be called after this."""
+def next_stop(air, i, t):
+    """The least distance beyond t, in units of the direction's length, at which segment i enters or leaves a medium;
+    infinite if there is none."""
+    stop = np.inf
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] > t:
+            stop = min(stop, air.begin[s])
+        elif air.end[s] > t:
+            stop = min(stop, air.end[s])
+    return stop
+
+
+@njit(inline="always")
+def medium_between(air, i, t, stop, b):
+    """Optical depth in band b of segment i between t and the next stop, and the excess radiance that it would have if
+    it were thick: media that overlap add."""
+    absorption = emission = 0.0
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] <= t and stop <= air.end[s]:
+            k = air.absorption[air.medium[s], b]
+            absorption += k
+            emission += k * air.excess[air.medium[s], b]
+    return absorption * (stop - t) * air.length[i], emission / absorption if absorption > 0.0 else 0.0
+
+
+@njit(inline="always")
+def transmit(air, i, power):
+    """Lower power (b,), or a radiance or throughput, by what segment i absorbs (Bouguer's law). Both directions absorb
+    alike. Where there are no media, air is None, and this compiles to nothing."""
+    if air is not None:
+        t, stop = 0.0, next_stop(air, i, 0.0)
+        while stop < np.inf:
+            for b in range(power.size):
+                power[b] *= math.exp(-medium_between(air, i, t, stop, b)[0])
+            t, stop = stop, next_stop(air, i, stop)
+
+
+@njit(inline="always")
+def traverse(air, i, throughput, radiance):
+    """Add to radiance (b,) what segment i emits towards its origin, times the throughput (b,) at the origin, and lower
+    the throughput by what it absorbs.
+
+    In a stretch of optical depth tau between media of one temperature each, dL = dB (1 - exp(-tau)) (Modest, eq. 10.27
+    without scattering). Where there are no media, air is None, and this compiles to nothing.
+    """
+    if air is not None:
+        t, stop = 0.0, next_stop(air, i, 0.0)
+        while stop < np.inf:
+            for b in range(throughput.size):
+                depth, excess = medium_between(air, i, t, stop, b)
+                radiance[b] -= throughput[b] * excess * math.expm1(-depth)
+                throughput[b] *= math.exp(-depth)
+            t, stop = stop, next_stop(air, i, stop)
+
+
+@njit(inline="always")
+def look_along(air, i, leaves, power):
+    """Multiply power (b,) by the excess radiance that arrives at the origin of segment i from media, and, where it
+    leaves the scene, from the surroundings."""
+    if air is not None:
+        for b in range(power.size):
+            radiance, throughput = 0.0, 1.0
+            t, stop = 0.0, next_stop(air, i, 0.0)
+            while stop < np.inf:
+                depth, excess = medium_between(air, i, t, stop, b)
+                radiance -= throughput * excess * math.expm1(-depth)
+                throughput *= math.exp(-depth)
+                t, stop = stop, next_stop(air, i, stop)
+            power[b] *= radiance + (throughput * air.surroundings[b] if leaves else 0.0)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import leave
-from ..geometry.segments import Hits, Tracer, transmit
+from ..geometry.segments import Hits, Tracer, look_along, transmit, ways
 from ..geometry.stage import Stage, lobes_at, reflectance_at, stored_at
 from ..physics.lobes import is_glossy, sample_diffuse, sample_specular
 from ..physics.radiometry import ALL, STRAIGHT
@@ -62,7 +62,8 @@ def trace_photons(
         if on_hits:
             on_hits(hits, wave)
         stored = photon_arrays(count, bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
-        kept, alive = scatter(stage, optics, batch.key, bounce, hits, wave, stored)
+        air = tracer.cross(wave.origin[:count], wave.direction[:count], ways(hits))
+        kept, alive = scatter(stage, optics, (batch.key, bounce), hits, air, wave, stored)
         if kept:
             few = 2 * kept < count  # a copy, so that whoever keeps few photons does not keep the room for all
             yield Photons(*(array[:kept].copy() if few else array[:kept] for array in stored))
@@ -70,16 +71,21 @@ def trace_photons(
 
 
 @njit(**FAST_KERNEL)
-def scatter(stage, optics, key, bounce, hits, wave, stored):
+def scatter(stage, optics, keys, hits, air, wave, stored):
     """Store the photons that hit a surface, play roulette, and send the survivors on, moved to the front of the wave.
 
+    keys: of the photons' random numbers, and number of the bounce. air: what their rays cross, or None.
     Returns the number of stored photons and the number of survivors.
     """
     kept = alive = np.int64(0)  # no literal, see kernels
+    key, bounce = keys
     for i in range(hits.triangle.size):
-        if not has_arrived(wave, i, hits.triangle[i]):
+        if not has_arrived(wave, i, hits.triangle[i], air):
             continue
-        transmit(stage, wave.origin[i], wave.direction[i], hits.distance[i], wave.power[i])
+        if wave.arrival[i] < 0:
+            transmit(air, i, wave.power[i])
+        else:
+            look_along(air, i, hits.triangle[i] < 0, wave.power[i])
         at = arrive(stage.surfaces, hits, i, wave)
         rho, lobes = reflectance_at(stage, at), lobes_at(stage, at)
         share = _reflected_share(optics, wave.power[i], rho)
