@@ -122,7 +122,9 @@ def fill_surroundings(
 
     area: (t,) float64, m2. lamps: see planning.lamps. key: of the photons' random numbers.
     """
-    afar = surroundings._replace(sent=np.ones_like(surroundings.radiance), flux=1.0, open=np.zeros_like(surroundings.open))
+    afar = surroundings._replace(
+        sent=np.ones_like(surroundings.radiance), flux=1.0, open=np.zeros_like(surroundings.open)
+    )
     no_lights = build_light_table((), stage.radiometry.reference, np.zeros(3), 1.0)
     emitters = build_emitters(stage, afar, no_lights, reach, area, np.zeros_like(area), lamps)
     wave = empty_wave(_AFAR, len(afar.radiance), False)

@@ -21,7 +21,9 @@ class MediumTable(NamedTuple):
     excess: np.ndarray
 
 
-def build_medium_table(media: tuple[Medium, ...], edges: np.ndarray, quiet: float, reference: np.ndarray) -> MediumTable:
+def build_medium_table(
+    media: tuple[Medium, ...], edges: np.ndarray, quiet: float, reference: np.ndarray
+) -> MediumTable:
     """The MediumTable of media. quiet: T0, K, 0 for none. reference: (b,) W m-2 sr-1, radiance of a blackbody at T0."""
     absorption = np.array([band_absorption(medium, edges) for medium in media]).reshape(-1, len(edges) - 1)
     excess = np.zeros_like(absorption)
