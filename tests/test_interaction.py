@@ -163,7 +163,7 @@ def arrivals(surfaces, hits, wave):
     anywhere, side_id = np.empty(len(hits.triangle), np.bool_), np.full(len(hits.triangle), -1)
     vectors = np.empty((len(hits.triangle), 3, 3))
     for i in range(len(hits.triangle)):
-        anywhere[i] = has_arrived(wave, i, hits.triangle[i], None)
+        anywhere[i] = has_arrived(wave, i, hits.triangle[i])
         if anywhere[i]:
             at = arrive(surfaces, hits, i, wave)
             side_id[i] = at.side_id

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from addon.solver import Material, Medium, SceneError, Settings, render
+from addon.solver import Camera, Material, Medium, PointLight, SceneError, Settings, render
 from addon.solver.geometry.media import open_edge, outward
 from addon.solver.physics.spectrum import band_radiance
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad, sphere
@@ -29,7 +29,8 @@ def block(low, high):
 
 
 def filled(name, absorption, kelvin, low, high):
-    return Medium(name, absorption, kelvin, *block(low, high))
+    vertices, triangles = block(low, high)
+    return Medium(name, absorption, kelvin, vertices=vertices, triangles=triangles)
 
 
 def before_a_wall(*media, wall=0.0, camera=((0, 0, 0), (0, 0, -1)), **options):
@@ -75,7 +76,7 @@ def test_media_that_touch_are_those_of_one_block():
     """Two boxes that share a face, one after the other along the view, and a mirrored one, whose faces look inwards."""
     vertices, triangles = block((-2, -2, -8), (2, 2, -6))
     two = before_a_wall(
-        filled("near", 0.1, 500.0, (-2, -2, -6), (2, 2, -4)), Medium("far", 0.1, 500.0, vertices, triangles[:, ::-1])
+        filled("near", 0.1, 500.0, (-2, -2, -6), (2, 2, -4)), Medium("far", 0.1, 500.0, vertices=vertices, triangles=triangles[:, ::-1])
     )
     assert seen(two) == pytest.approx(black(500.0) * -math.expm1(-0.4), rel=4e-6)
 
@@ -189,6 +190,111 @@ def test_gas_between_plates_with_mirrors():
         assert abs(mean - truth) < 4 * error + 1e-4 * truth
 
 
+# Scattering. Numbers of isotropically scattering slabs: exact solutions, to the digits that stand here.
+
+
+def scattering_slab(omega, tau, medium, below, anisotropy=0.0):
+    """A slab of 1 m, endless by mirrors around it, over a black plate at z = 0, under one of 0 K, seen straight down.
+    Temperatures in K."""
+    vertices, triangles = box((1.0, 1.0, 1.0))
+    materials = [Material("mirror", 0.0, 1.0), Material("black", 1.0)]
+    temperature = np.repeat([0.0] * 4 + [below, 0.0], 2)
+    return make_scene(
+        vertices, triangles[:, ::-1], temperature, materials, look((0.5, 0.5, 1.0 - 1e-6), (0.5, 0.5, 0.0), 4, 3, 1e-3),
+        EDGES, np.repeat([0, 0, 0, 0, 1, 1], 2), world_depth=1.0,
+        media=(Medium("fog", (1.0 - omega) * tau, medium, omega * tau, anisotropy),),
+    )  # fmt: skip
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("omega, tau, source, truth", [
+    (1.0, 1.0, "plate", 0.658671),
+    (0.9, 1.0, "plate", 0.591625),
+    (0.5, 1.0, "plate", 0.446058),
+    (0.9, 1.0, "medium", 0.140965),
+    (0.5, 1.0, "medium", 0.454822),
+    (0.5, 40.0, "medium", 0.884774),  # a half-space but for 1e-16
+    (0.9, 40.0, "medium", 0.585053 / 1.0),
+])  # fmt: skip
+def test_scattering_slabs(omega, tau, source, truth):
+    """Light from a plate through a slab, and from the slab itself, over that of a blackbody: 4 standard errors. The
+    half-space is sqrt(1 - omega) H(1) with Chandrasekhar's H."""
+    kelvin = 400.0
+    scene = scattering_slab(omega, tau, kelvin if source == "medium" else 0.0, kelvin if source == "plate" else 0.0)
+    mean, error = mean_and_error(scene, Settings(passes=400, photons_per_pass=1000))
+    mean, error = mean / black(kelvin), error / black(kelvin)
+    print(f"omega {omega}, tau {tau}, {source}: {mean:.5f} +- {error:.5f}, exact {truth:.5f}")
+    assert error < 0.01 and abs(mean - truth) < 4 * error
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("anisotropy", [0.0, 0.8, -0.5])
+def test_mean_radiance_in_a_scattering_cube(anisotropy):
+    """One black face, the others cold, and pure scattering between: in the middle the mean over all directions is one
+    sixth, by symmetry and superposition, whatever the phase function. 4 standard errors."""
+    vertices, triangles = box((1.0, 1.0, 1.0))
+    temperature = np.repeat([400.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2)
+    camera = Camera(16, 8, look((0.5, 0.5, 0.5), (0.5, 1.0, 0.5)).matrix, "PANORAMA",
+                    (-np.pi, np.pi, -0.5 * np.pi, 0.5 * np.pi))  # fmt: skip
+    scene = make_scene(
+        vertices, triangles[:, ::-1], temperature, [Material("black", 1.0)], camera, EDGES, world_depth=1.0,
+        media=(Medium("fog", 0.0, 0.0, 2.0, anisotropy),),
+    )  # fmt: skip
+    latitude = np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9))
+    weight = np.diff(latitude)[:, None] / 32.0  # share of the sphere that a pixel covers
+    sums = [0.0]
+    # pixels have an even density of rays in latitude, which is not that of the sphere: rows of 1/8 of it are nearly so
+    render(scene, Settings(passes=100), lambda film: sums.append(film.passes * float(np.sum(film.radiance() * weight))))
+    each = np.diff(sums) / black(400.0)
+    mean, error = each.mean(), each.std(ddof=1) / np.sqrt(len(each))
+    print(f"anisotropy {anisotropy}: {mean:.5f} +- {error:.5f}, exact {1 / 6:.5f}")
+    assert abs(mean - 1 / 6) < 4 * error + 1e-3
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("anisotropy", [0.0, 0.6])
+def test_a_light_in_fog(anisotropy):
+    """Light of a lamp that is scattered once, seen against nothing: the integral along the view of
+    s phase(angle) I / d^2 exp(-s (way + d)); fog so thin that what is scattered twice is below 0.2 % of it."""
+    s, power = 1e-3, 1e4
+    light = PointLight(np.array([0.0, 1.0, -5.0]), power, temperature=2856.0)
+    vertices, triangles = quad((0, -50, 0), (0.01, 0, 0), (0, 0, 0.01))
+    scene = make_scene(
+        vertices, triangles, 0.0, [Material("black", 1.0)], look((0, 0, 0), (0, 0, -1), 4, 3, 1e-3), EDGES,
+        lights=(light,), media=(Medium("fog", 0.0, 0.0, s, anisotropy),), world_depth=60.0,
+    )  # fmt: skip
+    from addon.solver.photons.lights import light_spectrum
+
+    nodes, weights = np.polynomial.legendre.leggauss(2000)
+    way = 30.0 * (nodes + 1)
+    towards = np.stack([0 * way, np.ones_like(way), way - 5.0], axis=1)  # from the view to the lamp
+    d = np.linalg.norm(towards, axis=1)
+    cosine = towards[:, 2] / d  # light travels from the lamp, then along +z to the camera
+    g = anisotropy
+    phase = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * -cosine) ** 1.5)
+    intensity = power * light_spectrum(light, EDGES)[0] / (4 * np.pi)
+    truth = float(np.sum(30.0 * weights * s * phase * intensity / d**2 * np.exp(-s * (way + d))))
+    mean, error = mean_and_error(scene, Settings(passes=2000, photons_per_pass=1000))
+    print(f"anisotropy {g}: {mean / truth:.4f} +- {error / truth:.4f} of the exact value")
+    assert error < 0.05 * truth and abs(mean - truth) < 4 * error + 2e-3 * truth
+
+
+@pytest.mark.statistics
+def test_fog_of_one_temperature_is_black():
+    """Any mixture of media, with a wrong T0, mean within 4 standard errors."""
+    vertices, triangles = box((2.0, 3.0, 2.5))
+    materials = [Material("grey", 0.3), Material("mirror", 0.2, 1.0), Material("rough", 0.4, 0.7, 0.4)]
+    plume = block((0.5, 1, 0.2), (1.5, 2, 2))
+    scene = make_scene(
+        vertices, triangles[:, ::-1], 350.0, materials, look((1, 0.2, 1.2), (1, 3, 1), 8, 6, 0.6), EDGES,
+        np.repeat([0, 1, 2, 0, 0, 0], 2), world_depth=5.0,
+        media=(Medium("air", 0.1, 350.0, 0.3, 0.5), Medium("plume", 1.0, 350.0, 2.0, -0.3, *plume)),
+    )  # fmt: skip
+    mean, error = mean_and_error(scene, Settings(passes=64, photons_per_pass=10_000, reference_temperature=400.0))
+    print(f"{mean / black(350.0) - 1:+.3%} +- {error / mean:.3%}")
+    assert abs(mean - black(350.0)) < 4 * error and error < 0.01 * mean
+
+
 @pytest.mark.parametrize("turn", [False, True])
 def test_normals_are_turned_outwards(turn):
     """Of each part by itself."""
@@ -214,6 +320,8 @@ def test_leaks_are_found():
 @pytest.mark.parametrize("values, message", [
     ({"absorption": -0.5}, "Medium 'gas': absorption -0.5 1/m; it is finite and at least 0"),
     ({"absorption": np.nan}, "Medium 'gas': absorption nan 1/m"),
+    ({"scattering": np.inf}, "Medium 'gas': scattering inf 1/m"),
+    ({"anisotropy": 1.5}, "Medium 'gas': anisotropy 1.5 is outside -1..1"),
     ({"absorption": np.array([[4.0, 1.0], [3.0, 2.0]])}, "wavelengths must increase"),
     ({"temperature": -3.0}, "Medium 'gas': temperature -3 K"),
 ])  # fmt: skip

@@ -113,7 +113,7 @@ def lost(lobes, material, cosine):
 def absorb(stage, inner, hits, wave, absorbed):
     """Add to absorbed (b,) the power, W, that the inner sides (t,) absorb of a wave."""
     for i in range(hits.triangle.size):
-        if not has_arrived(wave, i, hits.triangle[i], None):
+        if not has_arrived(wave, i, hits.triangle[i]):
             continue
         at = arrive(stage.surfaces, hits, i, wave)
         if at.side_id != inner[at.triangle]:

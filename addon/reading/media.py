@@ -52,7 +52,8 @@ def read_medium(
         warnings.add(owner, f"the mesh of a gas must be closed, but it is open at ({place}); the gas is left out")
         return None
     absorption = read_absorption(material, f"Material '{material.name}'", warnings, metres)
-    return Medium(f"{owner}: {material.name}", absorption, kelvin, vertices, triangles)
+    name = f"{owner}: {material.name}"
+    return Medium(name, absorption, kelvin, vertices=vertices, triangles=triangles)
 
 
 def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -> tuple[tuple[Medium, ...], float]:

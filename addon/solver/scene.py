@@ -78,12 +78,14 @@ class Material:
 
 @dataclass(frozen=True)
 class Medium:
-    """A clear gas: it absorbs, and emits what it absorbs (Kirchhoff). Media that overlap add.
+    """A gas: it absorbs, emits what it absorbs (Kirchhoff), and may scatter. Media that overlap add.
 
     name: shown in messages.
     absorption: coefficient in 1/m, a float (grey), or an (n, 2) array of [wavelength um, 1/m], wavelengths ascending,
         linear between the points and held constant outside. At least 0.
     temperature: K.
+    scattering: coefficient in 1/m, in the same form. anisotropy: of Henyey and Greenstein's phase function, the mean
+        cosine of the angle by which it deflects light, -1 to 1.
     vertices: (n, 3) m, and triangles: (m, 3) int, of the closed mesh that it fills; None for the world's medium, which
         is everywhere.
     """
@@ -91,28 +93,37 @@ class Medium:
     name: str = "Medium"
     absorption: float | np.ndarray = 0.0
     temperature: float = 0.0
+    scattering: float | np.ndarray = 0.0
+    anisotropy: float = 0.0
     vertices: np.ndarray | None = None
     triangles: np.ndarray | None = None
 
     def __post_init__(self):
         owner = f"Medium '{self.name}'"
-        wavelengths, values = self.curve
-        check_wavelengths(wavelengths, f"{owner}: absorption")
-        outside = ~((values >= 0.0) & (values < np.inf))  # also true for NaN
-        if np.any(outside):
-            raise SceneError(f"{owner}: absorption {values[outside][0]:g} 1/m; it is finite and at least 0")
+        for quantity in ("absorption", "scattering"):
+            wavelengths, values = self.curve(quantity)
+            check_wavelengths(wavelengths, f"{owner}: {quantity}")
+            outside = ~((values >= 0.0) & (values < np.inf))  # also true for NaN
+            if np.any(outside):
+                raise SceneError(f"{owner}: {quantity} {values[outside][0]:g} 1/m; it is finite and at least 0")
+        if not -1.0 <= self.anisotropy <= 1.0:
+            raise SceneError(f"{owner}: anisotropy {self.anisotropy:g} is outside -1..1")
         check_temperature(self.temperature, owner)
         object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as of surfaces
 
     @property
-    def curve(self) -> tuple[np.ndarray, np.ndarray]:
-        """Wavelengths (n,) in um and absorption coefficients (n,) in 1/m, float64; a grey gas has one point."""
-        points = np.asarray(self.absorption, dtype=np.float64)
+    def scatters(self) -> bool:
+        return bool(np.any(self.curve("scattering")[1] > 0.0))
+
+    def curve(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
+        """Wavelengths (n,) in um and coefficients (n,) in 1/m, float64, of "absorption" or "scattering"; a grey gas has
+        one point."""
+        points = np.asarray(getattr(self, quantity), dtype=np.float64)
         if points.ndim == 0:
             return np.array([1.0]), points[None]
         if points.ndim != 2 or points.shape[1] != 2 or not len(points):
             raise SceneError(
-                f"Medium '{self.name}': absorption must be a number or pairs of um and 1/m, "
+                f"Medium '{self.name}': {quantity} must be a number or pairs of um and 1/m, "
                 f"got an array of shape {points.shape}"
             )
         return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])

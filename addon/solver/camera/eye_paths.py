@@ -9,12 +9,13 @@ import numpy as np
 
 from ..geometry.eye import Eye, eye_rays
 from ..geometry.free_space import free_space, unlimited
-from ..geometry.segments import Tracer, ways
+from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
 from .final_gather import choose_splits, open_finals, share
-from .gathers import asking_photons, cross_media, locate_gathers, meet, part_near
+from .gathers import asking_photons, locate_gathers, meet, part_near
+from .media import cross_media, join
 from .onward import follow
 from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
@@ -65,8 +66,7 @@ def render_pixels(
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         if estimate.photons and number > 0:
             part_near(bounce, rows)
-        if (air := tracer.cross(rays.origin[:count], rays.direction[:count], ways(hits))) is not None:
-            cross_media(air, bounce, rows.image)
+        scattered = cross_media(tracer, lighting, bounce, rows) if tracer.holds_media else None
         if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)
@@ -81,6 +81,8 @@ def render_pixels(
         room = count + int(gathers.rays.sum()) + 2 * np.count_nonzero(gathers.rays) + np.count_nonzero(bounce.goes_on)
         rays = empty_rays(room, bands)
         count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1
+        if scattered is not None:
+            rays, count = join(rays, count, scattered)
         reach = np.full(count, 1e37, np.float32)
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)

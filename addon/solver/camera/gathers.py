@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import interact
-from ..geometry.segments import traverse
 from ..geometry.stage import emission_at, layer_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
 from ..physics.radiometry import NONE
@@ -80,13 +79,6 @@ def part_near(bounce, rows):
             rays.density[i] *= rows.fewer[row] + shared * (1.0 - rows.fewer[row])
             if uniform(rays.path[i], PARTING + bounce.number) >= shared:
                 rays.pixel[i] = row + rows.apart[row]
-
-
-@njit(**KERNEL)
-def cross_media(air, bounce, image):
-    """Add to the image what media along the rays emit, and lower the rays' throughput by what they absorb."""
-    for i in range(bounce.hits.triangle.size):
-        traverse(air, i, bounce.rays.throughput[i], image[bounce.rays.pixel[i]])
 
 
 def meet(stage, lighting, bounce, rows) -> Gathers:

@@ -21,7 +21,7 @@ from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .rays import ALONE, BLIND, largest_throughput
+from .rays import ALONE, ASTRAY, BLIND, largest_throughput
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
@@ -175,7 +175,7 @@ def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
     onward.doubts[sent] = rays.doubts[i]
-    onward.density[sent] = BLIND if rays.final[i] else ALONE
+    onward.density[sent] = ASTRAY if rays.density[i] == ASTRAY else BLIND if rays.final[i] else ALONE
     if is_glossy(lobes) and not rays.final[i]:
         onward.density[sent] = alike * glossy_density(lobes, at, direction)
     for b in range(rho.size):

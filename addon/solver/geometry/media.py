@@ -71,17 +71,20 @@ class _Body:
 class Atmosphere(Tracer):
     """The tracer of a scene with media: it also tells which media segments cross."""
 
+    holds_media = True
+
     def __init__(self, surfaces: Tracer, media: tuple[Medium, ...], centre: np.ndarray, depth: float):
         """surfaces: tracer of the scene. centre: (3,) m, subtracted from world coordinates. depth: m, length in a
         medium without a mesh, the world's, of rays that leave the scene."""
         self._scene = surfaces._scene
         self._bodies = [None if medium.triangles is None else _Body(medium, centre) for medium in media]
         self._depth = depth
-        self._optics = None
+        self._table = None
+        self.scatters = any(medium.scatters for medium in media)
 
-    def fill(self, table: MediumTable, surroundings: np.ndarray) -> None:
-        """Say what media and surroundings emit. surroundings: (b,) float64, excess radiance, W m-2 sr-1."""
-        self._optics = (*table, surroundings)
+    def fill(self, table: MediumTable) -> None:
+        """Say what the media absorb, emit and scatter."""
+        self._table = table
 
     def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air:
         length = np.linalg.norm(direction, axis=1)
@@ -99,7 +102,7 @@ class Atmosphere(Tracer):
         medium, ray, begin, end = map(np.concatenate, zip(*parts, strict=True))
         order = np.argsort(ray, kind="stable")
         first = np.searchsorted(ray[order], np.arange(len(length) + 1))
-        return Air(first, medium[order], begin[order], end[order], length, *self._optics)
+        return Air(first, medium[order], begin[order], end[order], length, self._table)
 
 
 @njit(**KERNEL)

@@ -14,6 +14,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from ..physics.media import MediumTable
 from ..system.kernels import njit
 
 
@@ -47,7 +48,11 @@ class Tracer:
     of the surface that it leaves (see `clear_of`).
 
     All methods release the GIL.
+
+    holds_media, scatters: whether there are media between the surfaces, and whether any scatters; see media.Atmosphere.
     """
+
+    holds_media = scatters = False
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
         """vertices (n, 3) float32, triangles (m, 3) int32. Builds the BVH at once, so threads never race for it."""
@@ -72,12 +77,11 @@ class Tracer:
 
 
 class Air(NamedTuple):
-    """What n segments cross, and how it absorbs and emits.
+    """What n segments cross.
 
     first: (n + 1,) int64, where the stretches of each segment begin in medium, begin and end. medium: (s,) int64.
     begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
-    several media may overlap. length: (n,) of the direction. absorption, excess: see MediumTable. surroundings: (b,)
-    float64, excess radiance of what lies beyond, W m-2 sr-1.
+    several media may overlap. length: (n,) of the direction. table: of the media, see MediumTable.
     """
 
     first: np.ndarray
@@ -85,9 +89,7 @@ class Air(NamedTuple):
     begin: np.ndarray
     end: np.ndarray
     length: np.ndarray
-    absorption: np.ndarray
-    excess: np.ndarray
-    surroundings: np.ndarray
+    table: MediumTable
 
 
 def ways(hits: Hits) -> np.ndarray:
@@ -109,59 +111,53 @@ def next_stop(air, i, t):
 
 
 @njit(inline="always")
-def medium_between(air, i, t, stop, b):
-    """Optical depth in band b of segment i between t and the next stop, and the excess radiance that it would have if
-    it were thick: media that overlap add."""
-    absorption = emission = 0.0
+def coefficient(air, i, t, stop, of, b):
+    """A coefficient in band b on segment i between t and the next stop, for each unit of the direction's length: media
+    that overlap add. of: (m, b) float64, 1/m."""
+    total = 0.0
     for s in range(air.first[i], air.first[i + 1]):
         if air.begin[s] <= t and stop <= air.end[s]:
-            k = air.absorption[air.medium[s], b]
-            absorption += k
-            emission += k * air.excess[air.medium[s], b]
-    return absorption * (stop - t) * air.length[i], emission / absorption if absorption > 0.0 else 0.0
+            total += of[air.medium[s], b]
+    return total * air.length[i]
+
+
+@njit(inline="always")
+def emission(air, i, t, stop, b):
+    """Excess radiance that media emit in band b on segment i between t and the next stop, for each unit of the
+    direction's length."""
+    total = 0.0
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] <= t and stop <= air.end[s]:
+            total += air.table.absorption[air.medium[s], b] * air.table.excess[air.medium[s], b]
+    return total * air.length[i]
 
 
 @njit(inline="always")
 def transmit(air, i, power):
-    """Lower power (b,), or a radiance or throughput, by what segment i absorbs (Bouguer's law). Both directions absorb
-    alike. Where there are no media, air is None, and this compiles to nothing."""
-    if air is not None:
-        t, stop = 0.0, next_stop(air, i, 0.0)
-        while stop < np.inf:
-            for b in range(power.size):
-                power[b] *= math.exp(-medium_between(air, i, t, stop, b)[0])
-            t, stop = stop, next_stop(air, i, stop)
-
-
-@njit(inline="always")
-def traverse(air, i, throughput, radiance):
-    """Add to radiance (b,) what segment i emits towards its origin, times the throughput (b,) at the origin, and lower
-    the throughput by what it absorbs.
-
-    In a stretch of optical depth tau between media of one temperature each, dL = dB (1 - exp(-tau)) (Modest, eq. 10.27
-    without scattering). Where there are no media, air is None, and this compiles to nothing.
-    """
-    if air is not None:
-        t, stop = 0.0, next_stop(air, i, 0.0)
-        while stop < np.inf:
-            for b in range(throughput.size):
-                depth, excess = medium_between(air, i, t, stop, b)
-                radiance[b] -= throughput[b] * excess * math.expm1(-depth)
-                throughput[b] *= math.exp(-depth)
-            t, stop = stop, next_stop(air, i, stop)
-
-
-@njit(inline="always")
-def look_along(air, i, leaves, power):
-    """Multiply power (b,) by the excess radiance that arrives at the origin of segment i from media, and, where it
-    leaves the scene, from the surroundings."""
-    if air is not None:
+    """Lower power (b,), or a radiance or throughput, by what segment i absorbs and scatters (Bouguer's law). Both
+    directions lose alike."""
+    t, stop = 0.0, next_stop(air, i, 0.0)
+    while stop < np.inf:
         for b in range(power.size):
-            radiance, throughput = 0.0, 1.0
-            t, stop = 0.0, next_stop(air, i, 0.0)
-            while stop < np.inf:
-                depth, excess = medium_between(air, i, t, stop, b)
-                radiance -= throughput * excess * math.expm1(-depth)
-                throughput *= math.exp(-depth)
-                t, stop = stop, next_stop(air, i, stop)
-            power[b] *= radiance + (throughput * air.surroundings[b] if leaves else 0.0)
+            power[b] *= math.exp(-coefficient(air, i, t, stop, air.table.extinction, b) * (stop - t))
+        t, stop = stop, next_stop(air, i, stop)
+
+
+@njit(inline="always")
+def glow(air, i, throughput, radiance):
+    """Add to radiance (b,) what media on segment i emit towards its origin, times the throughput (b,) there.
+
+    A stretch of optical depth tau between media of one temperature each brings dL = j / k (1 - exp(-tau)), j their
+    emission and k their extinction (Modest, section 10.4). No step is random.
+    """
+    for b in range(throughput.size):
+        through = float(throughput[b])
+        t, stop = 0.0, next_stop(air, i, 0.0)
+        while stop < np.inf:
+            k = coefficient(air, i, t, stop, air.table.extinction, b)
+            if k > 0.0:
+                left = math.exp(-k * (stop - t))
+                if left < 1.0:
+                    radiance[b] -= through * emission(air, i, t, stop, b) / k * math.expm1(-k * (stop - t))
+                through *= left
+            t, stop = stop, next_stop(air, i, stop)

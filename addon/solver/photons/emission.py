@@ -7,15 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import LEAST_COSINE, emit_at, leave
-from ..geometry.segments import Tracer, look_along, ways
+from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
-from ..system.kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
+from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .lights import LightTable, build_light_table, light_ray, light_totals
+from .walk import collect
 from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, empty_wave
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
@@ -129,16 +130,9 @@ def fill_surroundings(
     emitters = build_emitters(stage, afar, no_lights, reach, area, np.zeros_like(area), lamps)
     wave = empty_wave(_AFAR, len(afar.radiance), False)
     emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
-    hits = tracer.trace(wave.origin, wave.direction)
-    _look_along(tracer.cross(wave.origin, wave.direction, ways(hits)), hits.triangle, wave.power)
+    collect(tracer, wave, key, surroundings.radiance)
     power = np.abs(wave.power).sum(axis=1, dtype=np.float64)
     return afar._replace(flux=float(np.sqrt(np.mean(power**2))) * _AFAR / float((area[:, None] * reach.arrival).sum()))
-
-
-@njit(**KERNEL)
-def _look_along(air, triangle, power):
-    for i in range(triangle.size):
-        look_along(air, i, triangle[i] < 0, power[i])
 
 
 def build_emitters(

@@ -24,8 +24,7 @@ class Wave(NamedTuple):
     emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones too, since a light or a lamp that
     throws caustics emitted it, else 0.
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
-    ray leads back: it arrives if that ray leaves the scene. Through media it brings what these emit along the ray, too,
-    and so always arrives. -1 for photons that travel forwards. u, v: (n,) float32,
+    ray leads back: it arrives if that ray leaves the scene. -1 for photons that travel forwards. u, v: (n,) float32,
     barycentric coordinates on that side. layer: (n,) uint8 as in Photons.
     """
 
@@ -58,10 +57,10 @@ def empty_wave(count: int, bands: int, layer: bool) -> Wave:
 
 
 @njit(**INLINED)
-def has_arrived(wave, i, triangle, air):
+def has_arrived(wave, i, triangle):
     """Whether photon i has arrived on a surface. triangle: that its ray met, -1 for none. A photon that left the scene
-    has not; a photon from the surroundings has if its ray met nothing (see Wave), or with what media along it emit."""
-    return (triangle >= 0) == (wave.arrival[i] < 0) or (air is not None and triangle >= 0)
+    has not; a photon from the surroundings has if its ray met nothing (see Wave)."""
+    return (triangle >= 0) == (wave.arrival[i] < 0)
 
 
 @njit(**INLINED)

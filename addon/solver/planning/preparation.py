@@ -120,7 +120,7 @@ def prepare(
     if scene.media:
         radiometry = stage.radiometry
         table = build_medium_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
-        tracer.fill(table, surroundings.radiance)
+        tracer.fill(table)
         reach = Reach(pilot.reachable, pilot.weight, pilot.weight, 1.0)  # from media light arrives everywhere
         surroundings = fill_surroundings(surroundings, tracer, stage, reach, area, lamps, pass_key(0, AFAR, PILOT))
     emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamps)

@@ -59,6 +59,15 @@ def uniform(key, dimension):
 
 
 @njit(cache=True, nogil=True)
+def path_keys(key, paths):
+    """(n,) uint64 keys of paths (n,) int64."""
+    keys = np.empty(paths.size, np.uint64)
+    for i in range(paths.size):
+        keys[i] = path_key(key, paths[i])
+    return keys
+
+
+@njit(cache=True, nogil=True)
 def uniforms(key, first, count):
     """Numbers in [0, 1), (count,) float64, one for each of the paths first, first + 1, ..."""
     numbers = np.empty(count)
