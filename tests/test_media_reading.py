@@ -70,6 +70,16 @@ def test_the_world_holds_a_gas(scene):
     assert seen(read_scene) == pytest.approx(own, rel=1e-5)
 
 
+def test_a_gas_may_scatter(scene):
+    """Lengths in millimetres: coefficients are still those of a metre."""
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    paint = scene.data.materials[0]
+    paint["scattering"], paint["anisotropy"] = [8.0, 100.0, 12.0, 300.0], 0.6
+    (medium,) = read()[0].media
+    assert medium.scatters and medium.anisotropy == 0.6
+    np.testing.assert_allclose(medium.scattering, [[8.0, 0.1], [12.0, 0.3]])
+
+
 def test_without_gas_there_are_no_media(scene):
     bpy.data.objects.remove(scene)
     assert read()[0].media == ()
@@ -77,7 +87,7 @@ def test_without_gas_there_are_no_media(scene):
 
 @pytest.mark.parametrize("change, warning", [
     ("open", "'Plume': the mesh of a gas must be closed, but it is open at ("),
-    ("scattering", "'Gas': the scattering of a gas is not rendered, only its absorption"),
+    ("mixture", "'Gas': mixtures of gases are not rendered; absorption and scattering count"),
     ("no depth", "'Sky': its gas has no depth, so rays that leave the scene cross none of it"),
     ("no temperature", "'Plume': no temperature, using the ambient"),
     ("attribute", "'Plume': a gas has one temperature; the mean of its mesh counts"),
@@ -90,8 +100,8 @@ def test_what_a_gas_lacks_is_named(scene, change, warning):
         shape.from_mesh(scene.data)
         bmesh.ops.delete(shape, geom=[next(iter(shape.faces))], context="FACES_ONLY")
         shape.to_mesh(scene.data)
-    elif change == "scattering":
-        scene.data.materials[0]["scattering"] = 1.0
+    elif change == "mixture":
+        scene.data.materials[0]["gas"] = {"H2O": 0.1}
     elif change == "no depth":
         bpy.context.scene.world["absorption"] = 0.1
     elif change == "no temperature":
@@ -111,11 +121,12 @@ def test_what_a_gas_lacks_is_named(scene, change, warning):
     ("gas", -1.0, "Medium 'Plume: Gas': absorption -1 1/m; it is finite and at least 0"),
     ("gas", "air", "Material 'Gas': absorption is 'air', expected a number"),
     ("gas", [4.0, 1.0, 5.0], "Material 'Gas': the absorption list has 3 numbers"),
+    ("anisotropy", 2.0, "Medium 'Plume: Gas': anisotropy 2 is outside -1..1"),
     ("world", float("nan"), "Medium 'World 'Sky'': absorption nan 1/m"),
 ])  # fmt: skip
 def test_absorption_that_makes_no_sense_is_an_error(scene, owner, value, message):
-    block = scene.data.materials[0] if owner == "gas" else bpy.context.scene.world
-    block["absorption"] = value
+    block = bpy.context.scene.world if owner == "world" else scene.data.materials[0]
+    block["anisotropy" if owner == "anisotropy" else "absorption"] = value
     with pytest.raises(SceneError) as error:
         read()
     assert message in str(error.value)

@@ -267,7 +267,8 @@ class Scene:
     response: of the sensor, through which all bands together are seen; None counts all wavelengths alike.
     groups: names of temperature groups, whose light the film keeps apart (see layers); each has one temperature.
     group: (m,) int16, the group of each triangle, -1 for none; required with groups. world_group: of the surroundings.
-    media: gases between the surfaces. world_depth: m, how far those without a mesh reach along rays that leave the scene.
+    media: gases between the surfaces. world_depth: m, how far those without a mesh reach along rays that leave the
+        scene.
 
     Raises SceneError if a value cannot be rendered.
     """

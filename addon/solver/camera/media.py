@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera paths in media: what these emit along a ray is added without noise, and where they scatter, a ray may leave its
-way to the surface and go on in a new direction."""
+"""Camera paths in media: what these emit along a ray is added without noise, and where they scatter, a ray may leave
+its way to the surface and go on in a new direction."""
 
 import numpy as np
 
@@ -16,8 +16,9 @@ from .streams import WALK_NUMBERS, WALKING
 
 
 def cross_media(tracer: Tracer, lighting: Lighting, bounce: Bounce, rows: Rows) -> Rays | None:
-    """Add to the rows what media along the rays of a bounce emit, and take from the rays what media take. Those that are
-    scattered meet nothing and carry nothing any more: they go on as the rays that are returned, if media scatter."""
+    """Add to the rows what media along the rays of a bounce emit, and take from the rays what media take. Those that
+    are scattered meet nothing and carry nothing any more: they go on as the rays that are returned, if media scatter.
+    """
     count, rays = len(bounce.hits.triangle), bounce.rays
     air = tracer.cross(rays.origin[:count], rays.direction[:count], ways(bounce.hits))
     if not tracer.scatters:

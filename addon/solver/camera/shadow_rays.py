@@ -160,7 +160,7 @@ def light_from(lighting, i, point):
     distance = math.sqrt(dot(way, way))
     received = _towards(lighting, i, _Facing(point, scaled(way, 1.0 / distance)))[1]
     if sun:  # its power is per square metre
-        received *= math.pi * lighting.lamps.lights.scene_radius ** 2
+        received *= math.pi * lighting.lamps.lights.scene_radius**2
     return way, received, distance, np.float32(1e37) if sun else np.float32(1.0)
 
 

@@ -61,7 +61,7 @@ def _walk(air, wave, keys, scattered):
 
 
 def append(wave: Wave, count: int, more: Wave, extra: int) -> int:
-    """Put the first `extra` photons of another wave behind the first `count` of this one; returns how many there are."""
+    """Put the first `extra` photons of another wave behind the first `count` of this one; returns the new count."""
     for column, added in zip(wave, more, strict=True):
         if len(column):
             column[count : count + extra] = added[:extra]
