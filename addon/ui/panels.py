@@ -195,14 +195,19 @@ class INFRARED_PT_object(InfraredPanel, Panel):
             column.label(text=f"From {low} to {high}")
 
 
-class INFRARED_PT_material(InfraredPanel, Panel):
-    bl_label = "Thermal Surface"
+class MaterialPanel(InfraredPanel):
+    """Of materials that can be rendered."""
+
     bl_context = "material"
 
     @classmethod
     def poll(cls, context):
         material = context.material
         return super().poll(context) and material is not None and not material.grease_pencil
+
+
+class INFRARED_PT_material(MaterialPanel, Panel):
+    bl_label = "Thermal Surface"
 
     def draw(self, context):
         material, default = context.material, context.scene.infrared.default_emissivity
@@ -221,14 +226,9 @@ class INFRARED_PT_material(InfraredPanel, Panel):
         draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
 
 
-class INFRARED_PT_gas(InfraredPanel, Panel):
+class INFRARED_PT_gas(MaterialPanel, Panel):
     bl_label = "Gas"
-    bl_context = "material"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return INFRARED_PT_material.poll.__func__(cls, context)
 
     def draw(self, context):
         column = self.column()
@@ -253,7 +253,7 @@ class INFRARED_PT_world(InfraredPanel, Panel):
 
 
 class INFRARED_PT_world_gas(InfraredPanel, Panel):
-    bl_label = "Gas"
+    bl_label = "Air"
     bl_context = "world"
     bl_options = {"DEFAULT_CLOSED"}
 
