@@ -57,6 +57,32 @@ CUSTOM_PROPERTIES = {
         "precision": 3,
         "description": "Roughness of the mirrored share: 0 is a perfect mirror, 1 the widest gloss",
     },
+    "absorption": {
+        "soft_min": 0.0,
+        "soft_max": 100.0,
+        "precision": 4,
+        "description": "Absorption coefficient of a gas, 1/m: a metre absorbs the share 1 - exp(-absorption). "
+        "With it the material fills closed meshes instead of covering their surface",
+    },
+    "scattering": {
+        "soft_min": 0.0,
+        "soft_max": 100.0,
+        "precision": 4,
+        "description": "Scattering coefficient of a gas with droplets or particles, 1/m. "
+        "With it the material fills closed meshes instead of covering their surface",
+    },
+    "anisotropy": {
+        "soft_min": -1.0,
+        "soft_max": 1.0,
+        "precision": 3,
+        "description": "Mean cosine of the angle by which the gas deflects light: 1 is onwards, 0 evenly, -1 back",
+    },
+    "depth": {
+        "soft_min": 0.0,
+        "soft_max": 1e5,
+        "precision": 1,
+        "description": "How far the gas of the world reaches along rays that leave the scene, m",
+    },
     "temperature_group": {
         "description": "Name of a group whose light a render keeps apart, so that it takes new temperatures "
         "afterwards. All in a group have one temperature; empty is none",

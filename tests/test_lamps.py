@@ -568,14 +568,6 @@ def test_rough_lobe_beside_a_hot_ball(roughness):
 # Whose caustics photons find
 
 
-@pytest.mark.parametrize("aside, expected", [(0.0, 0), (5.0, 1280)])
-def test_what_is_mostly_seen_in_part_throws_no_caustics(aside, expected):
-    """Behind slats as wide as the gaps between them half of the ball is hidden from anywhere, but one shadow ray says
-    all or nothing. With the slats aside it sees all of it."""
-    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), *slats(aside), half=0.3)
-    assert len(caustic_triangles(scene)) == expected
-
-
 def chosen(parts, target, position=(0.2, 0.2, 1.6)):
     """Triangles that throw caustics, with the automatic reference."""
     vertices, triangles, temperature, material = join(*parts)

@@ -115,7 +115,9 @@ def states():
     camera = bpy.data.cameras.new("Camera")
     camera.type = "PANO"
     world = bpy.data.worlds.new("World")
-    world["temperature"], world["temperature_group"] = 280.0, "sky"
+    gas = {"absorption": 0.1, "scattering": 0.1, "anisotropy": 0.1}
+    for key, value in ({"temperature": 280.0, "temperature_group": "sky", "depth": 100.0} | gas).items():
+        world[key] = value
     surface = link("Cube", cube_mesh(), temperature=300.0, temperature_group="cube")
     window = bpy.context.window_manager.windows[0]
     space = SimpleNamespace(image=SimpleNamespace(type="RENDER_RESULT"), shading=SimpleNamespace(type="RENDERED"))
@@ -126,7 +128,7 @@ def states():
     )  # fmt: skip
     many_points = [float(number) for um in range(8, 48) for number in (um, 0.5)]
     for emissivity in (0.5, many_points, "Tin"):
-        shown.material = material(emissivity=emissivity, specular=0.5, roughness=0.5)
+        shown.material = material(emissivity=emissivity, specular=0.5, roughness=0.5, **gas)
         yield shown
     for infrared.band_mode in ("UNIFORM", "ADAPTIVE", "CUSTOM"):
         yield shown

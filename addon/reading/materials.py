@@ -36,11 +36,11 @@ def _emissivity(value, owner: str) -> float | np.ndarray:
     return pair_points(value.to_list(), owner)
 
 
-def pair_points(numbers: list[float], owner: str) -> np.ndarray:
-    """(n, 2) float64 points [um, emissivity] of a flat list. Raises SceneError unless its length is even."""
+def pair_points(numbers: list[float], owner: str, quantity: str = "emissivity") -> np.ndarray:
+    """(n, 2) float64 points [um, quantity] of a flat list. Raises SceneError unless its length is even."""
     if len(numbers) == 0 or len(numbers) % 2:
         raise SceneError(
-            f"{owner}: the emissivity list has {len(numbers)} numbers, expected pairs of wavelength (um) and emissivity"
+            f"{owner}: the {quantity} list has {len(numbers)} numbers, expected pairs of wavelength (um) and {quantity}"
         )
     return np.array(numbers, dtype=np.float64).reshape(-1, 2)
 

@@ -63,6 +63,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     surfaces.ambient_temperature, surfaces.default = read_defaults(scene.infrared)
     warnings, lights, known, metres = surfaces.warnings, [], set(), metres_per_unit(scene)
+    surfaces.metres = metres
     for obj, matrix in _shown_instances(depsgraph, space):
         if obj.type in ("MESH", "LIGHT") and obj.name_full not in known:  # all instances of an object ask for the same
             known.add(obj.name_full)

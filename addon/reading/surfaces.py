@@ -9,6 +9,7 @@ from ..solver.scene import Material, SceneError
 from .custom_properties import driver_remark, read_temperature
 from .groups import GroupReader
 from .materials import read_material
+from .media import is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
 from .warnings import Warnings
 from .world import world_temperature
@@ -35,6 +36,7 @@ class SurfaceReader:
         self.indices = {}  # Blender's material (None: no material) -> index into materials
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
+        self.metres, self.media = 1.0, []  # length of a unit, which scene_reader sets
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
         self.vertex_count = 0
         self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
@@ -50,20 +52,42 @@ class SurfaceReader:
         if len(mesh.triangles) == 0:
             return
         vertices = _in_world_space(mesh.vertices, matrix, obj.name)
-        triangles = mesh.triangles + np.int32(self.vertex_count)
         temperature = self._temperature(obj, mesh)
+        materials, slot = self._slots(obj, mesh.slot)
+        filled = np.array([is_medium(material) for material in materials])[slot]
+        if filled.any():
+            self._add_media(obj, vertices, mesh.triangles, (materials, np.where(filled, slot, -1)), temperature)
+            if filled.all():
+                return
+            mesh = MeshData(vertices, mesh.triangles[~filled], slot[~filled], None)
+            temperature, slot = temperature[~filled], slot[~filled]
+        triangles = mesh.triangles + np.int32(self.vertex_count)
         if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored object keeps its front sides outside
             triangles = triangles[:, ::-1]
             temperature = temperature[:, ::-1] if temperature.ndim == 2 else temperature
         self.vertices.append(vertices)
         self.triangles.append(triangles)
-        self.slots.append(self._materials(obj, mesh.slot))
+        self.slots.append(self._materials(obj, materials, slot))
         self.temperatures.append(temperature)
         self.pass_indices["object_index"].append(obj.pass_index)
         if self.groups is not None:
             number = self.groups.number(obj, f"Object '{obj.name}'", temperature)
             self.group_numbers.append(np.full(len(triangles), number, np.int16))
         self.vertex_count += len(vertices)
+
+    def _add_media(self, obj, vertices, triangles, slots, temperature) -> None:
+        """The gases in an object. slots: its materials, and (m,) which of them each triangle has, -1 for none here."""
+        materials, slot = slots
+        kelvin = float(temperature.mean(dtype=np.float64))
+        if np.ptp(temperature) > 0.0:
+            self.warnings.add(obj.name, "a gas has one temperature; the mean of its mesh counts")
+        if self.groups is not None:
+            self.warnings.add(obj.name, "temperature groups are for surfaces; the gas stays as it is")
+        for number in np.unique(slot[slot >= 0]):
+            used = triangles[slot == number]
+            medium = read_medium(materials[number], kelvin, vertices, used, obj.name, self.warnings, self.metres)
+            if medium is not None:
+                self.media.append(medium)
 
     def _mesh(self, obj) -> MeshData:
         """The mesh of an object, which may be that of an earlier object or of an earlier reader."""
@@ -92,6 +116,7 @@ class SurfaceReader:
             "material": np.concatenate(self.slots),
             "temperature": np.concatenate(temperatures),
             "materials": tuple(self.materials),
+            **self._media(world),
             **self._groups(world),
         }
 
@@ -101,6 +126,12 @@ class SurfaceReader:
         if name == "object_index":
             return np.repeat(indices, [len(each) for each in self.triangles])
         return indices[np.concatenate(self.slots)]
+
+    def _media(self, world) -> dict:
+        """The arguments of Scene that describe gases, if there are any."""
+        of_world, depth = read_world_medium(world, world_temperature(world), self.warnings, self.metres)
+        media = (*self.media, *of_world)
+        return {"media": media, "world_depth": depth} if media else {}
 
     def _groups(self, world) -> dict:
         """The arguments of Scene that describe temperature groups, if there are any."""
@@ -124,12 +155,15 @@ class SurfaceReader:
         temperature = read_temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")
         return np.full(len(mesh.triangles), temperature, dtype=np.float32)
 
-    def _materials(self, obj, slot: np.ndarray) -> np.ndarray:
-        """(m,) int32 index into materials for triangles with these material slots."""
+    def _slots(self, obj, slot: np.ndarray) -> tuple[list, np.ndarray]:
+        """The materials of an object's slots, and (m,) the slot of each triangle."""
         materials = [s.material for s in obj.material_slots] or [None]
         if self.override is not None:
             materials = [self.override] * len(materials)
-        slot = np.clip(slot, 0, len(materials) - 1)  # as Blender: faces beyond the last slot take the last
+        return materials, np.clip(slot, 0, len(materials) - 1)  # as Blender: faces beyond the last slot take the last
+
+    def _materials(self, obj, materials: list, slot: np.ndarray) -> np.ndarray:
+        """(m,) int32 index into materials for triangles with these slots of an object's materials."""
         used = np.bincount(slot, minlength=len(materials)) > 0
         indices = np.zeros(len(materials), dtype=np.int32)
         for i in np.flatnonzero(used):

@@ -77,6 +77,59 @@ class Material:
 
 
 @dataclass(frozen=True)
+class Medium:
+    """A gas: it absorbs, emits what it absorbs (Kirchhoff), and may scatter. Media that overlap add.
+
+    name: shown in messages.
+    absorption: coefficient in 1/m, a float (grey), or an (n, 2) array of [wavelength um, 1/m], wavelengths ascending,
+        linear between the points and held constant outside. At least 0.
+    temperature: K.
+    scattering: coefficient in 1/m, in the same form. anisotropy: of Henyey and Greenstein's phase function, the mean
+        cosine of the angle by which it deflects light, -1 to 1.
+    vertices: (n, 3) m, and triangles: (m, 3) int, of the closed mesh that it fills; None for the world's medium, which
+        is everywhere.
+    """
+
+    name: str = "Medium"
+    absorption: float | np.ndarray = 0.0
+    temperature: float = 0.0
+    scattering: float | np.ndarray = 0.0
+    anisotropy: float = 0.0
+    vertices: np.ndarray | None = None
+    triangles: np.ndarray | None = None
+
+    def __post_init__(self):
+        owner = f"Medium '{self.name}'"
+        for quantity in ("absorption", "scattering"):
+            wavelengths, values = self.curve(quantity)
+            check_wavelengths(wavelengths, f"{owner}: {quantity}")
+            outside = ~((values >= 0.0) & (values < np.inf))  # also true for NaN
+            if np.any(outside):
+                raise SceneError(f"{owner}: {quantity} {values[outside][0]:g} 1/m; it is finite and at least 0")
+        if not -1.0 <= self.anisotropy <= 1.0:
+            raise SceneError(f"{owner}: anisotropy {self.anisotropy:g} is outside -1..1")
+        check_temperature(self.temperature, owner)
+        object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as of surfaces
+
+    @property
+    def scatters(self) -> bool:
+        return bool(np.any(self.curve("scattering")[1] > 0.0))
+
+    def curve(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
+        """Wavelengths (n,) in um and coefficients (n,) in 1/m, float64, of "absorption" or "scattering"; a grey gas has
+        one point."""
+        points = np.asarray(getattr(self, quantity), dtype=np.float64)
+        if points.ndim == 0:
+            return np.array([1.0]), points[None]
+        if points.ndim != 2 or points.shape[1] != 2 or not len(points):
+            raise SceneError(
+                f"Medium '{self.name}': {quantity} must be a number or pairs of um and 1/m, "
+                f"got an array of shape {points.shape}"
+            )
+        return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+
+
+@dataclass(frozen=True)
 class Response:
     """Spectral response of a sensor: its signal for a watt of radiation, over wavelength.
 
@@ -214,6 +267,8 @@ class Scene:
     response: of the sensor, through which all bands together are seen; None counts all wavelengths alike.
     groups: names of temperature groups, whose light the film keeps apart (see layers); each has one temperature.
     group: (m,) int16, the group of each triangle, -1 for none; required with groups. world_group: of the surroundings.
+    media: gases between the surfaces. world_depth: m, how far those without a mesh reach along rays that leave the
+        scene.
 
     Raises SceneError if a value cannot be rendered.
     """
@@ -231,6 +286,8 @@ class Scene:
     groups: tuple[str, ...] = ()
     group: np.ndarray | None = None
     world_group: int = -1
+    media: tuple[Medium, ...] = ()
+    world_depth: float = 0.0
 
     def __post_init__(self):
         check_band_edges(self.band_edges)
@@ -252,6 +309,8 @@ class Scene:
         check_temperature(self.world_temperature, "World")
         # rounded as surfaces' temperatures are, so that equal temperatures stay equal
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
+        if not 0.0 <= self.world_depth < np.inf:
+            raise SceneError(f"World: depth {self.world_depth:g} m; the depth of its gas is finite and at least 0 m")
         for light in self.lights:
             _check_light(light)
         if self.groups:

@@ -9,6 +9,7 @@ from bpy.types import Panel
 from ..heat_settings import in_scene_unit
 from ..interface import ENGINE
 from ..properties import initial_value, property_label
+from ..reading.media import is_medium
 from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
 from ..rendering.checks import band_problem, find_bands, material_checks, settings_checks
@@ -194,14 +195,19 @@ class INFRARED_PT_object(InfraredPanel, Panel):
             column.label(text=f"From {low} to {high}")
 
 
-class INFRARED_PT_material(InfraredPanel, Panel):
-    bl_label = "Thermal Surface"
+class MaterialPanel(InfraredPanel):
+    """Of materials that can be rendered."""
+
     bl_context = "material"
 
     @classmethod
     def poll(cls, context):
         material = context.material
         return super().poll(context) and material is not None and not material.grease_pencil
+
+
+class INFRARED_PT_material(MaterialPanel, Panel):
+    bl_label = "Thermal Surface"
 
     def draw(self, context):
         material, default = context.material, context.scene.infrared.default_emissivity
@@ -220,6 +226,17 @@ class INFRARED_PT_material(InfraredPanel, Panel):
         draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
 
 
+class INFRARED_PT_gas(MaterialPanel, Panel):
+    bl_label = "Gas"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        column = self.column()
+        if is_medium(context.material):
+            column.label(text="Fills closed meshes, and is no surface", icon="INFO")
+        draw_gas(column, context.material, "MATERIAL")
+
+
 class INFRARED_PT_world(InfraredPanel, Panel):
     bl_label = "Surroundings"
     bl_context = "world"
@@ -233,6 +250,21 @@ class INFRARED_PT_world(InfraredPanel, Panel):
         none = f"{in_scene_unit(0.0, context.scene)} (no radiation)"
         draw_custom_property(column, context.world, "WORLD", "temperature", none)
         draw_group(column, context.world, "WORLD", context.scene)
+
+
+class INFRARED_PT_world_gas(InfraredPanel, Panel):
+    bl_label = "Air"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.world is not None
+
+    def draw(self, context):
+        column = self.column()
+        draw_gas(column, context.world, "WORLD")
+        draw_custom_property(column, context.world, "WORLD", "depth", "0 m (none before the sky)")
 
 
 class INFRARED_PT_light(InfraredPanel, Panel):
@@ -291,6 +323,16 @@ class INFRARED_PT_panorama(InfraredPanel, Panel):
             limits.prop(camera, f"{angle}_max", text="Max")
 
 
+def draw_gas(column, block, owner: str) -> None:
+    """What a gas absorbs and scatters, 1/m."""
+    for key, without in (("absorption", "0 (none)"), ("scattering", "0 (none)"), ("anisotropy", "0 (evenly)")):
+        value = block.get(key)
+        if value is None or isinstance(value, float | int):
+            draw_custom_property(column, block, owner, key, without)
+        else:
+            draw_spectrum(column, value, owner, key)
+
+
 def draw_custom_property(column, id_block, owner: str, key: str, without: str) -> None:
     """One line: the value and a button to remove it, or what counts without it and a button to set it."""
     row = column.row(align=True)
@@ -332,17 +374,17 @@ def draw_text(row, key: str, text: str):
     return value
 
 
-def draw_spectrum(column, emissivity) -> None:
-    """An emissivity that depends on the wavelength, in words, and a button to remove it."""
-    if isinstance(emissivity, str):
-        text = emissivity
-    elif hasattr(emissivity, "to_list") and len(emissivity) % 2 == 0:
-        text = f"{len(emissivity) // 2} points over wavelength"
+def draw_spectrum(column, value, owner: str = "MATERIAL", key: str = "emissivity") -> None:
+    """An emissivity or a coefficient that depends on the wavelength, in words, and a button to remove it."""
+    if isinstance(value, str):
+        text = value
+    elif hasattr(value, "to_list") and len(value) % 2 == 0:
+        text = f"{len(value) // 2} points over wavelength"
     else:
         text = "Not a number, list or library name"
-    value = draw_text(column.row(align=True), "emissivity", text)
-    operator = value.operator("infrared.property_remove", text="", icon="X")
-    operator.owner, operator.key = "MATERIAL", "emissivity"
+    row = draw_text(column.row(align=True), key, text)
+    operator = row.operator("infrared.property_remove", text="", icon="X")
+    operator.owner, operator.key = owner, key
 
 
 def draw_chosen_bands(column, infrared) -> None:
@@ -374,7 +416,9 @@ CLASSES = (
     INFRARED_PT_checkpoint,
     INFRARED_PT_object,
     INFRARED_PT_material,
+    INFRARED_PT_gas,
     INFRARED_PT_world,
+    INFRARED_PT_world_gas,
     INFRARED_PT_light,
     INFRARED_PT_panorama,
 )

@@ -15,6 +15,7 @@ from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
 from .final_gather import choose_splits, open_finals, share
 from .gathers import asking_photons, locate_gathers, meet, part_near
+from .media import cross_media, join
 from .onward import follow
 from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
@@ -65,6 +66,8 @@ def render_pixels(
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         if estimate.photons and number > 0:
             part_near(bounce, rows)
+        scattered = cross_media(tracer, lighting, bounce, rows) if tracer.holds_media else None
+        if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)
         if number == 0:
@@ -74,11 +77,12 @@ def render_pixels(
             rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
         shadows = shadow_rays(stage, lighting, bounce, samples, gathers)
         if len(shadows.reach):
-            met = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
-            add_unshadowed(stage, met, shadows, rows.image)
+            add_unshadowed(tracer, shadows, rows.image)
         room = count + int(gathers.rays.sum()) + 2 * np.count_nonzero(gathers.rays) + np.count_nonzero(bounce.goes_on)
         rays = empty_rays(room, bands)
         count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1
+        if scattered is not None:
+            rays, count = join(rays, count, scattered)
         reach = np.full(count, 1e37, np.float32)
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import interact
-from ..geometry.segments import glow, transmit
 from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
 from ..physics.lobes import is_wide
@@ -105,9 +104,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
     for i in range(hits.triangle.size):
         if rays.pixel[i] != pixel:
             pixel, newest = rays.pixel[i], found
-        origin, direction, throughput = rays.origin[i], rays.direction[i], rays.throughput[i]
-        glow(stage, origin, direction, hits.distance[i], throughput, rows.image[pixel])
-        transmit(stage, origin, direction, hits.distance[i], throughput)
+        throughput = rays.throughput[i]
         if hits.triangle[i] < 0:
             for b in range(bands):
                 rows.image[pixel, sky + b] += throughput[b] * surroundings.radiance[b]
@@ -116,7 +113,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
         side = at.side_id & 1
         share = np.float32(1.0)
         if rays.density[i] < ALONE:
-            share = np.float32(share_of_ray(rays.density[i], lamps, at))
+            share = np.float32(share_of_ray(abs(rays.density[i]), lamps, at))
         elif rays.density[i] == BLIND and lamps.caustic[at.triangle, side]:
             share = np.float32(0.0)
         if share > 0.0:

@@ -22,7 +22,7 @@ from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .rays import ALONE, BLIND, largest_throughput
+from .rays import ALONE, ASTRAY, BLIND, largest_throughput
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
@@ -176,9 +176,11 @@ def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
     onward.doubts[sent] = rays.doubts[i]
-    onward.density[sent] = BLIND if rays.final[i] else ALONE
+    astray = rays.density[i] == ASTRAY or rays.density[i] < 0.0
+    onward.density[sent] = ASTRAY if astray else BLIND if rays.final[i] else ALONE
     if is_wide(lobes) or (is_glossy(lobes) and not rays.final[i]):
-        onward.density[sent] = alike * glossy_density(lobes, at, direction)
+        density = alike * glossy_density(lobes, at, direction)
+        onward.density[sent] = -density if astray else density
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * (scale / survival)
     return 1

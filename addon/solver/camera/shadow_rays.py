@@ -143,6 +143,27 @@ def _towards(lighting, i, at):
     return way, intensity * cos_hit * inverse / d2
 
 
+class _Facing(NamedTuple):
+    """A point, and a normal that faces a lamp: what an Interaction is to _towards."""
+
+    point: tuple
+    normal: tuple
+
+
+@njit(inline="always")
+def light_from(lighting, i, point):
+    """Of lamp point i, on a light, seen from a point: the way there (m; for suns of unit length), the irradiance across
+    it, m-2, for 1 W of power of the light, the way's length, and how far a shadow ray goes, in units of that."""
+    position, sun = vector(lighting.points.position, i), lighting.points.entry[i] - lighting.lamps.side_id.size
+    sun = lighting.lamps.lights.kind[sun] == SUN
+    way = position if sun else difference(position, point)
+    distance = math.sqrt(dot(way, way))
+    received = _towards(lighting, i, _Facing(point, scaled(way, 1.0 / distance)))[1]
+    if sun:  # its power is per square metre
+        received *= math.pi * lighting.lamps.lights.scene_radius**2
+    return way, received, distance, np.float32(1e37) if sun else np.float32(1.0)
+
+
 @njit(inline="always")
 def _shared_brdf(receiver, way, distance, aimed):
     """BRDF of the receiver's lobes between its ray and the way to a lamp, sr-1, each lobe times the share of the light
@@ -300,13 +321,25 @@ def _start(surfaces, receiver, direction, reach, layer, shadows, count):
     shadows.pixel[count], shadows.layer[count] = receiver.pixel, layer
 
 
+def add_unshadowed(tracer, shadows, image) -> None:
+    """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through."""
+    hits = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
+    if tracer.holds_media:
+        _transmit(tracer.cross(shadows.origin, shadows.direction, hits.distance), shadows.radiance)
+    _add_unshadowed(hits, shadows, image)
+
+
 @njit(**KERNEL)
-def add_unshadowed(stage, hits, shadows, image):
-    """Add to the image (n, layers * b) the radiance of the shadow rays that met nothing (triangle < 0)."""
+def _transmit(air, radiance):
+    for i in range(air.length.size):
+        transmit(air, i, radiance[i])
+
+
+@njit(**KERNEL)
+def _add_unshadowed(hits, shadows, image):
     bands = shadows.radiance.shape[1]
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
-            transmit(stage, shadows.origin[i], shadows.direction[i], hits.distance[i], shadows.radiance[i])
             row, first = image[shadows.pixel[i]], bands * shadows.layer[i]
             for b in range(bands):
                 row[first + b] += shadows.radiance[i, b]
@@ -325,7 +358,7 @@ def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray
         room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
         sent = _send_from_points(stage, lighting, points, (key, first), np.ones(bands, np.float32), shadows, room)
         shadows = Shadows(*(column[:sent] for column in shadows))
-        add_unshadowed(stage, tracer.trace(shadows.origin, shadows.direction, shadows.reach), shadows, value)
+        add_unshadowed(tracer, shadows, value)
     return value
 
 

@@ -8,4 +8,5 @@ choice has a first dimension of its own, and one number or more for each bounce 
 DIMENSIONS = 4
 LOBE, SURVIVAL, GROUPING = 0, 2, 3  # first among the numbers of a bounce: two numbers, one, one
 RECALLING, GATHERING, FEELING, LAMPS, SPLITTING, CONTINUING, PARTING, DOUBTING = (1 << k for k in range(17, 25))
+WALKING, WALK_NUMBERS = 1 << 25, 16  # in media, first number and how many for each bounce
 LAMP_NUMBERS = 16  # numbers from LAMPS on, for each bounce

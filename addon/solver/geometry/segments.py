@@ -7,12 +7,14 @@ segment ends and how long it is. Only here is asked what a segment takes from th
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from ..physics.media import MediumTable
 from ..system.kernels import njit
 
 
@@ -46,7 +48,11 @@ class Tracer:
     of the surface that it leaves (see `clear_of`).
 
     All methods release the GIL.
+
+    holds_media, scatters: whether there are media between the surfaces, and whether any scatters; see media.Atmosphere.
     """
+
+    holds_media = scatters = False
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
         """vertices (n, 3) float32, triangles (m, 3) int32. Builds the BVH at once, so threads never race for it."""
@@ -64,17 +70,94 @@ class Tracer:
         """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""
         return self.trace(origin, direction, reach).triangle < 0
 
+    def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air | None:
+        """What segments cross: rays, origin and direction (n, 3) float32, up to a distance (n,) float32, in units of
+        the direction's length, infinite for rays that leave the scene. None where there are no media."""
+        return None
 
-@njit(inline="always")
-def transmit(stage, origin, direction, distance, power):
-    """Lower power (b,), or a radiance or throughput, by what a segment absorbs. Both directions absorb alike.
 
-    stage: see Stage. origin, direction: (3,) of the segment. distance: length of the segment, in units of the
-    direction's length. Between surfaces there is a vacuum, which absorbs nothing, so this compiles to nothing.
+class Air(NamedTuple):
+    """What n segments cross.
+
+    first: (n + 1,) int64, where the stretches of each segment begin in medium, begin and end. medium: (s,) int64.
+    begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
+    several media may overlap. length: (n,) of the direction. table: of the media, see MediumTable.
     """
 
+    first: np.ndarray
+    medium: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+    length: np.ndarray
+    table: MediumTable
+
+
+def ways(hits: Hits) -> np.ndarray:
+    """(n,) float32, how far rays go: to what they meet, or without end."""
+    return np.where(hits.triangle < 0, np.float32(np.inf), hits.distance)
+
 
 @njit(inline="always")
-def glow(stage, origin, direction, distance, throughput, radiance):
-    """Add to radiance (b,) what a segment emits towards its origin, times the throughput (b,) at the origin: nothing in
-    a vacuum. The other arguments are those of `transmit`, which is to be called after this."""
+def next_stop(air, i, t):
+    """The least distance beyond t, in units of the direction's length, at which segment i enters or leaves a medium;
+    infinite if there is none."""
+    stop = np.inf
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] > t:
+            stop = min(stop, air.begin[s])
+        elif air.end[s] > t:
+            stop = min(stop, air.end[s])
+    return stop
+
+
+@njit(inline="always")
+def coefficient(air, i, t, stop, of, b):
+    """A coefficient in band b on segment i between t and the next stop, for each unit of the direction's length: media
+    that overlap add. of: (m, b) float64, 1/m."""
+    total = 0.0
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] <= t and stop <= air.end[s]:
+            total += of[air.medium[s], b]
+    return total * air.length[i]
+
+
+@njit(inline="always")
+def emission(air, i, t, stop, b):
+    """Excess radiance that media emit in band b on segment i between t and the next stop, for each unit of the
+    direction's length."""
+    total = 0.0
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] <= t and stop <= air.end[s]:
+            total += air.table.absorption[air.medium[s], b] * air.table.excess[air.medium[s], b]
+    return total * air.length[i]
+
+
+@njit(inline="always")
+def transmit(air, i, power):
+    """Lower power (b,), or a radiance or throughput, by what segment i absorbs and scatters (Bouguer's law). Both
+    directions lose alike."""
+    t, stop = 0.0, next_stop(air, i, 0.0)
+    while stop < np.inf:
+        for b in range(power.size):
+            power[b] *= math.exp(-coefficient(air, i, t, stop, air.table.extinction, b) * (stop - t))
+        t, stop = stop, next_stop(air, i, stop)
+
+
+@njit(inline="always")
+def glow(air, i, throughput, radiance):
+    """Add to radiance (b,) what media on segment i emit towards its origin, times the throughput (b,) there.
+
+    A stretch of optical depth tau between media of one temperature each brings dL = j / k (1 - exp(-tau)), j their
+    emission and k their extinction (Modest, section 10.4). No step is random.
+    """
+    for b in range(throughput.size):
+        through = float(throughput[b])
+        t, stop = 0.0, next_stop(air, i, 0.0)
+        while stop < np.inf:
+            k = coefficient(air, i, t, stop, air.table.extinction, b)
+            if k > 0.0:
+                left = math.exp(-k * (stop - t))
+                if left < 1.0:
+                    radiance[b] -= through * emission(air, i, t, stop, b) / k * math.expm1(-k * (stop - t))
+                through *= left
+            t, stop = stop, next_stop(air, i, stop)

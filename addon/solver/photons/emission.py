@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import LEAST_COSINE, emit_at, leave
+from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
@@ -14,11 +15,13 @@ from ..sampling.vectors import put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .lights import LightTable, light_ray, light_totals
-from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT
+from .lights import LightTable, build_light_table, light_ray, light_totals
+from .walk import collect
+from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, empty_wave
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
+_AFAR = 4096  # photons that tell how much arrives from media and surroundings
 # Most photons from surfaces that seem out of the image's reach, over all other photons. A furnace that is closed has so
 # much power that it would take nearly all photons even with the small chance that such surfaces have.
 _HIDDEN = 1.0 / 16.0
@@ -36,12 +39,17 @@ class Batch(NamedTuple):
 class Surroundings(NamedTuple):
     """What rays that leave the scene see.
 
-    radiance: (b,) float64, excess radiance, W m-2 sr-1. layer: of the image, to which this radiance adds (see layers).
+    radiance: (b,) float64, excess radiance, W m-2 sr-1. sent: (b,) float64, radiance with which photons start: this,
+    or 1 where there are media, as only their segment tells what photons bring. flux: W m-2, what typically arrives on a
+    surface from directions in which it sees surroundings. layer: of the image, to which this radiance adds (see
+    layers).
     open: (t, 2) bool, sides from which shadow rays are sent to the surroundings, so that photons that come from there
     are not stored on these sides.
     """
 
     radiance: np.ndarray
+    sent: np.ndarray
+    flux: float
     layer: int
     open: np.ndarray
 
@@ -104,7 +112,27 @@ def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: i
     radiance = np.zeros_like(stage.radiometry.reference)
     if kelvin != stage.radiometry.quiet:  # else photons would carry the rounding of the reference and nothing else
         radiance = band_radiance(scene.band_edges, kelvin) - stage.radiometry.reference
-    return Surroundings(radiance, layer, is_open)
+    return Surroundings(radiance, radiance, math.pi * float(np.abs(radiance).sum()), layer, is_open)
+
+
+def fill_surroundings(
+    surroundings: Surroundings, tracer: Tracer, stage: Stage, reach: Reach, area: np.ndarray, lamps, key: np.uint64
+) -> Surroundings:
+    """The Surroundings of a scene with media: photons that arrive from media belong to them, and their flux is the root
+    mean square of what some photons bring, for which a number of photons has the least variance.
+
+    area: (t,) float64, m2. lamps: see planning.lamps. key: of the photons' random numbers.
+    """
+    afar = surroundings._replace(
+        sent=np.ones_like(surroundings.radiance), flux=1.0, open=np.zeros_like(surroundings.open)
+    )
+    no_lights = build_light_table((), stage.radiometry.reference, np.zeros(3), 1.0)
+    emitters = build_emitters(stage, afar, no_lights, reach, area, np.zeros_like(area), lamps)
+    wave = empty_wave(_AFAR, len(afar.radiance), False)
+    emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
+    collect(tracer, wave, key, surroundings.radiance)
+    power = np.abs(wave.power).sum(axis=1, dtype=np.float64)
+    return afar._replace(flux=float(np.sqrt(np.mean(power**2))) * _AFAR / float((area[:, None] * reach.arrival).sum()))
 
 
 def build_emitters(
@@ -120,10 +148,9 @@ def build_emitters(
 
     area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamps: see planning.lamps.
     """
-    sky_flux = math.pi * np.abs(surroundings.radiance).sum()
     sky_area = (area[:, None] * reach.arrival).ravel()
-    sky = np.flatnonzero(sky_area > 0).astype(np.int32) if sky_flux > 0 else np.empty(0, np.int32)
-    sky_power = sky_flux * sky_area[sky]
+    sky = np.flatnonzero(sky_area > 0).astype(np.int32) if surroundings.flux > 0 else np.empty(0, np.int32)
+    sky_power = surroundings.flux * sky_area[sky]
     light_total = light_totals(lights)
     surface_power, reachable = power[:, None] * reach.weight, reach.reachable
     hidden, others = surface_power[~reachable].sum(), surface_power[reachable].sum() + light_total.sum()
@@ -196,7 +223,7 @@ def _emit(emitters, stage, batch, wave, emitted):
                 layer = surroundings.layer
                 wave.arrival[i], wave.u[i], wave.v[i] = side_id, u, v
                 wave.aimed[i] = np.inf if surroundings.open[at.triangle, side_id & 1] else 0.0
-                _set_power(wave, i, surroundings.radiance, scale)
+                _set_power(wave, i, surroundings.sent, scale)
             leave(stage.surfaces, side_id, at.point, to_world(local, at.shading_normal), wave, i)
         if wave.layer.size:
             wave.layer[i] = layer

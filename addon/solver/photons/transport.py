@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import leave
-from ..geometry.segments import Hits, Tracer, transmit
+from ..geometry.segments import Hits, Tracer
 from ..geometry.stage import Stage, lobes_at, reflectance_at, stored_at
 from ..physics.lobes import is_glossy, is_wide, sample_diffuse, sample_specular
 from ..physics.radiometry import ALL, STRAIGHT
@@ -16,6 +16,7 @@ from ..sampling.vectors import put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
+from .walk import append, collect, fly_photons
 from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
 
 # Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
@@ -57,8 +58,15 @@ def trace_photons(
     bands = stage.radiometry.reference.size
     wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer), batch.count, 0
     emit(emitters, stage, batch, wave)
+    scattered, flying = None, 0
+    if tracer.holds_media:
+        collect(tracer, wave, batch.key, emitters.surroundings.radiance)
+        scattered = empty_wave(count, bands, optics.keep_layer)
     while count and not cancelled():
         hits = tracer.trace(wave.origin[:count], wave.direction[:count])
+        if tracer.holds_media:
+            hits.triangle[wave.arrival[:count] >= 0] = -1  # they have arrived, whatever their ray met
+            flying = fly_photons(tracer, hits, wave, (batch.key, bounce), scattered)
         if on_hits:
             on_hits(hits, wave)
         stored = photon_arrays(count, bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
@@ -66,7 +74,7 @@ def trace_photons(
         if kept:
             few = 2 * kept < count  # a copy, so that whoever keeps few photons does not keep the room for all
             yield Photons(*(array[:kept].copy() if few else array[:kept] for array in stored))
-        count, bounce = alive, bounce + 1
+        count, bounce = append(wave, alive, scattered, flying) if flying else alive, bounce + 1
 
 
 @njit(**FAST_KERNEL)
@@ -79,7 +87,6 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
     for i in range(hits.triangle.size):
         if not has_arrived(wave, i, hits.triangle[i]):
             continue
-        transmit(stage, wave.origin[i], wave.direction[i], hits.distance[i], wave.power[i])
         at = arrive(stage.surfaces, hits, i, wave)
         rho, lobes = reflectance_at(stage, at), lobes_at(stage, at)
         share = _reflected_share(optics, wave.power[i], rho)

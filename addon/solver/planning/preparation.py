@@ -17,21 +17,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.eye import Eye, build_eye
+from ..geometry.media import Atmosphere
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
 from ..geometry.surfaces import Geometry, build_surfaces, sheet_count
 from ..geometry.triangles import areas, scene_radius
-from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, side_power
+from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, fill_surroundings, side_power
 from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
 from ..photons.transport import Optics, trace_photons
 from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
 from ..physics.lobes import GLOSSY, SPECULAR, WIDE
+from ..physics.media import build_medium_table
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
 from ..sampling.heuristics import Looking, typical_looking
-from ..sampling.rng import PILOT, SHEETS, TRIAL, pass_key
+from ..sampling.rng import AFAR, PILOT, SHEETS, TRIAL, pass_key
 from ..scene import Scene
 from ..settings import Settings
 from .antialiasing import choose_samples, least_price
@@ -95,6 +97,8 @@ def prepare(
     """
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
+    if scene.media:
+        tracer = Atmosphere(tracer, scene.media, centre, scene.world_depth)
     radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)
     eye = build_eye(scene.camera, centre, radius)
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
@@ -113,6 +117,12 @@ def prepare(
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
     lamps = build_lamps(stage, tracer, pilot, power, lights, caustic)
+    if scene.media:
+        radiometry = stage.radiometry
+        table = build_medium_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
+        tracer.fill(table)
+        reach = Reach(pilot.reachable, pilot.weight, pilot.weight, 1.0)  # from media light arrives everywhere
+        surroundings = fill_surroundings(surroundings, tracer, stage, reach, area, lamps, pass_key(0, AFAR, PILOT))
     emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0

@@ -21,6 +21,7 @@ OPENNESS = 9  # rays that tell how much of the scene is open to the surroundings
 SURVEY = 10  # rays that survey every pixel, and the rays of final gathers that are tried there
 SHEETS = 11  # lattices of rays that tell how even they are
 LAMP_CHOICE = 12  # shadow rays that tell which surfaces are lamps
+AFAR = 15  # photons that tell how much light arrives from media and surroundings
 CANDIDATE_CHOICE = 14  # points of lamps that tell how evenly triangles shine
 PRICED_CELLS = 13  # cells whose gathers are counted to find the best price
 
@@ -55,6 +56,15 @@ def path_key(key, path):
 def uniform(key, dimension):
     """Number in [0, 1) for one dimension of a path, float64."""
     return float(_mix(key + _GOLDEN * np.uint64(dimension + 1)) >> np.uint64(11)) * _TO_UNIT
+
+
+@njit(cache=True, nogil=True)
+def path_keys(key, paths):
+    """(n,) uint64 keys of paths (n,) int64."""
+    keys = np.empty(paths.size, np.uint64)
+    for i in range(paths.size):
+        keys[i] = path_key(key, paths[i])
+    return keys
 
 
 @njit(cache=True, nogil=True)

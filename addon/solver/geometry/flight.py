@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Flight: how light flies along a segment in media that scatter, and where it goes on from there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..physics.media import deflect
+from ..sampling.rng import uniform
+from ..sampling.vectors import put_vector, scaled, vector
+from ..system.kernels import njit
+from .segments import coefficient, next_stop
+
+ARRIVED, LOST = -1, -2  # see walk
+NUMBERS = 8  # random numbers of a segment
+_MOST = 1.0 - 1.0 / 4096.0  # largest chance with which a walk goes on, so that each ends
+
+
+@njit(inline="always")
+def walk(air, i, rays, weight, numbers, out):
+    """Let light with these weights (b,) fly along segment i: it has ARRIVED at its end, is LOST by roulette, with a
+    chance that is the share of |w| that was absorbed on the way, or the number of the medium is returned that scatters
+    it. The weights follow (see fly). Where it is scattered, its new origin and direction, of unit length, are put into
+    row n of out.
+
+    rays: origin, direction (n, 3) of the segments. numbers: key and first dimension of NUMBERS random numbers.
+    out: origin, direction and n.
+    """
+    (origin, direction), (path, first), (new_origin, new_direction, n) = rays, numbers, out
+    before = _sum(weight)
+    end = fly(air, i, weight, uniform(path, first), uniform(path, first + 1))
+    if not end < np.inf:
+        return ARRIVED
+    medium = scatterer(air, i, end, weight, uniform(path, first + 2))
+    after = _sum(weight)
+    survival = min(_MOST, after / before) if after > 0.0 else 0.0
+    if medium < 0 or uniform(path, first + 3) >= survival:
+        return LOST
+    for b in range(weight.size):
+        weight[b] /= survival
+    way, start = vector(direction, i), vector(origin, i)
+    put_vector((start[0] + end * way[0], start[1] + end * way[1], start[2] + end * way[2]), new_origin, n)
+    anisotropy, along = air.table.anisotropy[medium], scaled(way, 1.0 / air.length[i])
+    put_vector(deflect(anisotropy, along, uniform(path, first + 4), uniform(path, first + 5)), new_direction, n)
+    return medium
+
+
+@njit(inline="always")
+def _sum(weight):
+    total = 0.0
+    for b in range(weight.size):
+        total += abs(weight[b])
+    return total
+
+
+@njit(inline="always")
+def fly(air, i, weight, u, v):
+    """Let light with these weights (b,) fly along segment i; returns the distance at which it is scattered, in units of
+    the direction's length, infinite if it arrives at the end, and lowers the weights by what is absorbed.
+
+    A band c is picked with P_c = |w_c| / sum of |w|, and the optical depth of its flight is distributed like exp(-tau).
+    With s the scattering coefficients, S and A the depths of scattering and of absorption so far,
+
+        w_b <- w_b exp(-A_b) s_b exp(-S_b) / sum over c of P_c s_c exp(-S_c)    where it is scattered, and
+        w_b <- w_b exp(-A_b) exp(-S_b) / sum over c of P_c exp(-S_c)            where it arrives,
+
+    so the sum of |w| never grows: this is the twin of the roulette by power. u, v: numbers in [0, 1).
+    """
+    scattering, total = air.table.scattering, 0.0
+    for b in range(weight.size):
+        total += abs(weight[b])
+    if not total > 0.0:
+        return np.inf
+    c, pick = 0, u * total - abs(weight[0])
+    while c < weight.size - 1 and pick >= 0.0:
+        c += 1
+        pick -= abs(weight[c])
+    depth, end, last = -math.log1p(-v), 0.0, 0.0
+    t, stop, collides = 0.0, next_stop(air, i, 0.0), False
+    while stop < np.inf and not collides:
+        s = coefficient(air, i, t, stop, scattering, c)
+        collides = s * (stop - t) > depth
+        end, last = t + depth / s if collides else stop, t
+        depth -= s * (stop - t)
+        if not collides:
+            t, stop = stop, next_stop(air, i, stop)
+    mean = 0.0
+    for b in range(weight.size):
+        share, scattered = abs(weight[b]) / total, _depth(air, i, end, scattering, b)
+        density = math.exp(-scattered)
+        if collides:
+            density *= coefficient(air, i, last, stop, scattering, b)
+        mean += share * density
+    for b in range(weight.size):
+        factor = math.exp(-_depth(air, i, end, air.table.extinction, b)) / mean
+        if collides:
+            factor *= coefficient(air, i, last, stop, scattering, b)
+        weight[b] *= factor
+    return end if collides else np.inf
+
+
+@njit(inline="always")
+def _depth(air, i, end, of, b):
+    """Optical depth in band b of segment i up to a distance. of: see coefficient."""
+    depth, t, stop = 0.0, 0.0, next_stop(air, i, 0.0)
+    while stop < np.inf and t < end:
+        depth += coefficient(air, i, t, stop, of, b) * (min(stop, end) - t)
+        t, stop = stop, next_stop(air, i, stop)
+    return depth
+
+
+@njit(inline="always")
+def scatterer(air, i, end, weight, u):
+    """The medium that scatters light with these weights (b,) at a distance on segment i, -1 if there is none.
+
+    Where several overlap, one is picked with P_m, the share of |w| that it scatters, and w_b <- w_b s_mb / s_b / P_m.
+    u: number in [0, 1).
+    """
+    scattering, total, pick, medium = air.table.scattering, 0.0, np.inf, np.int64(-1)
+    for b in range(weight.size):
+        total += abs(weight[b])
+    pick = u * total
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] <= end <= air.end[s] and pick >= 0.0:
+            share, m = 0.0, air.medium[s]
+            for b in range(weight.size):
+                if scattering[m, b] > 0.0:
+                    share += abs(weight[b]) * (scattering[m, b] / _scattering_at(air, i, end, b))
+            if share > 0.0:
+                medium, chance = m, share / total
+                pick -= share
+    if medium >= 0:
+        for b in range(weight.size):
+            if weight[b] != 0.0:
+                weight[b] *= scattering[medium, b] / _scattering_at(air, i, end, b) / chance
+    return medium
+
+
+@njit(inline="always")
+def _scattering_at(air, i, end, b):
+    """Scattering coefficient in band b at a distance on segment i, 1/m."""
+    total = 0.0
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.begin[s] <= end <= air.end[s]:
+            total += air.table.scattering[air.medium[s], b]
+    return total

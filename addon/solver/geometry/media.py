@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where media are: which part of each segment lies in which medium.
+
+A closed mesh bounds a medium. Its triangles are no surfaces: they stand in a BVH of their own, so that media may
+overlap, touch each other and hold surfaces, and a surface between two media may be anywhere. Every crossing of a ray
+with that mesh is found, one after the other, to infinity: between an entry and the next exit the ray is inside, and if
+the first crossing is an exit, it has been inside from its start on.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..physics.media import MediumTable
+from ..scene import Medium, SceneError
+from ..system.kernels import KERNEL, njit
+from .closed import outward
+from .segments import Air, Tracer
+from .triangles import CLEAR
+
+_CROSSINGS = 1024  # of a ray with one mesh, at most: more are a mesh that cannot be crossed
+_FAR = np.float32(1e30)  # a ray that reaches farther leaves the scene
+
+
+class _Crossings(NamedTuple):
+    """n crossings of rays with one mesh. ray: int64. distance: float32, in units of the direction's length. leaves:
+    bool, whether the ray leaves the mesh there."""
+
+    ray: np.ndarray
+    distance: np.ndarray
+    leaves: np.ndarray
+
+
+class _Body:
+    """A closed mesh: its BVH, normals that point outwards, and how far to step over a crossing, m."""
+
+    def __init__(self, medium: Medium, centre: np.ndarray):
+        corners = outward(np.asarray(medium.vertices, np.float64)[medium.triangles] - centre)
+        points = np.ascontiguousarray(corners.reshape(-1, 3), np.float32)
+        self.tracer = Tracer(points, np.arange(len(points), dtype=np.int32).reshape(-1, 3))
+        self.normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self.step = CLEAR * float(np.abs(points).max())
+        self.name = medium.name
+
+    def crossings(self, origin: np.ndarray, direction: np.ndarray) -> _Crossings:
+        """All crossings of rays (n, 3) float32, those of a ray in order of their distance."""
+        found, ray = [], np.arange(len(origin))
+        begin = np.zeros(len(origin), np.float32)
+        step = self.step / np.maximum(np.linalg.norm(direction, axis=1), 1e-30).astype(np.float32)
+        for _ in range(_CROSSINGS):
+            start = origin[ray] + begin[ray, None] * direction[ray]
+            hits = self.tracer.trace(start, direction[ray])
+            met = hits.triangle >= 0
+            ray, triangle = ray[met], hits.triangle[met]
+            if not len(ray):
+                break
+            distance = begin[ray] + hits.distance[met]
+            leaves = np.einsum("ri,ri->r", direction[ray], self.normal[triangle]) > 0.0
+            found.append(_Crossings(ray, distance, leaves))
+            begin[ray] = distance * np.float32(1.0 + CLEAR) + step[ray]
+        else:
+            raise SceneError(f"Medium '{self.name}': a ray crosses its mesh more than {_CROSSINGS} times")
+        if not found:
+            return _Crossings(np.empty(0, np.int64), np.empty(0, np.float32), np.empty(0, np.bool_))
+        every = _Crossings(*map(np.concatenate, zip(*found, strict=True)))
+        order = np.argsort(every.ray, kind="stable")
+        return _Crossings(*(column[order] for column in every))
+
+
+class Atmosphere(Tracer):
+    """The tracer of a scene with media: it also tells which media segments cross."""
+
+    holds_media = True
+
+    def __init__(self, surfaces: Tracer, media: tuple[Medium, ...], centre: np.ndarray, depth: float):
+        """surfaces: tracer of the scene. centre: (3,) m, subtracted from world coordinates. depth: m, length in a
+        medium without a mesh, the world's, of rays that leave the scene."""
+        self._scene = surfaces._scene
+        self._bodies = [None if medium.triangles is None else _Body(medium, centre) for medium in media]
+        self._depth = depth
+        self._table = None
+        self.scatters = any(medium.scatters for medium in media)
+
+    def fill(self, table: MediumTable) -> None:
+        """Say what the media absorb, emit and scatter."""
+        self._table = table
+
+    def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air:
+        length = np.linalg.norm(direction, axis=1)
+        leaves = distance > _FAR
+        parts = []
+        for number, body in enumerate(self._bodies):
+            if body is None:
+                end = np.where(leaves, self._depth / np.maximum(length, 1e-30), distance)
+                parts.append((np.full(len(end), number), np.arange(len(end)), np.zeros(len(end)), end))
+            else:
+                crossings = body.crossings(origin, direction)
+                ray, ends = np.empty(len(crossings.ray), np.int64), np.empty((len(crossings.ray), 2))
+                kept = _pair(crossings, distance, ray, ends)
+                parts.append((np.full(kept, number), ray[:kept], ends[:kept, 0], ends[:kept, 1]))
+        medium, ray, begin, end = map(np.concatenate, zip(*parts, strict=True))
+        order = np.argsort(ray, kind="stable")
+        first = np.searchsorted(ray[order], np.arange(len(length) + 1))
+        return Air(first, medium[order], begin[order], end[order], length, self._table)
+
+
+@njit(**KERNEL)
+def _pair(crossings, limit, ray, ends):
+    """Fill ray (n,) and ends (n, 2) with the stretches inside the mesh, up to a limit (rays,); returns how many."""
+    count = np.int64(0)
+    inside, begin = False, 0.0
+    for c in range(crossings.ray.size):
+        r = crossings.ray[c]
+        starts = c == 0 or crossings.ray[c - 1] != r
+        if starts:
+            inside, begin = bool(crossings.leaves[c]), 0.0
+        if crossings.leaves[c]:
+            if inside and begin < limit[r]:
+                ray[count], ends[count, 0], ends[count, 1] = r, begin, min(crossings.distance[c], limit[r])
+                count += 1
+            inside = False
+        elif not inside:
+            inside, begin = True, crossings.distance[c]
+    return count

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Photons in media, between surfaces.
+
+Photons from surfaces and lights lose what media absorb, and where media scatter they walk at random until they meet a
+surface. Photons from the surroundings, and from the media themselves, are sent backwards from where they arrive: their
+ray, and in media that scatter their walk, collects what media emit on the way, and at its end the surroundings.
+"""
+
+import numpy as np
+
+from ..geometry.flight import ARRIVED, NUMBERS, walk
+from ..geometry.segments import Hits, Tracer, glow, transmit, ways
+from ..sampling.rng import path_key, path_keys
+from ..system.kernels import KERNEL, njit
+from .wave import Wave
+
+_WALKING, _COLLECTING = 1 << 20, 1 << 24  # first dimensions of a photon's random numbers in media
+
+
+def fly_photons(tracer: Tracer, hits: Hits, wave: Wave, keys: tuple[np.uint64, int], scattered: Wave) -> int:
+    """Take from the photons of a wave what media take on their way to these hits. Those that are scattered arrive there
+    without power, and go on as the first photons of `scattered`; returns how many do.
+
+    keys: of the photons' random numbers, and number of the bounce.
+    """
+    count = len(hits.triangle)
+    air = tracer.cross(wave.origin[:count], wave.direction[:count], ways(hits))
+    if tracer.scatters:
+        return _walk(air, wave, keys, scattered)
+    _absorb(air, wave)
+    return 0
+
+
+@njit(**KERNEL)
+def _absorb(air, wave):
+    for i in range(air.length.size):
+        if wave.arrival[i] < 0:
+            transmit(air, i, wave.power[i])
+
+
+@njit(**KERNEL)
+def _walk(air, wave, keys, scattered):
+    (key, bounce), found, bands = keys, np.int64(0), wave.power.shape[1]
+    for i in range(air.length.size):
+        if wave.arrival[i] >= 0:
+            continue
+        numbers, rays = (path_key(key, wave.photon[i]), _WALKING + NUMBERS * bounce), (wave.origin, wave.direction)
+        out = scattered.origin, scattered.direction, found
+        for b in range(bands):
+            scattered.power[found, b] = wave.power[i, b]
+        end = walk(air, i, rays, scattered.power[found], numbers, out)
+        for b in range(bands):
+            wave.power[i, b] = scattered.power[found, b] if end == ARRIVED else np.float32(0.0)
+        if end >= 0:
+            scattered.photon[found], scattered.aimed[found] = wave.photon[i], 0.0
+            scattered.chain[found], scattered.arrival[found] = 0, -1
+            if wave.layer.size:
+                scattered.layer[found] = wave.layer[i]
+            found += 1
+    return found
+
+
+def append(wave: Wave, count: int, more: Wave, extra: int) -> int:
+    """Put the first `extra` photons of another wave behind the first `count` of this one; returns the new count."""
+    for column, added in zip(wave, more, strict=True):
+        if len(column):
+            column[count : count + extra] = added[:extra]
+    return count + extra
+
+
+def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings: np.ndarray) -> None:
+    """Give the photons of a new wave that arrive from afar the power that they bring: what they have times the excess
+    radiance that reaches their origin. surroundings: (b,) float64, excess radiance, W m-2 sr-1."""
+    photon = np.flatnonzero(wave.arrival >= 0)
+    rays, count, segment = (wave.origin[photon], wave.direction[photon]), len(photon), 0
+    weight = np.ones((count, len(surroundings)), np.float32)
+    brought, index = np.zeros_like(weight), np.arange(count)
+    path = path_keys(key, wave.photon[photon])
+    while count:
+        hits = tracer.trace(*(column[:count] for column in rays))
+        air = tracer.cross(*(column[:count] for column in rays), ways(hits))
+        first = _COLLECTING + NUMBERS * segment
+        count = _collect(air, hits.triangle, rays, (index, path, first), (weight, brought), surroundings)
+        segment += 1
+    wave.power[photon] *= brought
+
+
+@njit(**KERNEL)
+def _collect(air, triangle, rays, numbers, light, surroundings):
+    """Let walks cross a segment more; those that are scattered move to the front of all arrays; returns how many."""
+    (index, path, first), (weight, brought), kept = numbers, light, np.int64(0)
+    for i in range(triangle.size):
+        j = index[i]
+        glow(air, i, weight[j], brought[j])
+        end = walk(air, i, rays, weight[j], (path[j], first), (rays[0], rays[1], kept))
+        if end == ARRIVED and triangle[i] < 0:
+            for b in range(surroundings.size):
+                brought[j, b] += weight[j, b] * surroundings[b]
+        if end >= 0:
+            index[kept] = j
+            kept += 1
+    return kept

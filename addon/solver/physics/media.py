@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Media: what gases absorb, emit and scatter in each band, and into which directions."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..sampling.warps import to_world, turn
+from ..scene import Medium
+from ..system.kernels import INLINED, njit
+from .spectrum import band_radiance
+
+_COLD = 200.0  # K: below, the blackbody that weighs the absorption in a band is taken at this temperature
+_ISOTROPIC = 1e-3  # anisotropy below which Henyey and Greenstein's inverse is 0 / 0 in float64
+
+
+class MediumTable(NamedTuple):
+    """m media in b bands. absorption, scattering, extinction (the sum of both): (m, b) float64, 1/m. anisotropy: (m,)
+    float64. excess: (m, b) float64, W m-2 sr-1, radiance of a blackbody at a medium's temperature over that at T0."""
+
+    absorption: np.ndarray
+    scattering: np.ndarray
+    extinction: np.ndarray
+    anisotropy: np.ndarray
+    excess: np.ndarray
+
+
+def build_medium_table(
+    media: tuple[Medium, ...], edges: np.ndarray, quiet: float, reference: np.ndarray
+) -> MediumTable:
+    """The MediumTable of media. quiet: T0, K, 0 for none. reference: (b,) W m-2 sr-1, radiance of a blackbody at T0."""
+    absorption, scattering = (
+        np.array([band_coefficient(medium, quantity, edges) for medium in media])
+        for quantity in ("absorption", "scattering")
+    )
+    excess = np.zeros_like(absorption)
+    for i, medium in enumerate(media):
+        if medium.temperature != quiet:  # else light would carry the rounding of the reference and nothing else
+            excess[i] = band_radiance(edges, medium.temperature) - reference
+    anisotropy = np.array([medium.anisotropy for medium in media])
+    return MediumTable(absorption, scattering, absorption + scattering, anisotropy, excess)
+
+
+def band_coefficient(medium: Medium, quantity: str, edges: np.ndarray) -> np.ndarray:
+    """(b,) float64 "absorption" or "scattering" coefficient in each band, 1/m: the mean over the band, weighted with
+    what a blackbody at the medium's temperature emits (Planck mean: exact for the emission of a thin medium; Modest,
+    section 10.8)."""
+    wavelengths, values = medium.curve(quantity)
+    if len(wavelengths) == 1:
+        return np.full(len(edges) - 1, values[0])
+    kelvin = max(medium.temperature, _COLD)
+    largest = max(float(values.max()), 1e-300)  # the integral takes curves from 0 to 1
+    return largest * band_radiance(edges, kelvin, (wavelengths, values / largest)) / band_radiance(edges, kelvin)
+
+
+@njit(**INLINED)
+def phase(anisotropy, cosine):
+    """Henyey and Greenstein's phase function, 1 / sr, at the cosine of the angle between the directions before and
+    after (Henyey and Greenstein 1941)."""
+    g = anisotropy
+    return (1.0 - g * g) / (4.0 * math.pi * max(1.0 + g * g - 2.0 * g * cosine, 1e-30) ** 1.5)
+
+
+@njit(**INLINED)
+def deflect(anisotropy, direction, u, v):
+    """A direction after scattering, with the density of `phase`. direction: of unit length, before. u, v: numbers in
+    [0, 1)."""
+    g = anisotropy
+    if abs(g) < _ISOTROPIC:
+        cosine = 1.0 - 2.0 * u + 1.5 * g * (1.0 - (1.0 - 2.0 * u) ** 2)  # to first order in g
+    else:
+        s = (1.0 - g * g) / (1.0 + g - 2.0 * g * u)
+        cosine = (1.0 + g * g - s * s) / (2.0 * g)
+    cosine = min(1.0, max(-1.0, cosine))
+    sine, (c, s) = math.sqrt(1.0 - cosine * cosine), turn(v)
+    return to_world((sine * c, sine * s, cosine), direction)
