@@ -2,6 +2,7 @@
 """Variants of the estimator side by side: error after equal time, on the scenes of speed_scenes.py.
 
     python -m tests.benchmarks.estimators [--scene NAME ...] [--variant NAME ...] [--seconds S | --passes N]
+    python -m tests.benchmarks.estimators --passes N --size W H [--scene NAME ...] [--variant NAME ...]
 
 A variant changes settings, or constants and functions of the solver's modules, in a process of its own. Kernels are
 compiled with the constants of the moment and kept, so variants that change what kernels read have folders of kernels
@@ -13,6 +14,11 @@ take turns, seed by seed, and ratios are to the default with the same seed; the 
 Error is the root mean square of the error of the apparent temperature (K) of the radiance of all bands: "trimmed"
 without the worst 2 % of the pixels, and over all. References are those of speed_vs_error.py, rendered by a peer; their
 own noise is no part of the error. With equal passes, error^2 x time is the time to one error, over the default's.
+
+With --size there is no reference: pictures of that size are rendered with two seeds, and half of the mean square of
+their difference is the variance. A bias does not show in it, so the last column tells how far the means of variant and
+default over blocks of 32 x 32 pixels are apart, root mean square, over the default's error of a pixel. Time is that of
+the whole render, planning included.
 """
 
 import argparse
@@ -32,8 +38,9 @@ from addon.solver import Settings, render
 from addon.solver.geometry.point_tree import morton_order
 from addon.solver.system.kernel_cache import FOLDER_VARIABLE
 from docs.tools.pages import MADE_AT
-from tests.benchmarks.speed_scenes import SCENES
-from tests.benchmarks.speed_vs_error import load_reference, user_cache
+from tests.benchmarks.large_pictures import blocks
+from tests.benchmarks.speed_scenes import SCENES, of_size
+from tests.benchmarks.speed_vs_error import KEPT, load_reference, user_cache
 from tests.helpers.paper_estimator import (
     ALWAYS_RECALL,
     by_power_alone,
@@ -70,6 +77,9 @@ VARIANTS = {
         "planning.caustics._LEAST_SHARE": 0.0,
         "planning.caustics._LEAST_OF_ALL": -1.0,
     },
+    "wide lamps throw caustics, too": {"planning.caustics._COMPACT": 1e9},
+    "all gathers' noise counts in the price": {"planning.splitting._USUAL": 1.0},
+    "no roulette on ends": {"planning.splitting._LEAST_CHANCE": 1.0},
     "lamps by power alone": {"planning.lamps._LEAST_NEED": 1e9},
     "shadow rays worth a quarter": {"planning.lamps.BEST": 64.0},
     "1 lamp candidate": {
@@ -118,8 +128,8 @@ def apply(variant):
 
 
 def measure(variant, name, seed, options):
-    """Image of temperatures (K), passes, and processor time (s): of all, and of one pass behind the first."""
-    scene = SCENES[name]()
+    """Image of temperatures (K), passes, and processor time (s): of a pass behind the first, or of all with a size."""
+    scene = of_size(SCENES[name](), *options.size) if options.size else SCENES[name]()
     chosen = {key: value for key, value in VARIANTS[variant].items() if "." not in key}
     chosen = {key: value(name, scene) if callable(value) else value for key, value in chosen.items()}
     limits = {"passes": options.passes, "time_limit": 0.0 if options.passes else 1e6}
@@ -131,6 +141,8 @@ def measure(variant, name, seed, options):
         lambda: not options.passes and time.process_time() - start > options.seconds,
     )
     each = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else np.nan
+    if options.size:
+        each = ends[-1]
     return film.temperature(), film.passes, each
 
 
@@ -150,7 +162,7 @@ def start(variant, folder):
     context = multiprocessing.get_context("spawn")  # imports the solver anew, with that folder
     pool = ProcessPoolExecutor(1, context, apply, (variant,))
     for name in ("room", "ring"):  # loads or compiles the kernels; 12 bands and 16, with mirrors and without
-        pool.submit(measure, variant, name, 0, argparse.Namespace(passes=1, threads=1)).result()
+        pool.submit(measure, variant, name, 0, argparse.Namespace(passes=1, threads=1, size=None)).result()
     return pool
 
 
@@ -174,6 +186,23 @@ def compare(name, pools, options):
         )
 
 
+def compare_pairs(name, pools, options):
+    """The same without a reference, by pairs of seeds."""
+    head = "error^2 x time", "the same, all pixels", "time", "blocks apart"
+    print(f"\n**{name}**\n\n| variant | {' | '.join(head)} |\n|---|{'--:|' * 4}", flush=True)
+    default = None
+    for variant, pool in pools.items():
+        renders = [pool.submit(measure, variant, name, seed, options).result() for seed in (0, 1)]
+        images, spent = np.stack([render[0] for render in renders]), np.mean([render[2] for render in renders])
+        squares = np.sort(np.diff(images, axis=0).ravel() ** 2) / 2.0
+        variance = np.array([squares[: int(KEPT * squares.size)].mean(), squares.mean()])
+        default = default or (variance, spent, images.mean(axis=0))
+        trimmed, everywhere = variance / default[0] * spent / default[1]
+        apart = blocks((images.mean(axis=0) - default[2])[..., None])
+        off = np.sqrt(np.mean(apart**2) / default[0][0])
+        print(f"| {variant} | x{trimmed:.2f} | x{everywhere:.2f} | x{spent / default[1]:.2f} | {off:.3f} |", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
@@ -181,13 +210,14 @@ def main():
     parser.add_argument("--seconds", type=float, default=2.0, help="of processor time, for each render (%(default)s)")
     parser.add_argument("--passes", type=int, default=0, help="equal passes instead of equal time")
     parser.add_argument("--seeds", type=int, default=3, help="renders of each variant and scene (%(default)s)")
+    parser.add_argument("--size", nargs=2, type=int, metavar="PIXELS", help="of pictures that are compared in pairs")
     parser.add_argument("--threads", type=int, default=2, help="(%(default)s)")
     parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of references, kernels (%(default)s)")
     options = parser.parse_args()
     chosen = ["default", *(variant for variant in options.variant if variant != "default")]
     pools = {variant: start(variant, options.cache.absolute()) for variant in chosen}
     for name in options.scene:
-        compare(name, pools, options)
+        (compare_pairs if options.size else compare)(name, pools, options)
     print(f"\n{MADE_AT}")
 
 

@@ -17,21 +17,15 @@ equal time.
 
 import argparse
 import time
-from dataclasses import replace
 
 import numpy as np
 
 from addon.solver import Settings, render
 from tests.benchmarks.peers.problem import build_problem
-from tests.benchmarks.speed_scenes import SCENES
+from tests.benchmarks.speed_scenes import SCENES, of_size
 from tests.benchmarks.speed_vs_error import KEPT, band_temperatures, film_image, run_peer
 
 BLOCK = 32  # pixels
-
-
-def of_size(scene, width, height):
-    """The scene with so many pixels."""
-    return replace(scene, camera=replace(scene.camera, width=width, height=height))
 
 
 def our_image(scene, seed, options):

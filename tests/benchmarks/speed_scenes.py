@@ -5,6 +5,8 @@ Emissivities are constant inside each band, so that a band's reflectance does no
 the mean, and all renderers solve one problem to the last digit.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from addon.solver import Material
@@ -284,6 +286,11 @@ def bay():
             end = at + random.normal(0, 0.1, 3)
             parts.add(cylinder(at, end, random.uniform(0.005, 0.03), 32, 6), *pick())
     return parts.scene(look((0.7, 0.2, 1.5), (0.7, 0.5, 0.1), WIDTH, HEIGHT, 0.45), ENGINE_BANDS, 255.0)
+
+
+def of_size(scene, width, height):
+    """The scene with so many pixels."""
+    return replace(scene, camera=replace(scene.camera, width=width, height=height))
 
 
 SCENES = {scene.__name__: scene for scene in (room, ring, cavity, engine, street, office, bay)}

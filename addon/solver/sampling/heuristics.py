@@ -7,8 +7,9 @@ on, D diffuse, G rough, S mirror; "visible" where G and S alone lie before, an "
 - seen, or in mirrors: the camera ray, in full (Rays.density ALONE).
 - visible G: its own ray against a shadow ray. Lights: the shadow ray. Lights behind mirrors: photons straight from the
   light.
-- visible D: rays of the gather against a shadow ray. Lights: the shadow ray. By way of G and S: the ray, but for lights
-  and caustic lamps, which photons of caustics bring (BLIND).
+- visible D: rays of the gather against a shadow ray. Lights: the shadow ray. By way of a wide G next to the source: its
+  ray against a shadow ray there. By way of others: the ray, but for lights and caustic lamps, which photons of caustics
+  bring (BLIND).
 - an end that recalls: first-hit photons against shadow rays of the cached point, all later photons in full. The sky:
   photons, on open sheets rays.
 - an end that is continued: its one ray against a shadow ray, and photons of caustics, as at a visible D.
