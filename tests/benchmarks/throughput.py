@@ -41,6 +41,8 @@ REPETITIONS = 9
 class Recorder:
     """Stands in for the tracer and keeps the rays it is given."""
 
+    holds_media = scatters = False
+
     def __init__(self, tracer):
         self.tracer, self.rays = tracer, []
 
