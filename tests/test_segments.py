@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Segments: where rays end and how long they are, against plane geometry; a vacuum costs nothing."""
 
-import re
-
-import numba
 import numpy as np
 import pytest
 
-from addon.solver import Material
-from addon.solver.geometry.segments import Hits, RayBatch, empty_ray_batch, glow, transmit
-from addon.solver.geometry.stage import Stage
+from addon.solver import Material, PointLight, Settings, render
+from addon.solver.geometry.segments import Tracer
 from addon.solver.geometry.surfaces import build_surfaces
-from addon.solver.physics.radiometry import grey_radiometry
-from addon.solver.system.kernels import FAST_INLINED, FAST_KERNEL
-from tests.helpers.scenes import look, make_scene
+from tests.helpers.scenes import box, look, make_scene
 
 MATERIALS = (Material(),)
 
@@ -116,66 +110,16 @@ def test_visible_is_where_nothing_is_met(scattered):
 # A vacuum
 
 
-@numba.njit(**FAST_INLINED)
-def absorb(stage, origin, direction, distance, power):
-    """What `transmit` might be in a gas."""
-    for b in range(power.size):
-        power[b] *= np.float32(1.0) / (np.float32(1.0) + distance)
-
-
-def flight(way):
-    """A kernel as the solver's that sums what rays bring, with something that the way does."""
-
-    @numba.njit(**{**FAST_KERNEL, "cache": False})
-    def kernel(stage, rays, hits, power, radiance):
-        for i in range(hits.triangle.size):
-            if hits.triangle[i] >= 0:
-                way(stage, rays.origin[i], rays.direction[i], hits.distance[i], power[i], radiance)
-                for b in range(power.shape[1]):
-                    radiance[b] += power[i, b]
-
-    return kernel
-
-
-@numba.njit(**FAST_INLINED)
-def nothing(stage, origin, direction, distance, power, radiance):
-    pass
-
-
-@numba.njit(**FAST_INLINED)
-def vacuum(stage, origin, direction, distance, power, radiance):
-    glow(stage, origin, direction, distance, power, radiance)
-    transmit(stage, origin, direction, distance, power)
-
-
-@numba.njit(**FAST_INLINED)
-def gas(stage, origin, direction, distance, power, radiance):
-    glow(stage, origin, direction, distance, power, radiance)
-    absorb(stage, origin, direction, distance, power)
-
-
-def instructions(kernel):
-    """The instructions of a compiled kernel, without what they work on."""
-    (assembly,) = kernel.inspect_asm().values()
-    return re.findall(r"^\s+([a-z]\w*)\b", assembly, re.MULTILINE)
-
-
-def test_a_vacuum_compiles_to_nothing(scattered):
-    """With what lies between and without it, a kernel is the same instruction by instruction; what a gas would do is
-    seen."""
-    surfaces, tracer = scattered
-    stage = Stage(surfaces, grey_radiometry(MATERIALS, np.array([0.5])))
-    rays = RayBatch(*random_rays(np.random.default_rng(5), 100))
-    hits = tracer.trace(*rays)
-    assert isinstance(hits, Hits) and empty_ray_batch(3).origin.shape == (3, 3)
-    compiled, sums = {}, {}
-    for way in (nothing, vacuum, gas):
-        kernel, power, radiance = flight(way), np.ones((100, 4), np.float32), np.zeros(4, np.float32)
-        kernel(stage, rays, hits, power, radiance)
-        name = way.py_func.__name__
-        compiled[name], sums[name] = instructions(kernel), radiance
-    met = np.count_nonzero(hits.triangle >= 0)
-    assert np.all(sums["vacuum"] == met) and np.all(sums["gas"] < met)
-    assert len(compiled["nothing"]) > 50
-    assert compiled["vacuum"] == compiled["nothing"]
-    assert compiled["gas"] != compiled["nothing"]
+def test_a_vacuum_asks_for_no_media(monkeypatch):
+    """Between surfaces alone nobody asks what a segment crosses: photons, camera paths, shadow rays."""
+    monkeypatch.setattr(Tracer, "cross", lambda *_: pytest.fail("a segment in a vacuum was asked for its media"))
+    vertices, triangles = box((2.0, 2.0, 2.0))
+    temperature = np.repeat([300.0, 310.0, 290.0, 300.0, 350.0, 300.0], 2)
+    materials = (Material("paint", 0.6), Material("metal", 0.3, 0.8, 0.4))
+    camera = look((0.3, 0.3, 1.0), (1.5, 1.6, 0.8), 8, 6)
+    scene = make_scene(
+        vertices, triangles, temperature, materials, camera, [8.0, 12.0], np.repeat([0, 1, 0, 0, 0, 1], 2),
+        lights=(PointLight(np.array([1.0, 1.0, 1.8]), 10.0),),
+    )  # fmt: skip
+    film = render(scene, Settings(passes=2, photons_per_pass=2000))
+    assert film.photons == 4000 and np.isfinite(film.temperature()).all()

@@ -23,7 +23,7 @@ import numpy as np
 
 from .camera.eye_paths import CameraPass, render_pixels
 from .camera.rays import Estimate
-from .camera.shadow_rays import Lighting, direct_irradiance, lamp_points
+from .camera.shadow_rays import Lighting, direct_irradiance, lamp_closeness, lamp_points
 from .geometry.surfaces import Geometry
 from .image.film import Film
 from .image.tiles import tiles
@@ -219,6 +219,8 @@ def cache_irradiance(
 
     def look(point, side_id, first):
         direct = direct_irradiance(model.stage, tracer, lighting, (point, side_id), key, first)
-        return look_around(tracer, surfaces, model.reach2, (point, side_id), key, first), direct
+        around = look_around(tracer, surfaces, model.reach2, (point, side_id), key, first)
+        lamps = lamp_closeness(surfaces, lighting, (point, side_id), key, first)
+        return around._replace(closeness=np.maximum(around.closeness, lamps)), direct
 
     return build_irradiance_cache(photon_map, surfaces, estimate, points, look, work.pool.map, work.cancelled)

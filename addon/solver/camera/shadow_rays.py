@@ -33,7 +33,7 @@ from ..system.kernels import KERNEL, njit
 _SIDE = math.isqrt(SKY_RAYS)  # strata on each side of the unit square, of the rays to the surroundings
 POINTS = 4096  # lamp points of one pass
 _FROM_POINTS = 4  # shadow rays from each point of the irradiance cache
-_SHADOWING = 16  # first of the random numbers of such a point that choose them
+_COMPARING, _SHADOWING = 15, 16  # random numbers of such a point: for lamp_closeness, and the first for shadow rays
 
 
 class LampPoints(NamedTuple):
@@ -343,6 +343,32 @@ def _add_unshadowed(hits, shadows, image):
             row, first = image[shadows.pixel[i]], bands * shadows.layer[i]
             for b in range(bands):
                 row[first + b] += shadows.radiance[i, b]
+
+
+def lamp_closeness(surfaces, lighting, points, key, first) -> np.ndarray:
+    """(n,) float64, 1 / m, mean of the inverse distance from points to lamps, weighted with the light that these would
+    bring if nothing hid them; 0 where none would. points, key, first: see direct_irradiance."""
+    closeness = np.zeros(len(points[1]))
+    if len(lighting.points.entry):
+        _lamp_closeness(surfaces, lighting, points, (key, first), closeness)
+    return closeness
+
+
+@njit(**KERNEL)
+def _lamp_closeness(surfaces, lighting, points, keys, closeness):
+    (point, side_id), (key, first), lamps = points, keys, lighting.points
+    stride, sides, sun = POINTS // CANDIDATES, lighting.lamps.side_id.size, lighting.lamps.lights.kind
+    for i in range(side_id.size):
+        at, offset = stand_at(surfaces, side_id[i], vector(point, i)), uniform(path_key(key, first + i), _COMPARING)
+        total = weighted = 0.0
+        for c in range(CANDIDATES):
+            lamp = int(stride * offset) + stride * c
+            way, received = _towards(lighting, lamp, at)
+            light, brought = lamps.entry[lamp] - sides, received * lamps.strength[lamp]
+            total += brought
+            if light < 0 or sun[light] != SUN:
+                weighted += brought / math.sqrt(max(dot(way, way), 1e-30))
+        closeness[i] = weighted / total if total > 0.0 else 0.0
 
 
 def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray:

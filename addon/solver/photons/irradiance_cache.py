@@ -57,7 +57,7 @@ def cache_points(photons: int, shrink2: float) -> int:
 
 class Vicinity(NamedTuple):
     """What is around n points. space: the FreeSpace along the surface. closeness: (n,) float64, 1 / m, mean of the
-    inverse distances to what cosine-distributed rays meet."""
+    inverse distances to what tells on the light: what cosine-distributed rays meet, or lamps if these are closer."""
 
     space: FreeSpace
     closeness: np.ndarray
