@@ -381,9 +381,9 @@ def test_lamps_do_not_change_the_mean(lights):
 # Where shadow rays go
 
 
-def slats(aside):
+def slats():
     """As wide as the gaps between them, half a metre above the floor."""
-    return [(*quad((aside + 0.08 * i, 0, 0.5), (0.02, 0, 0), (0, 1, 0)), 0.0, 1) for i in range(-12, 13)]
+    return [(*quad((0.08 * i, 0, 0.5), (0.02, 0, 0), (0, 1, 0)), 0.0, 1) for i in range(-12, 13)]
 
 
 def judged(scene, reference=0.0):
@@ -470,7 +470,7 @@ def test_shadow_rays_leave_out_the_side_of_a_plate_that_looks_away():
 
 def test_half_hidden_ball_leaves_half_to_chance():
     """Slats as wide as the gaps between them hide half of a ball: a shadow ray finds twice the mean or nothing."""
-    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), *slats(0.0), half=0.3)
+    scene = floor_scene((0.0, 0.0), (*ball((0.0, 0.0, 1.0), 0.2), HOT, 1), *slats(), half=0.3)
     model, _, visible, _, variance, _ = judged(scene)
     assert visible[sheet_under(model, 2)] == pytest.approx(0.5, abs=0.05)
     assert variance == pytest.approx(1.0, abs=0.15)

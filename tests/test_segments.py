@@ -112,7 +112,11 @@ def test_visible_is_where_nothing_is_met(scattered):
 
 def test_a_vacuum_asks_for_no_media(monkeypatch):
     """Between surfaces alone nobody asks what a segment crosses: photons, camera paths, shadow rays."""
-    monkeypatch.setattr(Tracer, "cross", lambda *_: pytest.fail("a segment in a vacuum was asked for its media"))
+
+    def asked(*_):
+        pytest.fail("a segment in a vacuum was asked for its media")
+
+    monkeypatch.setattr(Tracer, "cross", asked, raising=False)
     vertices, triangles = box((2.0, 2.0, 2.0))
     temperature = np.repeat([300.0, 310.0, 290.0, 300.0, 350.0, 300.0], 2)
     materials = (Material("paint", 0.6), Material("metal", 0.3, 0.8, 0.4))

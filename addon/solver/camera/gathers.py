@@ -9,14 +9,13 @@ import numpy as np
 from ..geometry.interaction import interact
 from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
-from ..physics.lobes import is_wide
 from ..physics.radiometry import NONE
 from ..planning.lamps import share_of_ray
 from ..sampling.heuristics import shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
-from .rays import ALONE, BLIND, largest_throughput
+from .rays import ALONE, BLIND, largest_throughput, shares_by_lobe
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
@@ -123,7 +122,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
         if stored_at(stage, at) == NONE:
             continue
         asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
-        if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky or is_wide(lobes_at(stage, at))):
+        if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky or shares_by_lobe(lobes_at(stage, at), True)):
             continue  # the reflected light is recalled from the cache, or roulette has ended the path
         reflected = largest_throughput(throughput, reflectance_at(stage, at))
         if bounce.goes_on[i] > 0.0:

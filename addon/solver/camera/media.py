@@ -5,7 +5,7 @@ its way to the surface and go on in a new direction."""
 import numpy as np
 
 from ..geometry.flight import ARRIVED, NUMBERS, walk
-from ..geometry.segments import Tracer, glow, transmit, ways
+from ..geometry.segments import Tracer, glow, traverse, ways
 from ..physics.media import phase
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, put_vector, vector
@@ -38,8 +38,7 @@ def cross_media(tracer: Tracer, lighting: Lighting, bounce: Bounce, rows: Rows) 
 def _cross(air, bounce, image):
     rays = bounce.rays
     for i in range(bounce.hits.triangle.size):
-        glow(air, i, rays.throughput[i], image[rays.pixel[i]])
-        transmit(air, i, rays.throughput[i])
+        traverse(air, i, rays.throughput[i], image[rays.pixel[i]])
 
 
 @njit(**KERNEL)

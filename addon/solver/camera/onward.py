@@ -11,9 +11,7 @@ from ..physics.lobes import (
     diffuse_density,
     diffuse_share,
     glossy_density,
-    is_glossy,
     is_specular,
-    is_wide,
     sample_diffuse,
     sample_specular,
 )
@@ -22,7 +20,7 @@ from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .rays import ALONE, ASTRAY, BLIND, largest_throughput
+from .rays import ALONE, ASTRAY, BLIND, largest_throughput, shares_by_lobe
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
@@ -178,7 +176,7 @@ def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
     onward.doubts[sent] = rays.doubts[i]
     astray = rays.density[i] == ASTRAY or rays.density[i] < 0.0
     onward.density[sent] = ASTRAY if astray else BLIND if rays.final[i] else ALONE
-    if is_wide(lobes) or (is_glossy(lobes) and not rays.final[i]):
+    if shares_by_lobe(lobes, rays.final[i]):
         density = alike * glossy_density(lobes, at, direction)
         onward.density[sent] = -density if astray else density
     for b in range(rho.size):

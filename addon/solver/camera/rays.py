@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.segments import Hits
+from ..physics.lobes import is_glossy, is_wide
 from ..planning.antialiasing import MOST
 from ..planning.splitting import Splitting
 from ..sampling.rng import path_key
-from ..system.kernels import FAST_INLINED, KERNEL, njit
+from ..system.kernels import FAST_INLINED, INLINED, KERNEL, njit
 
 ALONE, BLIND, ASTRAY = np.float32(1e30), np.float32(2e30), np.float32(3e30)  # see Rays.density
 
@@ -119,6 +120,13 @@ def empty_rows(image: np.ndarray) -> Rows:
     return Rows(
         image, np.zeros(count, np.float32), np.zeros(count, np.int32), np.zeros(count, np.float32), np.zeros(count)
     )
+
+
+@njit(**INLINED)
+def shares_by_lobe(lobes, final):
+    """Whether a ray in a rough lobe shares what it finds with a shadow ray: from visible points always, from what rays
+    of a final gather meet if the lobe is wide. What narrow lobes throw about, photons of caustics find."""
+    return is_wide(lobes) or (is_glossy(lobes) and not final)
 
 
 @njit(**FAST_INLINED)

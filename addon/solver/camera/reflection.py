@@ -14,7 +14,7 @@ from ..geometry.stage import lobes_at, reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
-from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy, is_wide
+from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
 from ..planning.pilot import SKY_RAYS
 from ..planning.splitting import recall_chance
 from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, Looking, looking_from
@@ -22,7 +22,7 @@ from ..sampling.rng import uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
 from .gathers import Gathers, empty_gathers, first_gathers
-from .rays import largest_throughput
+from .rays import largest_throughput, shares_by_lobe
 from .shadow_rays import LampRoom, Receiver, Shadows, empty_shadows, send_shadow, send_sky
 from .streams import LAMP_NUMBERS, LAMPS, RECALLING
 
@@ -164,7 +164,7 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
-        in_lobe, lobe_weight = SINGLE_RAY if is_wide(lobes) or (is_glossy(lobes) and not rays.final[i]) else 0.0, 1.0
+        in_lobe, lobe_weight = SINGLE_RAY if shares_by_lobe(lobes, rays.final[i]) else 0.0, 1.0
         if rays.final[i]:
             single = SINGLE_RAY if bounce.goes_on[i] > 0.0 else 0.0
             looking = Looking(0.0, single, single)

@@ -154,14 +154,14 @@ class _Facing(NamedTuple):
 def light_from(lighting, i, point):
     """Of lamp point i, on a light, seen from a point: the way there (m; for suns of unit length), the irradiance across
     it, m-2, for 1 W of power of the light, the way's length, and how far a shadow ray goes, in units of that."""
-    position, sun = vector(lighting.points.position, i), lighting.points.entry[i] - lighting.lamps.side_id.size
-    sun = lighting.lamps.lights.kind[sun] == SUN
-    way = position if sun else difference(position, point)
+    position, lights = vector(lighting.points.position, i), lighting.lamps.lights
+    is_sun = lights.kind[lighting.points.entry[i] - lighting.lamps.side_id.size] == SUN
+    way = position if is_sun else difference(position, point)
     distance = math.sqrt(dot(way, way))
     received = _towards(lighting, i, _Facing(point, scaled(way, 1.0 / distance)))[1]
-    if sun:  # its power is per square metre
-        received *= math.pi * lighting.lamps.lights.scene_radius**2
-    return way, received, distance, np.float32(1e37) if sun else np.float32(1.0)
+    if is_sun:  # its power is per square metre
+        received *= math.pi * lights.scene_radius**2
+    return way, received, distance, np.float32(1e37) if is_sun else np.float32(1.0)
 
 
 @njit(inline="always")
@@ -357,7 +357,7 @@ def lamp_closeness(surfaces, lighting, points, key, first) -> np.ndarray:
 @njit(**KERNEL)
 def _lamp_closeness(surfaces, lighting, points, keys, closeness):
     (point, side_id), (key, first), lamps = points, keys, lighting.points
-    stride, sides, sun = POINTS // CANDIDATES, lighting.lamps.side_id.size, lighting.lamps.lights.kind
+    stride, sides, kind = POINTS // CANDIDATES, lighting.lamps.side_id.size, lighting.lamps.lights.kind
     for i in range(side_id.size):
         at, offset = stand_at(surfaces, side_id[i], vector(point, i)), uniform(path_key(key, first + i), _COMPARING)
         total = weighted = 0.0
@@ -366,7 +366,7 @@ def _lamp_closeness(surfaces, lighting, points, keys, closeness):
             way, received = _towards(lighting, lamp, at)
             light, brought = lamps.entry[lamp] - sides, received * lamps.strength[lamp]
             total += brought
-            if light < 0 or sun[light] != SUN:
+            if light < 0 or kind[light] != SUN:
                 weighted += brought / math.sqrt(max(dot(way, way), 1e-30))
         closeness[i] = weighted / total if total > 0.0 else 0.0
 

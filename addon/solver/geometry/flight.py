@@ -68,9 +68,7 @@ def fly(air, i, weight, u, v):
 
     so the sum of |w| never grows: this is the twin of the roulette by power. u, v: numbers in [0, 1).
     """
-    scattering, total = air.table.scattering, 0.0
-    for b in range(weight.size):
-        total += abs(weight[b])
+    scattering, total = air.table.scattering, _sum(weight)
     if not total > 0.0:
         return np.inf
     c, pick = 0, u * total - abs(weight[0])
@@ -118,9 +116,7 @@ def scatterer(air, i, end, weight, u):
     Where several overlap, one is picked with P_m, the share of |w| that it scatters, and w_b <- w_b s_mb / s_b / P_m.
     u: number in [0, 1).
     """
-    scattering, total, pick, medium = air.table.scattering, 0.0, np.inf, np.int64(-1)
-    for b in range(weight.size):
-        total += abs(weight[b])
+    scattering, total, medium = air.table.scattering, _sum(weight), np.int64(-1)
     pick = u * total
     for s in range(air.first[i], air.first[i + 1]):
         if air.begin[s] <= end <= air.end[s] and pick >= 0.0:

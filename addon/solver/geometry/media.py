@@ -88,6 +88,8 @@ class Atmosphere(Tracer):
         self._table = table
 
     def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air:
+        """What segments cross: rays, origin and direction (n, 3) float32, up to a distance (n,) float32, in units of
+        the direction's length, infinite for rays that leave the scene."""
         length = np.linalg.norm(direction, axis=1)
         leaves = distance > _FAR
         parts = []

@@ -49,7 +49,8 @@ class Tracer:
 
     All methods release the GIL.
 
-    holds_media, scatters: whether there are media between the surfaces, and whether any scatters; see media.Atmosphere.
+    holds_media, scatters: whether there are media between the surfaces, and whether any scatters. Only if there are, a
+    tracer is asked what segments cross; it then is a media.Atmosphere.
     """
 
     holds_media = scatters = False
@@ -69,11 +70,6 @@ class Tracer:
     def visible(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""
         return self.trace(origin, direction, reach).triangle < 0
-
-    def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air | None:
-        """What segments cross: rays, origin and direction (n, 3) float32, up to a distance (n,) float32, in units of
-        the direction's length, infinite for rays that leave the scene. None where there are no media."""
-        return None
 
 
 class Air(NamedTuple):
@@ -145,19 +141,33 @@ def transmit(air, i, power):
 
 @njit(inline="always")
 def glow(air, i, throughput, radiance):
-    """Add to radiance (b,) what media on segment i emit towards its origin, times the throughput (b,) there.
+    """Add to radiance (b,) what media on segment i emit towards its origin, times the throughput (b,) there."""
+    for b in range(throughput.size):
+        _glow(air, i, b, throughput[b], radiance)
+
+
+@njit(inline="always")
+def traverse(air, i, throughput, radiance):
+    """`glow` and `transmit` in one."""
+    for b in range(throughput.size):
+        throughput[b] = _glow(air, i, b, throughput[b], radiance)
+
+
+@njit(inline="always")
+def _glow(air, i, b, throughput, radiance):
+    """Add to radiance[b] what media on segment i emit; returns what is left of the throughput at its end.
 
     A stretch of optical depth tau between media of one temperature each brings dL = j / k (1 - exp(-tau)), j their
     emission and k their extinction (Modest, section 10.4). No step is random.
     """
-    for b in range(throughput.size):
-        through = float(throughput[b])
-        t, stop = 0.0, next_stop(air, i, 0.0)
-        while stop < np.inf:
-            k = coefficient(air, i, t, stop, air.table.extinction, b)
-            if k > 0.0:
-                left = math.exp(-k * (stop - t))
-                if left < 1.0:
-                    radiance[b] -= through * emission(air, i, t, stop, b) / k * math.expm1(-k * (stop - t))
-                through *= left
-            t, stop = stop, next_stop(air, i, stop)
+    through = float(throughput)
+    t, stop = 0.0, next_stop(air, i, 0.0)
+    while stop < np.inf:
+        k = coefficient(air, i, t, stop, air.table.extinction, b)
+        if k > 0.0:
+            left = math.exp(-k * (stop - t))
+            if left < 1.0:
+                radiance[b] -= through * emission(air, i, t, stop, b) / k * math.expm1(-k * (stop - t))
+            through *= left
+        t, stop = stop, next_stop(air, i, stop)
+    return through

@@ -15,7 +15,7 @@ from ..sampling.vectors import put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .lights import LightTable, build_light_table, light_ray, light_totals
+from .lights import LightTable, light_ray, light_totals, no_lights
 from .walk import collect
 from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, empty_wave
 
@@ -42,9 +42,8 @@ class Surroundings(NamedTuple):
     radiance: (b,) float64, excess radiance, W m-2 sr-1. sent: (b,) float64, radiance with which photons start: this,
     or 1 where there are media, as only their segment tells what photons bring. flux: W m-2, what typically arrives on a
     surface from directions in which it sees surroundings. layer: of the image, to which this radiance adds (see
-    layers).
-    open: (t, 2) bool, sides from which shadow rays are sent to the surroundings, so that photons that come from there
-    are not stored on these sides.
+    layers). open: (t, 2) bool, sides from which shadow rays are sent to the surroundings, so that photons that come
+    from there are not stored on these sides.
     """
 
     radiance: np.ndarray
@@ -116,7 +115,14 @@ def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: i
 
 
 def fill_surroundings(
-    surroundings: Surroundings, tracer: Tracer, stage: Stage, reach: Reach, area: np.ndarray, lamps, key: np.uint64
+    surroundings: Surroundings,
+    tracer: Tracer,
+    stage: Stage,
+    lights: LightTable,
+    reach: Reach,
+    area: np.ndarray,
+    lamps,
+    key: np.uint64,
 ) -> Surroundings:
     """The Surroundings of a scene with media: photons that arrive from media belong to them, and their flux is the root
     mean square of what some photons bring, for which a number of photons has the least variance.
@@ -126,8 +132,7 @@ def fill_surroundings(
     afar = surroundings._replace(
         sent=np.ones_like(surroundings.radiance), flux=1.0, open=np.zeros_like(surroundings.open)
     )
-    no_lights = build_light_table((), stage.radiometry.reference, np.zeros(3), 1.0)
-    emitters = build_emitters(stage, afar, no_lights, reach, area, np.zeros_like(area), lamps)
+    emitters = build_emitters(stage, afar, no_lights(lights), reach, area, np.zeros_like(area), lamps)
     wave = empty_wave(_AFAR, len(afar.radiance), False)
     emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
     collect(tracer, wave, key, surroundings.radiance)

@@ -55,6 +55,11 @@ def build_light_table(lights: tuple[Light, ...], edges: np.ndarray, centre: np.n
     return table
 
 
+def no_lights(lights: LightTable) -> LightTable:
+    """The table without its lights."""
+    return LightTable(*(column[:0] for column in lights[:-1]), lights.scene_radius)
+
+
 def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
     """(b,) share of a light's total flux in each band: that of a blackbody at its temperature."""
     total = SIGMA * light.temperature**4

@@ -45,18 +45,18 @@ def _walk(air, wave, keys, scattered):
         if wave.arrival[i] >= 0:
             continue
         numbers, rays = (path_key(key, wave.photon[i]), _WALKING + NUMBERS * bounce), (wave.origin, wave.direction)
-        out = scattered.origin, scattered.direction, found
-        for b in range(bands):
-            scattered.power[found, b] = wave.power[i, b]
-        end = walk(air, i, rays, scattered.power[found], numbers, out)
-        for b in range(bands):
-            wave.power[i, b] = scattered.power[found, b] if end == ARRIVED else np.float32(0.0)
+        end = walk(air, i, rays, wave.power[i], numbers, (scattered.origin, scattered.direction, found))
+        if end == ARRIVED:
+            continue
         if end >= 0:
+            for b in range(bands):
+                scattered.power[found, b] = wave.power[i, b]
             scattered.photon[found], scattered.aimed[found] = wave.photon[i], 0.0
             scattered.chain[found], scattered.arrival[found] = 0, -1
             if wave.layer.size:
                 scattered.layer[found] = wave.layer[i]
             found += 1
+        wave.power[i, :] = np.float32(0.0)
     return found
 
 

@@ -27,8 +27,8 @@ from ..system.kernels import INLINED, njit
 DIFFUSE, GLOSSY, SPECULAR, WIDE = 1, 2, 4, 8
 # alpha of a WIDE lobe. What a rough lobe throws onto other surfaces is found by rays that meet it, and shadow rays
 # there, or by photons, with their blur. With roughness .08 (alpha .0066) rays have 7 times the error of photons, with
-# .15 (.0225) 0.97 of it, without the bias of the picture's mean (members 1 and 0 of the family "rough",
-# `python -m tests.benchmarks.against_mitsuba --families rough --passes 64`).
+# .15 (.0225) 0.97 of it, without the bias of the picture's mean (members 1 and 0 of the family "rough" after 64 passes,
+# with this at 0 and at infinity: `python -m tests.benchmarks.against_mitsuba --families rough --passes 64`).
 _WIDE = 0.02
 ALBEDO_NODES = 64
 _ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4

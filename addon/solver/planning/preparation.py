@@ -122,7 +122,9 @@ def prepare(
         table = build_medium_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
         tracer.fill(table)
         reach = Reach(pilot.reachable, pilot.weight, pilot.weight, 1.0)  # from media light arrives everywhere
-        surroundings = fill_surroundings(surroundings, tracer, stage, reach, area, lamps, pass_key(0, AFAR, PILOT))
+        surroundings = fill_surroundings(
+            surroundings, tracer, stage, lights, reach, area, lamps, pass_key(0, AFAR, PILOT)
+        )
     emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
