@@ -27,6 +27,7 @@ from .camera.shadow_rays import Lighting, direct_irradiance, lamp_closeness, lam
 from .geometry.surfaces import Geometry
 from .image.film import Film
 from .image.tiles import tiles
+from .image.trend import shrink_factor
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
 from .photons.emission import Batch
 from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
@@ -41,7 +42,6 @@ log = logging.getLogger(__name__)
 
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
-_RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 _ALL_PIXELS = 2**32 - 1  # instead of a pass index: for the camera's sequence, which all passes share
 
 
@@ -87,10 +87,11 @@ def render(
     started = time.monotonic()
     with ThreadPoolExecutor(settings.workers) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
-            work = Work(store, pool, cancelled)
-            if not render_pass(model, settings, settings.pass_offset + film.passes, work, (image, seen, missed)):
+            work, index = Work(store, pool, cancelled), settings.pass_offset + film.passes
+            if not render_pass(model, settings, index, work, (image, seen, missed)):
                 break
-            film.add_pass(image, seen, model.photons_per_pass, missed)
+            blurring = disk_area(settings, index) if model.optics.keep_caustic else 1.0
+            film.add_pass(image, seen, model.photons_per_pass, missed, blurring)
             if on_pass:
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
@@ -129,10 +130,9 @@ def _is_checked(passes: int) -> bool:
     return check == passes
 
 
-def shrink_factor(index: int) -> float:
-    """r^2 of pass `index` (from 0) over that of the first: the product of (i + a) / (i + 1) for i = 1 .. index."""
-    a = _RADIUS_ALPHA
-    return math.exp(math.lgamma(index + 1 + a) - math.lgamma(1 + a) - math.lgamma(index + 2))
+def disk_area(settings: Settings, index: int) -> float:
+    """Area of the disks of pass `index`, in which photons are counted, over that of the first pass."""
+    return shrink_factor(index) if settings.shrink else 1.0
 
 
 class Work(NamedTuple):
@@ -154,7 +154,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
     estimate = Estimate(
         settings.neighbours,
         model.reach2,
-        shrink_factor(index) if settings.shrink else 1.0,
+        disk_area(settings, index),
         model.splitting is not None,  # known beforehand: a choice by the photons of the pass would change the mean
         model.optics.keep_incoming,
         model.splitting,

@@ -17,10 +17,12 @@ from ..scene import check_band_edges
 from ..system.kernels import KERNEL, njit
 from .pooling import pooled_variance
 from .self_check import GRID, region_means, regions, significant, spread_out
+from .trend import blur
 
 _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
-_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")  # by pixel
+_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths", "_trend")  # by pixel
 _CHECKS = ("_missed", "_missed_squares")  # by region of the image
+_AREAS = "_area", "_area_squares"
 
 
 class Film:
@@ -73,6 +75,10 @@ class Film:
         self._squares, self._cubes, self._fourths = np.zeros((3, height * width))
         # mean over the passes, and sum of squared deviations, of what regions miss (see self_check)
         self._missed, self._missed_squares = np.zeros((2, GRID**2))
+        # mean over the passes, and sum of squared deviations, of the area of disks, and by pixel the sum of products of
+        # its deviation with that of all radiance but what is seen (see trend)
+        self._area = self._area_squares = 0.0
+        self._trend = np.zeros(height * width)
 
     def __getstate__(self):
         """A film can be pickled, to be merged on another machine; a lock cannot."""
@@ -83,13 +89,13 @@ class Film:
 
     def state(self) -> dict[str, np.ndarray]:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
-        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS)}
+        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS, *_AREAS)}
         return arrays | {"layers": np.asarray(to_json(self.layers))}
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
         """The film of a state. Raises ValueError if something is missing, misshapen or not finite."""
-        missing = {*_VALUES, "ranges", "layers", *_ARRAYS, *_CHECKS} - set(state)
+        missing = {*_VALUES, "ranges", "layers", *_ARRAYS, *_CHECKS, *_AREAS} - set(state)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
@@ -97,6 +103,7 @@ class Film:
         check_band_edges(edges)
         layers = from_json(str(state["layers"]))
         shapes = dict.fromkeys(_ARRAYS, (height * width,)) | dict.fromkeys(_CHECKS, (GRID**2,))
+        shapes |= dict.fromkeys(_AREAS, ())
         shapes["_mean"] = height * width, len(layers) * (len(edges) - 1)
         for name, shape in shapes.items():
             if state[name].shape != shape or state[name].dtype != np.float64:
@@ -116,6 +123,7 @@ class Film:
         film.passes, film.photons = passes, photons
         for name in shapes:
             setattr(film, name, state[name])
+        film._area, film._area_squares = float(film._area), float(film._area_squares)
         return film
 
     @property
@@ -132,18 +140,30 @@ class Film:
         """Names of the bands as in Blender's passes."""
         return band_names(self.band_edges)
 
-    def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int, missed: np.ndarray | None = None) -> None:
+    def add_pass(
+        self,
+        excess: np.ndarray,
+        seen: np.ndarray,
+        photons: int,
+        missed: np.ndarray | None = None,
+        area: float = 1.0,
+    ) -> None:
         """Add one finished pass.
 
         excess: (height * width, layers * b) float32, excess radiance, W m-2 sr-1 per band. seen: (height * width,)
         float32, the part of its sum, weighted with layer_weights, that surfaces emit straight into the camera. photons:
         emitted in the pass. missed: (height * width,) float32, what the excess misses where rays recall, as few rays
-        tell (see render_pixels); None for nothing.
+        tell (see render_pixels); None for nothing. area: of the disks in which camera paths counted photons, in
+        any unit; the same for all passes where there is nothing that they blur.
         """
         with self.lock:
             count = self.passes + 1
+            larger = area - self._area
+            self._area += larger / count
+            self._area_squares += larger * (area - self._area)
             directly, rest = (self._seen, self._seen_squares), (self._squares, self._cubes, self._fourths)
-            _accumulate(self._mean, directly, rest, (excess, seen), self.layer_weights.ravel(), count)
+            trend, weights = (self._trend, area - self._area), self.layer_weights.ravel()
+            _accumulate(self._mean, directly, rest, trend, (excess, seen), weights, count)
             by_region = 0.0 if missed is None else region_means(missed, regions(self.width, self.height))
             delta = by_region - self._missed
             self._missed = self._missed + delta / count
@@ -198,6 +218,10 @@ class Film:
             total._fourths = self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
             total._fourths += 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0])
             total._fourths += 4.0 * apart * (a * cubes[1] - b * cubes[0])
+            larger = other._area - self._area
+            total._area = self._area + share * larger
+            total._area_squares = self._area_squares + other._area_squares + larger**2 * self.passes * share
+            total._trend = self._trend + other._trend + rest * (larger * self.passes * share)
             missed = other._missed - self._missed
             total._missed = self._missed + share * missed
             total._missed_squares = self._missed_squares + other._missed_squares + missed**2 * self.passes * share
@@ -232,7 +256,8 @@ class Film:
     def noise(self) -> np.ndarray:
         """(height, width) float32 standard error of temperature(), K. Neighbouring pixels have a say, see pooling.
 
-        It includes what regions are known to miss, see self_check. After a single pass the error is unknown, and the
+        It includes what regions are known to miss, see self_check, and what shrinking disks tell of their blur, see
+        trend. After a single pass the error is unknown, and the
         result is the temperature itself.
         """
         if self.passes < 2:
@@ -245,6 +270,8 @@ class Film:
         shape = self.height, self.width
         sums = self._squares.reshape(shape), self._fourths.reshape(shape)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
+        areas, squares = (self._area, self._area_squares), sums[0] / (self.passes - 1)
+        rest = rest * (1.0 + blur(self._trend.reshape(shape), areas, squares, self.passes).ravel())
         variance = (rest + seen / (self.passes - 1)) / self.passes
         bias = significant(self._missed, self._missed_squares, self.passes)
         if bias.any():
@@ -324,10 +351,11 @@ def _weighted(mean, reference, weights):
 
 
 @njit(**KERNEL)
-def _accumulate(mean, directly, powers, radiance, weights, count):
+def _accumulate(mean, directly, powers, along, radiance, weights, count):
     """Welford's step for the means of the bands, for what is seen, and for the rest of the radiance, of which third and
-    fourth powers are summed, too (Pebay 2008)."""
+    fourth powers are summed, too (Pebay 2008), and products with the deviation of the disks' area."""
     (seen_mean, seen_squares), (squares, cubes, fourths), (excess, seen) = directly, powers, radiance
+    trend, larger = along
     share = 1.0 / count
     for i in range(excess.shape[0]):
         row = mean[i]
@@ -340,6 +368,7 @@ def _accumulate(mean, directly, powers, radiance, weights, count):
         seen_mean[i] += delta * share
         seen_squares[i] += delta * delta * (1.0 - share)
         rest -= delta
+        trend[i] += rest * larger
         step, term = rest * share, rest * rest * (1.0 - share)
         fourth = term * (count * count - 3 * count + 3) + 6.0 * squares[i]
         fourths[i] += step * (step * fourth - 4.0 * cubes[i])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_REACH = 2  # pixels on each side that are neighbours: 25 together meet what is 25 times as rare
+REACH = 2  # pixels on each side that are neighbours: 25 together meet what is 25 times as rare
 # Events of which a pixel shares out half of its variance. With 2, twelve members of seven families (comb, fins,
 # grooves, louvres, rough, terrain and tube of tests/benchmarks/families.py) have 1.1 % of their pixels beyond five
 # stated errors after 64 passes, with 8 1.0 %, without sharing 1.9 %.
@@ -27,8 +27,8 @@ def pooled_variance(squares: np.ndarray, fourths: np.ndarray, estimated: np.ndar
     """
     shared = squares * (_FEW / (_events(squares, fourths) + _FEW))
     # each pixel counts among those that receive its share, so that one alone keeps it
-    share = shared / (sum_around(estimated, _REACH) + ~estimated)
-    received = np.where(estimated, sum_around(share, _REACH), share)
+    share = shared / (sum_around(estimated, REACH) + ~estimated)
+    received = np.where(estimated, sum_around(share, REACH), share)
     return (squares - shared + received) / (passes - 1)
 
 

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the image owes to the size of the disks in which photons are counted, as its own passes tell.
+
+Disks blur: what they add to a pixel, or take from it, grows with their area. Camera paths count photons of caustics
+alone, so only scenes with caustics ask for this. But disks shrink from pass to pass, and by
+a known factor. So a straight line through the values of the passes, over the area, tells what a pixel would show with
+disks of no size, and how far the mean of its passes is from that. For one pixel this is hardly above its noise; of a
+pixel and its neighbours together it tells where edges of caustics are blurred. The image is not corrected by it, as its
+noise would grow; the error says it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .pooling import REACH, sum_around
+
+_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
+# The mean squared bias of a square of neighbours, over the variance that noise gives it, is 1 if it is nothing but
+# noise, with a standard error of the root of 2 over their number (chi-squared): what is two of these beyond counts.
+_BY_NOISE = 1.0 + 2.0 * math.sqrt(2.0) / (2 * REACH + 1)
+
+
+def shrink_factor(index: int) -> float:
+    """Squared radius of disks in pass `index` (from 0) over that of the first: the product of (i + a) / (i + 1) for
+    i = 1 .. index."""
+    a = _ALPHA
+    return math.exp(math.lgamma(index + 1 + a) - math.lgamma(1 + a) - math.lgamma(index + 2))
+
+
+def blur(trend: np.ndarray, areas: tuple[float, float], variance: np.ndarray, passes: int) -> np.ndarray:
+    """(height, width) float64, the squared error from blur over the variance of the mean that passes tell, at least 0.
+
+    trend: (height, width) float64, sum over the passes of the product of two deviations, of the pixel and of the area
+    of disks. areas: mean of that area and its sum of squared deviations, in any unit. variance: (height, width) float64
+    of the passes at each pixel.
+    """
+    mean, squares = areas
+    if not squares > 0.0:
+        return np.zeros(trend.shape)
+    bias = trend * (mean / squares)  # slope of the line of least squares, times the mean area
+    beyond = sum_around(bias**2 - _BY_NOISE * (mean**2 / squares) * variance, REACH)
+    known = sum_around(variance / passes, REACH)
+    return np.divide(np.maximum(beyond, 0.0), known, out=np.zeros(trend.shape), where=known > 0.0)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What passes with ever smaller disks tell of their blur."""
+
+import numpy as np
+import pytest
+
+from addon.solver.image.film import Film
+from addon.solver.image.trend import blur, shrink_factor
+
+EDGES = np.array([8.0, 12.0])
+SIZE, PASSES = 24, 64
+
+
+def film_of(values, areas, first=0):
+    """A Film of passes of values (passes, SIZE^2)."""
+    film = Film(SIZE, SIZE, EDGES, 300.0, first_pass=first)
+    for row, area in zip(values, areas, strict=True):
+        film.add_pass(row[:, None].astype(np.float32), np.zeros(SIZE**2, np.float32), 0, None, area)
+    return film
+
+
+@pytest.fixture(scope="module")
+def areas():
+    return np.array([shrink_factor(i) for i in range(PASSES)])
+
+
+def white(seed, passes=PASSES):
+    return 10.0 + np.random.default_rng(seed).normal(size=(passes, SIZE**2))
+
+
+def test_disks_shrink_as_progressive_photon_mapping_asks():
+    """The product of (i + a) / (i + 1), a = 2/3 (Knaus and Zwicker 2011)."""
+    product = np.cumprod([1.0, *((i + 2 / 3) / (i + 1) for i in range(1, 40))])
+    np.testing.assert_allclose([shrink_factor(i) for i in range(40)], product, rtol=1e-12)
+
+
+@pytest.mark.parametrize("slope", [0.5, -2.0])
+def test_blur_is_stated(areas, slope):
+    """A pixel that is off by slope times the area states, on top of its noise, the mean of that over its passes. Of
+    400 pixels the pooled square is known to 1 %, less what noise is allowed."""
+    values = white(1) + slope * areas[:, None]
+    film, sharp = film_of(values, areas), film_of(white(1), areas)
+    squares = film.noise()[2:-2, 2:-2].astype(float) ** 2 / sharp.noise()[2:-2, 2:-2].astype(float) ** 2 - 1.0
+    bias, variance = slope * areas.mean(), 1.0 / PASSES
+    by_noise = areas.mean() ** 2 / np.sum((areas - areas.mean()) ** 2)
+    allowed = 2.0 * np.sqrt(2.0) / 5.0 * by_noise
+    expected = (bias**2 - allowed) / variance
+    # the squares of 25 pixels, each of variance 2 v^2 + 4 b^2 v, and windows overlap: 16 of them are independent
+    error = np.sqrt((2 * by_noise**2 + 4 * bias**2 * by_noise) / 400) / variance
+    assert abs(squares.mean() - expected) < 4 * error + 0.02 * expected
+
+
+def test_noise_alone_is_hardly_blur(areas):
+    """Beyond two standard errors are 2 % of all windows, and few of these by much."""
+    states = [film_of(white(seed), areas) for seed in range(8)]
+    even = [film_of(white(seed), np.ones(PASSES)) for seed in range(8)]
+    ratio = np.mean([a.noise() ** 2 for a in states], axis=0) / np.mean([b.noise() ** 2 for b in even], axis=0)
+    assert 1.0 <= ratio.mean() < 1.05
+
+
+def test_equal_disks_blur_nothing():
+    nothing = blur(np.ones((4, 4)), (1.0, 0.0), np.ones((4, 4)), 8)
+    assert not nothing.any()
+
+
+def test_two_passes_tell_nothing_of_blur(areas):
+    """Any two points lie on a line."""
+    film, even = film_of(white(3, 2), areas[:2]), film_of(white(3, 2), np.ones(2))
+    np.testing.assert_allclose(film.noise(), even.noise(), rtol=1e-6)
+
+
+def test_parts_of_a_render_tell_the_same(areas):
+    values = white(4) + 2.0 * areas[:, None]
+    whole = film_of(values, areas)
+    parts = [film_of(values[a:b], areas[a:b], a) for a, b in ((0, 9), (9, 10), (10, PASSES))]
+    joined = parts[2].merge(parts[0]).merge(parts[1])
+    np.testing.assert_allclose(joined.noise(), whole.noise(), rtol=1e-5)
+    kept = Film.from_state(joined.state())
+    assert np.array_equal(kept.noise(), joined.noise())
