@@ -5,8 +5,8 @@
 
 A reference with less noise than ours would take hours at this size. But two independent renders of an engine tell its
 noise: the variance is half of the mean square of their difference. What they have in common is a bias, which their
-difference does not hold. So the table also shows how far the means of both engines over blocks of 32 x 32 pixels are
-apart, root mean square over the blocks, beside what noise alone would give: of the peer and of ours.
+difference does not hold. So the table also shows how far both engines are apart in blocks of 32 x 32 pixels, in the
+temperature of the mean radiance, root mean square over the blocks, beside what the noise of both would give.
 
 Errors are root mean squares of the apparent temperatures of every band, K, without the worst 2 %. Each engine has the
 seconds for all bands: a peer renders three in a run, and its time is that of its runs, without loading and compilation.
@@ -51,10 +51,10 @@ def noise(pair):
 
 
 def blocks(image):
-    """(n, bands) means over whole blocks of an image (height, width, bands)."""
+    """(rows, columns, bands) means over whole blocks of an image (height, width, bands)."""
     rows, columns = image.shape[0] // BLOCK, image.shape[1] // BLOCK
     whole = image[: rows * BLOCK, : columns * BLOCK]
-    return whole.reshape(rows, BLOCK, columns, BLOCK, -1).mean(axis=(1, 3)).reshape(rows * columns, -1)
+    return whole.reshape(rows, BLOCK, columns, BLOCK, -1).mean(axis=(1, 3))
 
 
 def compare(name, options):
@@ -65,13 +65,13 @@ def compare(name, options):
     spent, passes = np.mean([each[1] for each in ours]), min(each[2] for each in ours)
     temperatures = np.stack([band_temperatures(each[0], scene.band_edges) for each in ours])
     error = noise(temperatures)
-    own_blocks = np.stack([blocks(each) for each in temperatures])
+    own_blocks = np.stack([band_temperatures(blocks(each[0]), scene.band_edges) for each in ours])
     problem = build_problem(scene)
     for peer in options.peers:
         images, seconds = run_peer(peer, problem, options.threads, "wall", [options.seconds] * 2, python=options.python)
         others = np.stack([band_temperatures(image, scene.band_edges) for image in images])
         equal = noise(others) * np.sqrt(np.mean(seconds) / spent)
-        other_blocks = np.stack([blocks(each) for each in others])
+        other_blocks = np.stack([band_temperatures(blocks(image), scene.band_edges) for image in images])
         apart = np.sqrt(np.mean((own_blocks.mean(axis=0) - other_blocks.mean(axis=0)) ** 2))
         by_noise = np.sqrt(sum(np.mean(np.diff(each, axis=0) ** 2) / 4.0 for each in (own_blocks, other_blocks)))
         print(

@@ -25,7 +25,7 @@ def choose_caustic_lamps(surfaces: Surfaces, side_power: np.ndarray, pilot: Pilo
 
     side_power: (t,) float64 |excess| power of one side of each triangle, W. pilot: tells which sides can light the
     image (the inside of a closed lamp cannot), and where camera paths gather. lit: W m-2, mean irradiance from all
-    surfaces where camera paths gather, as far as known. key: of the random numbers.
+    surfaces where camera paths gather, as far as known.
     Returns (t, 2) bool, which sides of triangles belong to a lamp.
     """
     sheet = surfaces.sheet
