@@ -66,7 +66,7 @@ def render_pixels(
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         if estimate.photons and number > 0:
             part_near(bounce, rows)
-        scattered = cross_media(tracer, lighting, bounce, rows) if tracer.holds_media else None
+        scattered = cross_media(tracer, stage, lighting, bounce, rows) if tracer.holds_media else None
         if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)

@@ -74,7 +74,7 @@ def part_near(bounce, rows):
             continue
         row, distance = rays.pixel[i], max(hits.distance[i], np.float32(1e-15))
         rows.closeness[row] += 1.0 / distance
-        if rays.density[i] < ALONE:
+        if 0.0 <= rays.density[i] < ALONE:  # negative after a medium has scattered the ray
             shared = shared_part(float(rows.near[row]), float(distance))
             rays.density[i] *= rows.fewer[row] + shared * (1.0 - rows.fewer[row])
             if uniform(rays.path[i], PARTING + bounce.number) >= shared:

@@ -2,33 +2,58 @@
 """Camera paths in media: what these emit along a ray is added without noise, and where they scatter, a ray may leave
 its way to the surface and go on in a new direction."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..geometry.flight import ARRIVED, NUMBERS, walk
 from ..geometry.segments import Tracer, glow, traverse, ways
+from ..geometry.stage import Stage
 from ..physics.media import phase
+from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, balance
 from ..sampling.rng import path_key, uniform
-from ..sampling.vectors import dot, put_vector, vector
+from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import KERNEL, njit
 from .rays import ASTRAY, Bounce, Rays, Rows, empty_rays
-from .shadow_rays import POINTS, Lighting, Shadows, add_unshadowed, empty_shadows, light_from
+from .shadow_rays import (
+    POINTS,
+    LampRoom,
+    Lighting,
+    Shadows,
+    add_unshadowed,
+    competing,
+    empty_shadows,
+    light_of,
+    pick,
+    towards_from,
+)
 from .streams import WALK_NUMBERS, WALKING
 
 
-def cross_media(tracer: Tracer, lighting: Lighting, bounce: Bounce, rows: Rows) -> Rays | None:
+class _Vertex(NamedTuple):
+    """Where a camera path is scattered. point: (3,) floats, m. along: unit direction before. anisotropy: of the medium.
+    rays: to which the path belongs, and i, its row. dimension: the first of its random numbers that is free."""
+
+    point: tuple
+    along: tuple
+    anisotropy: float
+    rays: Rays
+    i: int
+    dimension: int
+
+
+def cross_media(tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce, rows: Rows) -> Rays | None:
     """Add to the rows what media along the rays of a bounce emit, and take from the rays what media take. Those that
     are scattered meet nothing and carry nothing any more: they go on as the rays that are returned, if media scatter.
     """
-    count, rays = len(bounce.hits.triangle), bounce.rays
-    air = tracer.cross(rays.origin[:count], rays.direction[:count], ways(bounce.hits))
+    count, bands = len(bounce.hits.triangle), bounce.rays.throughput.shape[1]
+    air = tracer.cross(bounce.rays.origin[:count], bounce.rays.direction[:count], ways(bounce.hits))
     if not tracer.scatters:
         _cross(air, bounce, rows.image)
         return None
-    scattered = empty_rays(count, rays.throughput.shape[1])
-    # no ray can meet a light, so shadow rays find it from where rays are scattered
-    first_light = int(np.searchsorted(lighting.points.entry, len(lighting.lamps.side_id)))
-    shadows = empty_shadows(count if first_light < len(lighting.points.entry) else 0, rays.throughput.shape[1])
-    found, sent = _scatter(air, (lighting, first_light), bounce, rows.image, scattered, shadows)
+    scattered, shadows = empty_rays(count, bands), empty_shadows(count if len(lighting.points.entry) else 0, bands)
+    room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
+    found, sent = _scatter(air, stage, lighting, bounce, rows.image, (scattered, shadows), room)
     if sent:
         add_unshadowed(tracer, Shadows(*(column[:sent] for column in shadows)), rows.image)
     return Rays(*(column[:found] for column in scattered))
@@ -42,8 +67,9 @@ def _cross(air, bounce, image):
 
 
 @njit(**KERNEL)
-def _scatter(air, lights, bounce, image, scattered, shadows):
-    rays, hits, found, sent = bounce.rays, bounce.hits, np.int64(0), np.int64(0)
+def _scatter(air, stage, lighting, bounce, image, onward, room):
+    (scattered, shadows), rays, hits = onward, bounce.rays, bounce.hits
+    found, sent = np.int64(0), np.int64(0)
     for i in range(hits.triangle.size):
         glow(air, i, rays.throughput[i], image[rays.pixel[i]])
         first = WALKING + WALK_NUMBERS * bounce.number
@@ -53,40 +79,50 @@ def _scatter(air, lights, bounce, image, scattered, shadows):
             continue
         hits.triangle[i] = -1
         if end >= 0:
+            anisotropy, along = air.table.anisotropy[end], scaled(vector(rays.direction, i), 1.0 / air.length[i])
             for b in range(rays.throughput.shape[1]):
                 scattered.throughput[found, b] = rays.throughput[i, b]
             scattered.pixel[found], scattered.final[found] = rays.pixel[i], rays.final[i]
             scattered.continued[found], scattered.doubts[found] = rays.continued[i], rays.doubts[i]
-            scattered.density[found], scattered.path[found] = ASTRAY, path_key(rays.path[i], first + NUMBERS)
+            scattered.density[found] = ASTRAY
+            scattered.path[found] = path_key(rays.path[i], first + NUMBERS)
             if shadows.reach.size:
-                vertex = vector(scattered.origin, found), vector(rays.direction, i), air.length[i]
-                anisotropy = air.table.anisotropy[end]
-                sent += _send_shadow(lights, vertex, anisotropy, (rays, i, first + NUMBERS + 1), shadows, sent)
+                vertex = _Vertex(vector(scattered.origin, found), along, anisotropy, rays, i, first + NUMBERS + 1)
+                scattered.density[found] = -SINGLE_RAY * phase(
+                    anisotropy, dot(along, vector(scattered.direction, found))
+                )
+                sent += _send_shadow(lighting, stage, vertex, room, shadows, sent)
             found += 1
         rays.throughput[i, :] = np.float32(0.0)
     return found, sent
 
 
 @njit(inline="always")
-def _send_shadow(lights, vertex, anisotropy, ray, shadows, n):
-    """Fill shadow ray n, to a point on a light, from where ray i is scattered; returns 1, or 0 if no light comes from
-    there. lights: Lighting, and number of the first point on a light. vertex: point, and the ray's direction and its
-    length. ray: the rays, i, and the first dimension of its random numbers that is free."""
-    (lighting, first), (point, along, length), (rays, i, dimension) = lights, vertex, ray
-    points, lamps = lighting.points, lighting.lamps
-    count = points.entry.size - first
-    p = first + int(count * uniform(rays.path[i], dimension))
-    way, received, distance, reach = light_from(lighting, p, point)
-    if not received > 0.0:
+def _send_shadow(lighting, stage, vertex, room, shadows, n):
+    """Fill shadow ray n, to a point on a lamp or light, from where a path is scattered; returns 1, or 0 if none shines
+    there. As from surfaces, see shadow_rays.send_shadow, with the phase function for the BRDF and its cosine; the
+    scattered ray shares what it finds."""
+    points, stride, total, path = lighting.points, POINTS // CANDIDATES, 0.0, vertex.rays.path[vertex.i]
+    offset = int(stride * uniform(path, vertex.dimension))
+    for c in range(CANDIDATES):
+        i = offset + stride * c
+        way, received, distance = towards_from(lighting, i, vertex.point)
+        if received > 0.0:
+            scattered = phase(vertex.anisotropy, dot(vertex.along, way) / distance)
+            share = (
+                balance(competing(points, i, way, distance), SINGLE_RAY * scattered) if points.density[i] > 0.0 else 1.0
+            )
+            total += received * points.strength[i] * scattered * share
+        room.weight[c] = total
+    if not total > 0.0:
         return 0
-    light, entry = points.entry[p] - lamps.side_id.size, points.entry[p]
-    chance = lamps.cumulative[entry + 1] - lamps.cumulative[entry]
-    scale = received * phase(anisotropy, dot(along, way) / (length * distance)) * count / (POINTS * chance)
-    put_vector(point, shadows.origin, n)
+    i = offset + stride * pick(room.weight, total * uniform(path, vertex.dimension + 1))
+    way, shadows.reach[n], shadows.layer[n] = light_of(lighting, stage, i, vertex.point, total, room.value)
+    put_vector(vertex.point, shadows.origin, n)
     put_vector(way, shadows.direction, n)
-    shadows.reach[n], shadows.pixel[n], shadows.layer[n] = reach, rays.pixel[i], 0
-    for b in range(rays.throughput.shape[1]):
-        shadows.radiance[n, b] = rays.throughput[i, b] * (lamps.lights.power[light, b] * scale)
+    shadows.pixel[n] = vertex.rays.pixel[vertex.i]
+    for b in range(room.value.size):
+        shadows.radiance[n, b] = vertex.rays.throughput[vertex.i, b] * room.value[b]
     return 1
 
 

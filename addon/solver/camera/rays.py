@@ -40,9 +40,9 @@ class Rays(NamedTuple):
     adds. path: (n,) uint64, key of the random numbers. final: (n,) bool, whether the ray belongs to a final gather.
     continued: (n,) bool, whether it continues such a ray from its end (see recall). density: (n,) float32, sr-1, how
     many rays look in its direction, if shadow rays could find what it meets, too; ALONE where they cannot, and BLIND
-    where photons find the light of the lamps that throw caustics; ASTRAY after media have scattered it, as photons are
-    then no part of a caustic, until it is reflected diffusely, and negative in a rough lobe after that. doubts: (n,)
-    bool, whether the ray goes on from its end though the cache resolves the light there, see onward.doubt.
+    where photons find the light of the lamps that throw caustics. After media have scattered it, until it is reflected
+    diffusely, photons are no part of a caustic: negative where shadow rays could find what it meets, else ASTRAY.
+    doubts: (n,) bool, whether the ray goes on from its end though the cache resolves the light there, see onward.doubt.
     """
 
     origin: np.ndarray

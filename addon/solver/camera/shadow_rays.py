@@ -151,17 +151,20 @@ class _Facing(NamedTuple):
 
 
 @njit(inline="always")
-def light_from(lighting, i, point):
-    """Of lamp point i, on a light, seen from a point: the way there (m; for suns of unit length), the irradiance across
-    it, m-2, for 1 W of power of the light, the way's length, and how far a shadow ray goes, in units of that."""
-    position, lights = vector(lighting.points.position, i), lighting.lamps.lights
-    is_sun = lights.kind[lighting.points.entry[i] - lighting.lamps.side_id.size] == SUN
+def towards_from(lighting, i, point):
+    """_towards from a point in a medium, which receives what comes from any side: also returns the way's length."""
+    position, light = vector(lighting.points.position, i), lighting.points.entry[i] - lighting.lamps.side_id.size
+    is_sun = light >= 0 and lighting.lamps.lights.kind[light] == SUN
     way = position if is_sun else difference(position, point)
     distance = math.sqrt(dot(way, way))
-    received = _towards(lighting, i, _Facing(point, scaled(way, 1.0 / distance)))[1]
-    if is_sun:  # its power is per square metre
-        received *= math.pi * lights.scene_radius**2
-    return way, received, distance, np.float32(1e37) if is_sun else np.float32(1.0)
+    return way, _towards(lighting, i, _Facing(point, scaled(way, 1.0 / max(distance, 1e-30))))[1], distance
+
+
+@njit(inline="always")
+def competing(points, i, way, distance):
+    """Lamp points that compete for a shadow ray, sr-1, along the way to lamp point i; 0 on lights."""
+    lamp_cosine = max(0.0, -dot(way, vector(points.normal, i))) / distance
+    return points.density[i] * distance * distance / max(lamp_cosine, LEAST_COSINE)
 
 
 @njit(inline="always")
@@ -244,16 +247,28 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
     importance sampling, Talbot et al. 2005). This is unbiased, and what is left to chance is mostly the visibility of
     the point.
     """
-    lamps, points, value = lighting.lamps, lighting.points, room.value
-    at = receiver.at
+    at, value = receiver.at, room.value
     i, total = _choose_point(lighting, receiver, room.weight)
     if total <= 0.0:
         return 0
+    start = clear_of(stage.surfaces, at.side_id, at.point)
+    way, reach, layer = light_of(lighting, stage, i, start, receiver.weight * total, value)
+    _start(stage.surfaces, receiver, way, reach, layer, shadows, count)
+    for b in range(value.size):
+        shadows.radiance[count, b] = receiver.throughput[b] * receiver.reflectance[b] * value[b]
+    return 1
+
+
+@njit(inline="always")
+def light_of(lighting, stage, i, start, total, value):
+    """Of a shadow ray from a start to lamp point i, chosen among candidates that together bring `total` with 1 W each:
+    its direction, how far it goes in units of that, and the layer of the image. Fills value (b,) with the light that it
+    brings."""
+    lamps, points = lighting.lamps, lighting.points
     position, chosen = vector(points.position, i), points.entry[i]
-    way, reach = difference(position, clear_of(stage.surfaces, at.side_id, at.point)), 1.0
+    way, reach = difference(position, start), 1.0
     distance = math.sqrt(dot(way, way))
-    factor = receiver.weight * total / (CANDIDATES * lamps.strength[chosen])
-    rho, light, layer = receiver.reflectance, chosen - lamps.side_id.size, 0
+    factor, light, layer = total / (CANDIDATES * lamps.strength[chosen]), chosen - lamps.side_id.size, 0
     if light < 0:
         cosine = abs(dot(way, vector(points.normal, i))) / distance
         lamp = emit_at(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], cosine)
@@ -267,13 +282,11 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
             scene_radius = lamps.lights.scene_radius
             factor *= math.pi * scene_radius * scene_radius  # its power is per square metre
             way, reach, distance = position, 1e37, 1.0
+    for b in range(value.size):
+        value[b] *= factor
     # The end of a long ray is uncertain in float32, so it is moved away from the lamp: else the lamp's own surface, or
     # one that the lamp is flush with, might hide the point.
-    end = moved(way, CLEAR * distance, vector(points.normal, i))
-    _start(stage.surfaces, receiver, end, reach, layer, shadows, count)
-    for b in range(value.size):
-        shadows.radiance[count, b] = receiver.throughput[b] * rho[b] * (value[b] * factor)
-    return 1
+    return moved(way, CLEAR * distance, vector(points.normal, i)), reach, layer
 
 
 @njit(inline="always")
@@ -288,15 +301,19 @@ def _choose_point(lighting, receiver, weight):
         way, received = _towards(lighting, i, receiver.at)
         if received > 0.0:
             distance = math.sqrt(dot(way, way))
-            lamp_cosine = max(0.0, -dot(way, vector(points.normal, i))) / distance
-            aimed = points.density[i] * distance * distance / max(lamp_cosine, LEAST_COSINE)
+            aimed = competing(points, i, way, distance)
             total += received * points.strength[i] * _shared_brdf(receiver, way, distance, aimed)
         weight[c] = total
-    pick = total * uniform(receiver.path, receiver.dimension + 1)
+    return offset + stride * pick(weight, total * uniform(receiver.path, receiver.dimension + 1)), total
+
+
+@njit(inline="always")
+def pick(weight, value):
+    """The candidate whose cumulative weight (CANDIDATES,) is the first above a value."""
     c = 0
-    while c < CANDIDATES - 1 and weight[c] <= pick:
+    while c < CANDIDATES - 1 and weight[c] <= value:
         c += 1
-    return offset + stride * c, total
+    return c
 
 
 @njit(inline="always")

@@ -13,6 +13,8 @@ on, D diffuse, G rough, S mirror; "visible" where G and S alone lie before, an "
 - an end that recalls: first-hit photons against shadow rays of the cached point, all later photons in full. The sky:
   photons, on open sheets rays.
 - an end that is continued: its one ray against a shadow ray, and photons of caustics, as at a visible D.
+- where a medium scatters a camera path: its one ray against a shadow ray. Lights: the shadow ray. By way of specular
+  surfaces: the ray.
 
 Two that stand against each other take their shares from `balance`, with the same density of shadow rays (Lamps.density)
 and the same number of rays (Looking, TYPICAL_RAYS, SINGLE_RAY) on both sides.
