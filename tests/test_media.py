@@ -9,9 +9,10 @@ import math
 import numpy as np
 import pytest
 
-from addon.solver import Camera, Material, Medium, PointLight, SceneError, Settings, render
+from addon.solver import Camera, Material, Medium, PointLight, Scene, SceneError, Settings, render
 from addon.solver.geometry.closed import open_edge, outward
 from addon.solver.physics.spectrum import band_radiance
+from tests.helpers.path_tracer import standard_error, trace_paths
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad, sphere
 
 EDGES = np.array([9.99, 10.01])  # um, so that formulas for one wavelength hold
@@ -44,6 +45,25 @@ def before_a_wall(*media, wall=0.0, camera=((0, 0, 0), (0, 0, -1)), **options):
 def seen(scene, **settings):
     """Mean radiance of an image without noise."""
     return float(render(scene, Settings(passes=1, **settings)).radiance().mean(dtype=float))
+
+
+@pytest.mark.parametrize("away", [0.0, 5.0, 2000.0])
+def test_air_before_the_scene_counts(away):
+    """From a camera far outside of the scene, too; float32 knows 2 km to 1.2e-4 m."""
+    air = Medium("air", 1e-3, 600.0)
+    scene = before_a_wall(air, wall=300.0, camera=((0, 0, away), (0, 0, -1)))
+    tau = 1e-3 * (10.0 + away)
+    truth = black(600.0) * -math.expm1(-tau) + black(300.0) * math.exp(-tau)
+    assert seen(scene) == pytest.approx(truth, rel=4e-6)
+
+
+def test_gas_that_reaches_beyond_the_surfaces():
+    """A ball of gas, 60 m wide, around a wall of 20 m, seen from outside of both."""
+    vertices, triangles = block((-30, -30, -30), (30, 30, 30))
+    gas = Medium("gas", 0.02, 600.0, vertices=vertices, triangles=triangles)
+    scene = before_a_wall(gas, wall=300.0, camera=((0, 0, 50), (0, 0, -1)))
+    truth = black(600.0) * -math.expm1(-0.8) + black(300.0) * math.exp(-0.8)
+    assert seen(scene) == pytest.approx(truth, rel=4e-6)
 
 
 SLAB = (-5, -5, -6), (5, 5, -4)
@@ -327,3 +347,54 @@ def test_leaks_are_found():
 def test_bad_media_are_named(values, message):
     with pytest.raises(SceneError, match=message):
         Medium(**{"name": "gas", "temperature": 300.0, **values})
+
+
+def fog_around_a_ball(scattering, anisotropy, mirror):
+    """A hot ball over a floor in fog, perhaps beside a mirror, seen from outside."""
+    ball, floor = sphere(3, 0.15), quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    parts = [(ball[0] + (0.2, 0.1, 0.4), ball[1], 600.0, 0), (*floor, 300.0, 1)]
+    if mirror:
+        parts.append((*block((-0.55, 0.05, 0.01), (-0.25, 0.35, 0.31)), 300.0, 2))
+    materials = [Material("hot", 0.9), Material("floor", 0.5), Material("mirror", 0.3, specular=1.0)]
+    fog = Medium("fog", 0.1, 300.0, scattering=scattering, anisotropy=anisotropy)
+    return joined(parts, materials, look((0.6, -2.2, 1.2), (0, 0, 0.3), 12, 9, 0.8), media=(fog,), world_depth=4.0)
+
+
+def joined(parts, materials, camera, **options):
+    """A Scene of (vertices, triangles, kelvin, material) each, in surroundings of 300 K."""
+    offsets = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
+    return Scene(
+        np.concatenate([part[0] for part in parts]),
+        np.concatenate([part[1] + offset for part, offset in zip(parts, offsets, strict=True)]),
+        np.concatenate([np.full(len(part[1]), part[3]) for part in parts]),
+        np.concatenate([np.full(len(part[1]), part[2]) for part in parts]),
+        tuple(materials), camera, EDGES, 300.0, **options,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("scattering, anisotropy, mirror", [(0.0, 0.0, False), (0.5, 0.0, True), (1.0, 0.6, False)])
+def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):
+    """Quarters of the image, within 4 standard errors of both; the tracer has no shadow rays and no photons."""
+    scene = fog_around_a_ball(scattering, anisotropy, mirror)
+    film_quarters, before = [], [0.0]
+
+    def note(film):
+        total = (film.radiance().astype(float) - black(300.0)) * film.passes
+        film_quarters.append(quarters(total - before[0]))
+        before[0] = total
+
+    render(scene, Settings(passes=32, photons_per_pass=10000, reference_temperature=300.0), note)
+    traced = [quarters(image[..., 0]) for image in trace_paths(scene, 200, batches=16, threads=2).images]
+    (ours, error), (theirs, other) = (
+        (np.mean(x, axis=0), standard_error(np.array(x))) for x in (film_quarters, traced)
+    )
+    print(f"{ours} +- {error}, a path tracer {theirs} +- {other}")
+    assert np.all(abs(ours - theirs) < 4.0 * np.hypot(error, other))
+
+
+def quarters(image):
+    """Means over the four quarters of an image (height, width)."""
+    height, width = np.array(image.shape) // 2
+    return np.array(
+        [part.mean() for rows in (image[:height], image[height:]) for part in (rows[:, :width], rows[:, width:])]
+    )

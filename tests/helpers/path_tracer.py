@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A plain path tracer, slow and hard to get wrong, as a reference for any scene of surfaces and surroundings.
+"""A plain path tracer, slow and hard to get wrong, as a reference for any scene of surfaces, surroundings and grey air.
 
 Paths start in the camera and run until roulette ends them. There are no shadow rays, no cache, no guide, and no code of
 the solver but its data classes: Planck's law is that of exact_cases.py, rough lobes are drawn by another method. It
@@ -20,6 +20,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from addon.solver.scene import Medium
 from tests.helpers.exact_cases import C1, C2, blackbody
 
 LOBES = "DGS"  # diffuse, glossy (a rough lobe), specular (a mirror)
@@ -31,14 +32,15 @@ _NODES = 32  # of Planck's law in a band, where the temperature runs over a tria
 _CLEARANCE = 1e-6  # of the scene's size, by which a ray leaves a surface: some 16 roundings of float32
 _ROULETTE_FROM = 4  # bounces that no path is ended before
 _MOST_SURVIVE = 0.98
-_UNIFORMS = 4  # random numbers of a bounce: lobe, direction (2), roulette
+_UNIFORMS = 5  # random numbers of a bounce: lobe, direction (2), roulette, free path in the air
 
 
 class _Tables(NamedTuple):
     """corners (m, 3, 3) m and normal (m, 3) of triangles; material (m,). black (m, b): radiance of a blackbody at their
     temperature less that at T0. kelvin (m, 3), varies (m,) bool: where it is to be taken at the point instead, with
     wavelength (b, n) um and weight (b, n) of Planck's law, and at_reference (b,). emissivity (k, b), specular (k,),
-    alpha (k,) of materials. world (b,) excess radiance of the surroundings. clearance: m.
+    alpha (k,) of materials. world (b,) excess radiance of the surroundings. clearance: m. absorption, scattering,
+    anisotropy, depth: of the air, 1/m, its mean cosine, and m before the surroundings. air (b,): as black, of the air.
     """
 
     corners: np.ndarray
@@ -55,6 +57,11 @@ class _Tables(NamedTuple):
     alpha: np.ndarray
     world: np.ndarray
     clearance: float
+    absorption: float
+    scattering: float
+    anisotropy: float
+    depth: float
+    air: np.ndarray
 
 
 class _Paths(NamedTuple):
@@ -156,9 +163,15 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
 def _check(scene):
     if scene.lights or scene.groups or scene.response is not None:
         raise ValueError("Light objects, groups and responses are not traced")
+    if len(scene.media) > 1 or any(m.triangles is not None or not _is_grey(m) for m in scene.media):
+        raise ValueError("Only one grey medium is traced, which fills the world")
     camera = scene.camera
     if camera.kind == "PANORAMA" or camera.lens_radius or camera.window or camera.clip != (0.0, np.inf):
         raise ValueError("Only whole pictures of pinhole and orthographic cameras without clipping are traced")
+
+
+def _is_grey(medium):
+    return np.ndim(medium.absorption) == 0 and np.ndim(medium.scattering) == 0
 
 
 def _tables(scene, reference, centre):
@@ -174,6 +187,7 @@ def _tables(scene, reference, centre):
     log = np.log(edges)[:, None]
     wavelength = np.exp(log[:-1] + np.diff(log, axis=0) * (nodes + 1) / 2)
     materials = scene.materials
+    air = scene.media[0] if scene.media else Medium(temperature=reference)
     return _Tables(
         corners,
         normal,
@@ -189,6 +203,11 @@ def _tables(scene, reference, centre):
         np.array([material.alpha for material in materials], float),
         black_radiance(edges, scene.world_temperature) - at_reference,
         _CLEARANCE * np.abs(corners).max(),
+        float(air.absorption),
+        float(air.scattering),
+        float(air.anisotropy),
+        float(scene.world_depth),
+        black_radiance(edges, air.temperature) - at_reference,
     )
 
 
@@ -214,7 +233,7 @@ def _batch(camera, centre, tables, embree, samples, random, kinds):
             paths = _Paths(*(array[:count] for array in paths))
             hits = embree.run(paths.origin.astype(np.float32), paths.direction.astype(np.float32), output=True)
             uniforms = random.random((count, _UNIFORMS))
-            count = _bounce(tables, paths, (hits["primID"], hits["u"], hits["v"]), uniforms, image, tally)
+            count = _bounce(tables, paths, (hits["primID"], hits["u"], hits["v"], hits["tfar"]), uniforms, image, tally)
     shape = camera.height, camera.width
     return image.reshape(*shape, bands) / samples, tally.reshape(-1, *shape) / samples
 
@@ -243,12 +262,25 @@ def _camera_paths(camera, centre, pixel, bands, random):
 @numba.njit(cache=True, nogil=True)
 def _bounce(tables, paths, hits, uniforms, image, tally):
     """Add what is emitted where paths arrive, and send them on; those that go on move to the front; their number."""
-    triangle, u, v = hits
-    kept = 0
+    triangle, u, v, distance = hits
+    kept, extinction = 0, tables.absorption + tables.scattering
     black = np.empty(image.shape[1])
     for i in range(triangle.size):
         t, pixel, kind = triangle[i], paths.pixel[i], paths.kind[i]
         throughput = paths.throughput[i]
+        free = -np.log1p(-uniforms[i, 4]) / extinction if extinction > 0.0 else np.inf
+        if free < (distance[i] if t >= 0 else tables.depth):
+            throughput /= extinction
+            _add(tables.absorption * throughput, tables.air, pixel, kind, image, tally)
+            throughput *= tables.scattering
+            survival = min(_MOST_SURVIVE, throughput.max())
+            if uniforms[i, 3] < survival:
+                paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, _CODES - 1, paths.bounces[i] + 1
+                paths.origin[kept] = paths.origin[i] + free * paths.direction[i]
+                paths.direction[kept] = _deflected(paths.direction[i], tables.anisotropy, uniforms[i])
+                paths.throughput[kept] = throughput / survival
+                kept += 1
+            continue
         if t < 0:
             _add(throughput, tables.world, pixel, kind, image, tally)
             continue
@@ -317,6 +349,20 @@ def _reflect(tables, material, t, incoming, uniforms):
         return out, 2, 0.0
     before, after = _smith(alpha, max(-np.dot(incoming, z), 1e-9)), _smith(alpha, cosine)
     return out, 2, (1.0 + before) / (1.0 + before + after)
+
+
+@numba.njit(cache=True, nogil=True)
+def _deflected(direction, g, uniforms):
+    """Direction after scattering by the phase function of Henyey and Greenstein (Witt 1977, eq. 19)."""
+    cosine = 1.0 - 2.0 * uniforms[1]
+    if g != 0.0:
+        ratio = (1.0 - g * g) / (1.0 - g + 2.0 * g * uniforms[1])
+        cosine = (1.0 + g * g - ratio * ratio) / (2.0 * g)
+    helper = np.array((1.0, 0.0, 0.0)) if abs(direction[0]) < 0.6 else np.array((0.0, 1.0, 0.0))
+    x = np.cross(helper, direction)
+    x /= np.sqrt(np.dot(x, x))
+    sine, turn = np.sqrt(max(0.0, 1.0 - cosine * cosine)), 2.0 * np.pi * uniforms[2]
+    return cosine * direction + sine * (np.cos(turn) * x + np.sin(turn) * np.cross(direction, x))
 
 
 @numba.njit(cache=True, nogil=True)

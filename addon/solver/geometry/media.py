@@ -69,6 +69,14 @@ class _Body:
         return _Crossings(*(column[order] for column in every))
 
 
+def radius_of_media(media: tuple[Medium, ...], centre: np.ndarray) -> float:
+    """Radius (m) of a sphere around the centre (3,) that holds all media: 0 without any, infinite for the world's.
+    A camera ray that began inside it, and not at its camera, would miss some of them."""
+    if any(medium.triangles is None for medium in media):
+        return np.inf
+    return max((float(np.linalg.norm(medium.vertices - centre, axis=1).max()) for medium in media), default=0.0)
+
+
 class Atmosphere(Tracer):
     """The tracer of a scene with media: it also tells which media segments cross."""
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.eye import Eye, build_eye
-from ..geometry.media import Atmosphere
+from ..geometry.media import Atmosphere, radius_of_media
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
 from ..geometry.surfaces import Geometry, build_surfaces, sheet_count
@@ -100,7 +100,7 @@ def prepare(
     if scene.media:
         tracer = Atmosphere(tracer, scene.media, centre, scene.world_depth)
     radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)
-    eye = build_eye(scene.camera, centre, radius)
+    eye = build_eye(scene.camera, centre, max(radius, radius_of_media(scene.media, centre)))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     grey = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1)))
     pilot = explore(grey, tracer, eye, area)
