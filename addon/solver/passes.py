@@ -3,6 +3,7 @@
 
 prepare the scene: what the image can depend on, reference temperature, tables, emitters  (planning.preparation)
 for every pass:
+    draw what molecules absorb                           (physics.molecules)
     emit photons, trace them, store their hits           (photons.emission, photons.transport)
     sort them into a photon map                          (photons.photon_map)
     estimate the irradiance at some points               (photons.irradiance_cache)
@@ -33,7 +34,7 @@ from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, c
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
 from .photons.transport import trace_photons
 from .planning.preparation import Model, photon_store, prepare
-from .sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key
+from .sampling.rng import ALL_PASSES, CACHE, CAMERA, LAMPS, PHOTONS, pass_key
 from .scene import Scene
 from .settings import Settings
 
@@ -42,7 +43,6 @@ log = logging.getLogger(__name__)
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
 _RADIUS_ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
-_ALL_PIXELS = 2**32 - 1  # instead of a pass index: for the camera's sequence, which all passes share
 
 
 def render(
@@ -147,6 +147,8 @@ class Work(NamedTuple):
 def render_pass(model: Model, settings: Settings, index: int, work: Work, rendered: tuple[np.ndarray, ...]) -> bool:
     """Render pass `index` into what render_pixels returns, here of all pixels. Returns False if the pass was
     cancelled."""
+    if model.molecular is not None:
+        model.tracer.fill(model.molecular.table(index))
     photons = shoot_photons(model, pass_key(settings.seed, index, PHOTONS), work)
     if work.cancelled():
         return False
@@ -175,7 +177,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
         photon_map=photon_map,
         cache=cache,
         estimate=estimate,
-        keys=(pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA)),
+        keys=(pass_key(settings.seed, ALL_PASSES, CAMERA), pass_key(settings.seed, index, CAMERA)),
         index=index,
         weights=model.layer_weights.astype(np.float32).ravel(),
     )
