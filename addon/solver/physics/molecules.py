@@ -32,7 +32,7 @@ from ..scene import ATMOSPHERE, MOLECULES, Medium
 from ..system.kernels import INLINED, KERNEL, njit
 from .media import MediumTable
 from .narrow_bands import KELVIN, half_width, strength_and_density
-from .spectrum import band_radiance, faintest
+from .spectrum import apparent_temperature, band_radiance, faintest
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +40,8 @@ _CELLS = 128  # parts of a band, in whose proportion wavenumbers are drawn
 _FIRST = 1 << 30  # pass from which on draws stand for endless ones; no render has so many passes
 _DRAWS = 1 << 18  # of all bands together, that stand for endless ones
 _WARM = 250.0  # K, below which the data, from 300 K on, may be far from the truth
+_FAINT = 200.0  # K: behind media, colder things count as so warm; before 0 K any error is large in kelvin
+_LENGTHS = 8  # each half of the one before
 _TYPICAL = 64  # draws behind the table of what is planned
 _ROOT_PI = math.sqrt(math.pi)
 
@@ -204,6 +206,28 @@ class MolecularMedia:
         """`transmittances` of so many passes that more would not change them much."""
         bands = self._table.absorption.shape[1]
         return self.transmittances(_FIRST, min(max(_DRAWS // bands, 1024), 16384), lengths)
+
+    def quadrature_error(
+        self,
+        first: int,
+        count: int,
+        length: float,
+        extremes: tuple[float, float],
+        sensor: tuple[np.ndarray, np.ndarray],
+    ) -> float:
+        """How far count passes from `first` on are off by their draws: apparent temperature, K, of a blackbody seen
+        through a medium, the worst of all media, of ways of `length` (units of the scene) and shorter, and of
+        blackbodies at both extremes (K). sensor: edges (b + 1,) um of the bands, and the weight (b,) of each."""
+        lengths = length * 0.5 ** np.arange(_LENGTHS)
+        edges, weights = sensor
+        found, exact = self.transmittances(first, count, lengths), self.exact_transmittances(lengths)
+        own = band_radiance(edges, np.array([medium.temperature for medium in self.media]))
+        worst = 0.0
+        for behind in band_radiance(edges, np.maximum(extremes, _FAINT)):
+            seen = [(own + (behind - own) * through) @ weights for through in (found, exact)]
+            kelvin = [apparent_temperature(radiance, edges, weights) for radiance in seen]
+            worst = max(worst, float(np.abs(kelvin[0] - kelvin[1]).max()))
+        return worst
 
     def _absorption(self, passes: np.ndarray) -> np.ndarray:
         """(m, n, b) absorption coefficients of molecules in passes (n,), one over a unit of the scene."""
