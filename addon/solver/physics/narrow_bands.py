@@ -237,7 +237,7 @@ _ROTATION, _COUPLING = 0.391635, 0.0030875
 
 def _carbon_dioxide() -> Lines:
     wavenumber = np.arange(500.0, 5726.0, 5.0)
-    strength, density = np.zeros((2, len(KELVIN), len(wavenumber)))
+    strength, density = np.zeros((len(KELVIN), len(wavenumber))), np.ones((len(KELVIN), len(wavenumber)))
     below = wavenumber <= 880.0  # 15 um
     strength[:, below] = _tabulated("CO2", wavenumber[below])
     density[:, below] = _bending_density(KELVIN)[:, None]
