@@ -365,14 +365,32 @@ def test_the_error_of_the_quadrature_is_told(caplog):
     assert media.quadrature_error(0, 4096, 2.0, (400.0, 400.0), sensor) < 0.1 * stated[64]
 
 
-def test_noise_is_not_below_the_error():
+@pytest.mark.statistics
+@pytest.mark.parametrize("passes", [16, 64])
+@pytest.mark.parametrize("edges, wall, medium", [
+    (EDGES, 400.0, {"temperature": 900.0, "gas": EXHAUST}),
+    (EDGES, 400.0, {"temperature": 300.0, "gas": {"CO2": 0.01}}),
+    (np.linspace(8.0, 12.0, 9), 300.0, {"temperature": 373.0, "gas": {"H2O": 0.5}}),
+])  # fmt: skip
+def test_noise_is_not_below_the_error(edges, wall, medium, passes):
     """Noise takes draws of passes as independent of each other, and so states more than stratified draws are off by."""
-    scene = slab(EDGES, temperature=900.0, gas=EXHAUST, wall=400.0)
-    films = [render(scene, Settings(passes=32, seed=seed)) for seed in range(8)]
+    scene = slab(edges, wall=wall, **medium)
+    films = [render(scene, Settings(passes=passes, seed=seed)) for seed in range(8)]
     spread = np.std([film.temperature().mean() for film in films], ddof=1)
     noise = np.mean([film.noise().mean() for film in films])
-    print(f"noise {noise:.3g} K, spread {spread:.3g} K")
+    print(f"{passes} passes: noise {noise:.3g} K, spread of seeds {spread:.3g} K, {noise / spread:.1f}")
     assert spread < noise
+
+
+@pytest.mark.parametrize(
+    "low, high, least, most", [(3.0, 5.0, 0.6, 0.7), (8.0, 12.0, 0.82, 0.92), (8.0, 14.0, 0.75, 0.85)]
+)
+def test_air_over_distances(low, high, least, most):
+    """What air of 20 C and 50 % humidity lets through of a blackbody at 293 K, in a kilometre."""
+    air = Medium("air", 0.0, 293.15, gas=find_gas("Air, 20 C, 50 % humidity"))
+    through = molecular((air,), [low, high], 293.15).exact_transmittances(10.0 ** np.arange(5))[:, 0, 0]
+    print(f"{low:g}-{high:g} um: " + ", ".join(f"{10**i} m {each:.3f}" for i, each in enumerate(through)))
+    assert np.all(np.diff(through) < 0.0) and least < through[3] < most
 
 
 def test_gas_without_lines_draws_nothing():

@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 _CELLS = 128  # parts of a band, in whose proportion wavenumbers are drawn
 _FIRST = 1 << 30  # pass from which on draws stand for endless ones; no render has so many passes
-_DRAWS = 1 << 18  # of all bands together, that stand for endless ones
+_DRAWS = 1 << 16  # of all bands together, that stand for endless ones
 _WARM = 250.0  # K, below which the data, from 300 K on, may be far from the truth
 _FAINT = 200.0  # K: behind media, colder things count as so warm; before 0 K any error is large in kelvin
 _LENGTHS = 8  # each half of the one before
@@ -205,7 +205,7 @@ class MolecularMedia:
     def exact_transmittances(self, lengths: np.ndarray) -> np.ndarray:
         """`transmittances` of so many passes that more would not change them much."""
         bands = self._table.absorption.shape[1]
-        return self.transmittances(_FIRST, min(max(_DRAWS // bands, 1024), 16384), lengths)
+        return self.transmittances(_FIRST, min(max(_DRAWS // bands, 512), 8192), lengths)
 
     def quadrature_error(
         self,
