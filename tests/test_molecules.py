@@ -240,9 +240,27 @@ def test_mixtures_multiply():
     assert found == pytest.approx(true_transmittance(mixture, edges, 1000.0, 1.0, 1000.0), abs=2e-3)
 
 
+def test_light_of_other_temperatures_in_wide_bands():
+    """A wall of 320 K in a room of 300 K seen through 10 m of air, 3 to 5 um, where wavenumbers are drawn for 1000 K:
+    with 16 bands within 0.001 of the share that gets through."""
+    mixture = {"CO2": 420e-6, "H2O": 0.01}
+    for count, most in ((1, 0.03), (4, 0.004), (16, 0.001)):
+        edges = np.linspace(3.0, 5.0, count + 1)
+        warmer, drawn_for, all_light = 0.0, 0.0, 0.0
+        for low, high in zip(edges[:-1], edges[1:], strict=True):
+            wavelength = np.linspace(low, high, 4001)
+            through = np.prod([malkmus(each, mixture, 1e4 / wavelength, 300.0, 10.0) for each in mixture], axis=0)
+            light = planck(wavelength, 320.0) - planck(wavelength, 300.0)
+            warmer += np.sum(light * through) / count
+            all_light += np.sum(light) / count
+            drawn_for += np.sum(light) / count * np.average(through, weights=planck(wavelength, 1000.0))
+        print(f"{count} bands: {drawn_for / all_light:.4f} get through, really {warmer / all_light:.4f}")
+        assert drawn_for == pytest.approx(warmer, rel=most)
+
+
 def test_coefficients_at_many_temperatures_are_those_at_each():
     """As a grid of temperatures asks for them."""
-    draws = Sampler(np.linspace(3.0, 5.0, 5), 900.0, 2).draw(np.arange(3))
+    draws = Sampler(np.linspace(3.0, 5.0, 5), 900.0, 2).of_pass(3)
     kelvin, mixture = np.array([300.0, 750.0, 1800.0]), {"H2O": 0.1, "CO": 0.01}
     together = species_coefficients(draws, kelvin, 2e5, mixture)
     for i, each in enumerate(kelvin):

@@ -79,6 +79,11 @@ class Sampler:
         wavelength = np.array([np.interp(each, below, points) for each, below, points in columns]).T
         return Draws(1e4 / wavelength, u[1:])
 
+    def of_pass(self, index: int) -> Draws:
+        """Draws of shape (b,) of an absolute pass number."""
+        several = self.draw(np.array([index]))
+        return Draws(several.wavenumber[0], several.g[:, 0])
+
 
 @njit(**KERNEL)
 def _draw(key, passes, u):
@@ -182,7 +187,7 @@ class MolecularMedia:
     def __init__(self, media: tuple[Medium, ...], table: MediumTable, sampler: Sampler):
         """table: of what they have besides molecules."""
         self.media = media
-        self._table, self._sampler = table, sampler
+        self.sampler, self._table = sampler, table
 
     def table(self, index: int) -> MediumTable:
         """The MediumTable of an absolute pass number."""
@@ -231,7 +236,7 @@ class MolecularMedia:
 
     def _absorption(self, passes: np.ndarray) -> np.ndarray:
         """(m, n, b) absorption coefficients of molecules in passes (n,), one over a unit of the scene."""
-        draws = self._sampler.draw(passes)
+        draws = self.sampler.draw(passes)
         absorption = np.zeros((len(self.media), *draws.wavenumber.shape))
         for i, medium in enumerate(self.media):
             mixture = medium.molecules
