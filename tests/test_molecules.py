@@ -13,7 +13,7 @@ import pytest
 from scipy.special import expn
 from scipy.stats import invgauss
 
-from addon.solver import Camera, Material, Medium, SceneError, Settings, render
+from addon.solver import Camera, Film, Material, Medium, SceneError, Settings, render
 from addon.solver.physics.gases import find_gas, gases
 from addon.solver.physics.media import build_medium_table
 from addon.solver.physics.molecules import (
@@ -389,15 +389,36 @@ def test_the_error_of_the_quadrature_is_told(caplog):
     (EDGES, 400.0, {"temperature": 900.0, "gas": EXHAUST}),
     (EDGES, 400.0, {"temperature": 300.0, "gas": {"CO2": 0.01}}),
     (np.linspace(8.0, 12.0, 9), 300.0, {"temperature": 373.0, "gas": {"H2O": 0.5}}),
+    (np.linspace(3.0, 5.0, 17), 300.0, {"temperature": 1000.0, "gas": {"CO2": 0.1, "H2O": 0.1, "soot": 1e-8}}),
 ])  # fmt: skip
-def test_noise_is_not_below_the_error(edges, wall, medium, passes):
-    """Noise takes draws of passes as independent of each other, and so states more than stratified draws are off by."""
+def test_noise_holds_the_error_of_the_draws(edges, wall, medium, passes):
+    """Root mean squares over 16 seeds, Noise over error; the way through the gas is longer than those that Noise looks
+    at. The error's own root mean square is known to 18 %, Noise is seldom too small and often too large."""
     scene = slab(edges, wall=wall, **medium)
-    films = [render(scene, Settings(passes=passes, seed=seed)) for seed in range(8)]
+    thin = dataclasses.replace(scene.media[0], vertices=scene.media[0].vertices * (1.0, 0.06, 1.0))
+    scene = dataclasses.replace(scene, media=(thin,))
+    films = [render(scene, Settings(passes=passes, seed=seed)) for seed in range(16)]
     spread = np.std([film.temperature().mean() for film in films], ddof=1)
-    noise = np.mean([film.noise().mean() for film in films])
-    print(f"{passes} passes: noise {noise:.3g} K, spread of seeds {spread:.3g} K, {noise / spread:.1f}")
-    assert spread < noise
+    noise = np.sqrt(np.mean([film.noise().mean() ** 2 for film in films]))
+    print(f"{passes} passes: noise {noise:.3g} K, spread of seeds {spread:.3g} K, {noise / spread:.2f}")
+    assert 0.7 < noise / spread < 2.5
+
+
+def test_films_with_draws_merge_and_are_kept():
+    """In parts, and by way of a state, to rounding: the noise of all passes in one film."""
+    scene = slab(EDGES, temperature=900.0, gas=EXHAUST, wall=400.0)
+    whole, one = render(scene, Settings(passes=24)), render(scene, Settings(passes=10))
+    two = render(scene, Settings(passes=14, pass_offset=10))
+    np.testing.assert_allclose(one.merge(two).noise(), whole.noise(), rtol=1e-4)
+    again = Film.from_state(whole.state())
+    np.testing.assert_array_equal(again.noise(), whole.noise())
+    assert again.state().keys() == whole.state().keys()
+    going_on = render(scene, Settings(passes=24), film=Film.from_state(one.state()))
+    np.testing.assert_array_equal(going_on.noise(), whole.noise())
+    with pytest.raises(ValueError, match="with and without molecules"):
+        whole.merge(Film(4, 3, EDGES, whole.reference_temperature))
+    with pytest.raises(ValueError, match="of the regression"):
+        Film.from_state(whole.state() | {"rest_products": np.zeros((2, 2))})
 
 
 @pytest.mark.parametrize(

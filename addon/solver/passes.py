@@ -75,6 +75,9 @@ def render(
         return Film(*size, scene.band_edges, 0.0, *numbers) if film is None else film
     check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon, model.rays_per_pixel))
     empty = Film(*size, scene.band_edges, model.reference_temperature, *numbers, model.weights, model.layers)
+    molecular, probed = model.molecular, (model.diameter, model.weights)
+    if molecular is not None:
+        empty.follow_draws(molecular.exact_probes(*probed))
     if film is None:
         film = empty
     film.check_same_kind(empty)
@@ -89,9 +92,11 @@ def render(
     with ThreadPoolExecutor(settings.workers) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
             work = Work(store, pool, cancelled)
-            if not render_pass(model, settings, settings.pass_offset + film.passes, work, (image, seen, missed)):
+            index = settings.pass_offset + film.passes
+            if not render_pass(model, settings, index, work, (image, seen, missed)):
                 break
-            film.add_pass(image, seen, model.photons_per_pass, missed)
+            drawn = None if molecular is None else molecular.probes(np.array([index]), *probed)[0]
+            film.add_pass(image, seen, model.photons_per_pass, missed, drawn)
             if on_pass:
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)

@@ -111,6 +111,8 @@ class Medium:
     def __post_init__(self):
         owner = f"Medium '{self.name}'"
         self._check_gas(owner)
+        fractions = {name: float(self.gas[name]) for name in (*MOLECULES, SOOT) if name in self.gas}
+        object.__setattr__(self, "gas", fractions)  # in one order, as a fingerprint needs them
         for quantity in ("absorption", "scattering"):
             wavelengths, values = self.curve(quantity)
             check_wavelengths(wavelengths, f"{owner}: {quantity}")
@@ -137,7 +139,7 @@ class Medium:
     @property
     def molecules(self) -> dict[str, float]:
         """Mole fractions of what has lines."""
-        return {name: float(self.gas[name]) for name in MOLECULES if self.gas.get(name, 0.0) > 0.0}
+        return {name: self.gas[name] for name in MOLECULES if self.gas.get(name, 0.0) > 0.0}
 
     @property
     def scatters(self) -> bool:

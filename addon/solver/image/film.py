@@ -16,11 +16,13 @@ from ..physics.spectrum import apparent_temperature, band_names
 from ..scene import check_band_edges
 from ..system.kernels import KERNEL, njit
 from .pooling import pooled_variance
+from .regression import Regression
 from .self_check import GRID, region_means, regions, significant, spread_out
 
 _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
 _ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")  # by pixel
 _CHECKS = ("_missed", "_missed_squares")  # by region of the image
+_DRAWN = ("seen", "rest")  # the two parts of the radiance whose Regression a film with draws holds
 
 
 class Film:
@@ -73,6 +75,11 @@ class Film:
         self._squares, self._cubes, self._fourths = np.zeros((3, height * width))
         # mean over the passes, and sum of squared deviations, of what regions miss (see self_check)
         self._missed, self._missed_squares = np.zeros((2, GRID**2))
+        self._drawn: dict[str, Regression] = {}
+
+    def follow_draws(self, exact: np.ndarray) -> None:
+        """Expect with each pass (j,) numbers that tell what it drew of spectra, whose exact mean is given."""
+        self._drawn = {part: Regression(self.height * self.width, exact) for part in _DRAWN}
 
     def __getstate__(self):
         """A film can be pickled, to be merged on another machine; a lock cannot."""
@@ -84,7 +91,8 @@ class Film:
     def state(self) -> dict[str, np.ndarray]:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
         arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS)}
-        return arrays | {"layers": np.asarray(to_json(self.layers))}
+        drawn = {f"{part}_{name}": a for part, each in self._drawn.items() for name, a in each.state().items()}
+        return arrays | {"layers": np.asarray(to_json(self.layers))} | drawn
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
@@ -116,6 +124,9 @@ class Film:
         film.passes, film.photons = passes, photons
         for name in shapes:
             setattr(film, name, state[name])
+        for part in _DRAWN if "seen_exact" in state else ():
+            own = {name.removeprefix(f"{part}_"): state[name] for name in state if name.startswith(f"{part}_")}
+            film._drawn[part] = Regression.from_state(own, height * width)
         return film
 
     @property
@@ -132,15 +143,26 @@ class Film:
         """Names of the bands as in Blender's passes."""
         return band_names(self.band_edges)
 
-    def add_pass(self, excess: np.ndarray, seen: np.ndarray, photons: int, missed: np.ndarray | None = None) -> None:
+    def add_pass(
+        self,
+        excess: np.ndarray,
+        seen: np.ndarray,
+        photons: int,
+        missed: np.ndarray | None = None,
+        drawn: np.ndarray | None = None,
+    ) -> None:
         """Add one finished pass.
 
         excess: (height * width, layers * b) float32, excess radiance, W m-2 sr-1 per band. seen: (height * width,)
         float32, the part of its sum, weighted with layer_weights, that surfaces emit straight into the camera. photons:
         emitted in the pass. missed: (height * width,) float32, what the excess misses where rays recall, as few rays
-        tell (see render_pixels); None for nothing.
+        tell (see render_pixels); None for nothing. drawn: see follow_draws; None without draws.
         """
         with self.lock:
+            if self._drawn:
+                rest = _weighted(excess, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
+                self._drawn["seen"].add(seen.astype(np.float64), drawn)
+                self._drawn["rest"].add(rest, drawn)
             count = self.passes + 1
             directly, rest = (self._seen, self._seen_squares), (self._squares, self._cubes, self._fourths)
             _accumulate(self._mean, directly, rest, (excess, seen), self.layer_weights.ravel(), count)
@@ -165,6 +187,8 @@ class Film:
             )
         if not np.array_equal(self.weights, other.weights):
             raise ValueError("Films of sensors with different responses cannot be merged")
+        if len(self._drawn) != len(other._drawn):
+            raise ValueError("Films of gases with and without molecules cannot be merged")
         if to_json(self.layers) != to_json(other.layers):
             raise ValueError("Films with different temperature groups cannot be merged")
 
@@ -198,6 +222,7 @@ class Film:
             total._fourths = self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
             total._fourths += 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0])
             total._fourths += 4.0 * apart * (a * cubes[1] - b * cubes[0])
+            total._drawn = {part: each.merge(other._drawn[part]) for part, each in self._drawn.items()}
             missed = other._missed - self._missed
             total._missed = self._missed + share * missed
             total._missed_squares = self._missed_squares + other._missed_squares + missed**2 * self.passes * share
@@ -241,19 +266,33 @@ class Film:
         # Photons of different passes are independent. But the camera rays of all passes are one stratified sequence:
         # the variance from an edge in a pixel falls as n^-3/2, as only the n^1/2 strata on the edge err (Mitchell
         # 1996).
-        seen = self._seen_squares / math.sqrt(self.passes)
+        seen, squares, fourths, off = self._undrawn()
+        seen = seen / math.sqrt(self.passes)
         shape = self.height, self.width
-        sums = self._squares.reshape(shape), self._fourths.reshape(shape)
+        sums = squares.reshape(shape), fourths.reshape(shape)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
         variance = (rest + seen / (self.passes - 1)) / self.passes
         bias = significant(self._missed, self._missed_squares, self.passes)
         if bias.any():
             variance += spread_out(bias, np.sqrt(rest / self.passes), regions(self.width, self.height)) ** 2
+        variance += off**2
         error = np.sqrt(variance) / self.correction.emissivity
         # half of the interval from one standard error below to one above: finite even where the radiance is 0
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))
         return self._image(0.5 * (above - below))
+
+    def _undrawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | float]:
+        """Sums of squares of what is seen, sums of squares and of fourth powers of the rest, both without what follows
+        the draws of spectra; and how far these let the radiance be off, W m-2 sr-1. As many passes would tell them."""
+        sums = self._seen_squares, self._squares, self._fourths
+        if not self._drawn or self._drawn["rest"].freedom() < 1:
+            return *sums, 0.0
+        seen, rest = (self._drawn[part] for part in _DRAWN)
+        scale = (self.passes - 1) / rest.freedom()
+        left = [scale * np.maximum(of - each.explained(), 0.0) for of, each in zip(sums[:2], (seen, rest), strict=True)]
+        ratio = np.divide(left[1], sums[1], out=np.ones_like(left[1]), where=sums[1] > 0.0)
+        return left[0], left[1], sums[2] * ratio**2, seen.bias() + rest.bias()
 
     def missed(self) -> tuple[np.ndarray, np.ndarray]:
         """What regions of the image miss where rays recall, in the mean over their pixels and all passes, and its

@@ -42,6 +42,7 @@ _DRAWS = 1 << 16  # of all bands together, that stand for endless ones
 _WARM = 250.0  # K, below which the data, from 300 K on, may be far from the truth
 _FAINT = 200.0  # K: behind media, colder things count as so warm; before 0 K any error is large in kelvin
 _LENGTHS = 8  # each half of the one before
+_PROBED, _SHARES = 3, (0.25, 1.0)  # media that noise looks through, at most, and over which shares of their extent
 _TYPICAL = 64  # draws behind the table of what is planned
 _ROOT_PI = math.sqrt(math.pi)
 
@@ -70,6 +71,7 @@ class Sampler:
         self._wavelength = np.geomspace(edges[:-1], edges[1:], _CELLS + 1, axis=1)
         cells = (band_radiance(row, kelvin) for row in self._wavelength)
         self._below = np.array([np.concatenate(([0.0], np.cumsum(each) / each.sum())) for each in cells])
+        self.radiance = band_radiance(edges, kelvin)  # (b,) of that blackbody
 
     def draw(self, passes: np.ndarray) -> Draws:
         """Draws of shape (n, b) of absolute pass numbers (n,)."""
@@ -209,8 +211,22 @@ class MolecularMedia:
 
     def exact_transmittances(self, lengths: np.ndarray) -> np.ndarray:
         """`transmittances` of so many passes that more would not change them much."""
-        bands = self._table.absorption.shape[1]
-        return self.transmittances(_FIRST, min(max(_DRAWS // bands, 512), 8192), lengths)
+        return self.transmittances(_FIRST, self._draws(), lengths)
+
+    def _draws(self) -> int:
+        return min(max(_DRAWS // self._table.absorption.shape[1], 512), 8192)
+
+    def probes(self, passes: np.ndarray, length: float, weights: np.ndarray) -> np.ndarray:
+        """(n, j) what passes (n,) let a sensor see of a blackbody through media: the first _PROBED, each over two
+        lengths. length: of media without a mesh. weights: (b,) response of the sensor."""
+        k = self._absorption(passes) + self._table.absorption[:, None]
+        signal = weights * self.sampler.radiance
+        ways = [(i, share * _thickness(self.media[i], length)) for i in _probed(self.media) for share in _SHARES]
+        return np.stack([np.exp(-k[i] * way) @ signal for i, way in ways], axis=1)
+
+    def exact_probes(self, length: float, weights: np.ndarray) -> np.ndarray:
+        """(j,) mean of `probes` over so many passes that more would not change it much."""
+        return self.probes(_FIRST + np.arange(self._draws()), length, weights).mean(axis=0)
 
     def quadrature_error(
         self,
@@ -248,6 +264,21 @@ class MolecularMedia:
     def _with(self, absorption: np.ndarray) -> MediumTable:
         table = self._table
         return table._replace(absorption=table.absorption + absorption, extinction=table.extinction + absorption)
+
+
+def _probed(media: tuple[Medium, ...]) -> list[int]:
+    """Which media `probes` looks through."""
+    return [i for i, medium in enumerate(media) if medium.molecules][:_PROBED]
+
+
+def probe_count(media: tuple[Medium, ...]) -> int:
+    """How many numbers `probes` gives for a pass."""
+    return len(_probed(media)) * len(_SHARES)
+
+
+def _thickness(medium: Medium, length: float) -> float:
+    """The least extent of a medium along an axis; a length for one without a mesh."""
+    return length if medium.vertices is None else float(np.ptp(medium.vertices, axis=0).min())
 
 
 def build_molecular_media(
