@@ -452,6 +452,15 @@ def test_pressure_and_units():
     assert render(scene, Settings(passes=16)).radiance().mean() == pytest.approx(a, rel=1e-5)
 
 
+@pytest.mark.parametrize("medium", [
+    {"temperature": 0.0}, {"temperature": 5000.0}, {"temperature": 300.0, "pressure": 1e-3},
+    {"temperature": 300.0, "pressure": 1e8}, {"temperature": 300.0, "gas": {"CH4": 0.0, "H2O": 1.0}},
+])  # fmt: skip
+def test_extreme_gases_are_finite(medium):
+    film = render(slab([1.0, 2.0, 50.0, 300.0], **{"gas": dict.fromkeys(MOLECULES, 0.25)} | medium), Settings(passes=4))
+    assert np.isfinite(film.bands()).all() and np.isfinite(film.noise()).all() and film.bands().min() >= 0.0
+
+
 def test_temperatures_outside_the_data_are_told(caplog):
     with caplog.at_level("WARNING"):
         prepare(slab(EDGES, temperature=3000.0, gas=EXHAUST), Settings())

@@ -40,6 +40,7 @@ _CELLS = 128  # parts of a band, in whose proportion wavenumbers are drawn
 _FIRST = 1 << 30  # pass from which on draws stand for endless ones; no render has so many passes
 _DRAWS = 1 << 16  # of all bands together, that stand for endless ones
 _WARM = 250.0  # K, below which the data, from 300 K on, may be far from the truth
+_COLDEST = 200.0  # K: molecules do not get denser below
 _FAINT = 200.0  # K: behind media, colder things count as so warm; before 0 K any error is large in kelvin
 _LENGTHS = 8  # each half of the one before
 _PROBED, _SHARES = 3, (0.25, 1.0)  # media that noise looks through, at most, and over which shares of their extent
@@ -105,7 +106,7 @@ def species_coefficients(
     draws: of shape s. kelvin: (t,) temperatures. pressure: Pa. mixture: typical mole fractions, by which lines are
     broadened, and by which water vapour's continuum is more than proportional to its fraction.
     """
-    kelvin, atm = np.asarray(kelvin, float), pressure / ATMOSPHERE
+    kelvin, atm = np.maximum(kelvin, _COLDEST), pressure / ATMOSPHERE
     coefficients = {}
     for name, g in zip(MOLECULES, draws.g, strict=True):
         if name not in mixture:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -169,13 +169,14 @@ def _methane_overtones(wavenumber: np.ndarray) -> np.ndarray:
 
 class _Oscillator(NamedTuple):
     """One vibration-rotation band. area: integrated strength at 300 K, cm-2 atm-1. rotation, coupling: constants B and
-    alpha, cm-1. partition: of the vibrations, a function of T that is 1 at 0 K, in the sense of 1 over it. states: by
-    row, energy of the lower state cm-1, its weight, lines that coincide, B - alpha (v + 1) cm-1, band centre cm-1."""
+    alpha of the molecule, cm-1. unpopulated: 1 over the partition function of its vibrations, as a function of T.
+    states: of each lower state its energy, cm-1, its weight, how many lines coincide, B - alpha (v + 1) and the centre
+    of its band, cm-1."""
 
     area: float
     rotation: float
     coupling: float
-    unpopulated: object
+    unpopulated: Callable[[np.ndarray | float], np.ndarray | float]
     states: list[tuple[float, float, float, float, float]]
 
 
@@ -289,7 +290,7 @@ def _two_micrometres(wavenumber: np.ndarray) -> np.ndarray:
     return total
 
 
-def _unpopulated(quantum: float):
+def _unpopulated(quantum: float) -> Callable:
     """1 over the partition function of a band of CO2 that absorbs a quantum (cm-1), as a function of T."""
 
     def of(T):
