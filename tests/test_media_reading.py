@@ -80,6 +80,57 @@ def test_a_gas_may_scatter(scene):
     np.testing.assert_allclose(medium.scattering, [[8.0, 0.1], [12.0, 0.3]])
 
 
+def test_a_gas_may_be_a_mixture(scene):
+    """By its species, at the object's pressure; lengths in millimetres are converted by the solver."""
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    scene["pressure"] = 2e5
+    paint = scene.data.materials[0]
+    del paint["absorption"]
+    paint["gas"] = {"H2O": 0.12, "CO2": 0.1, "soot": 1e-7}
+    read_scene, warnings = read()
+    (medium,) = read_scene.media
+    assert warnings == [] and medium.gas == {"H2O": 0.12, "CO2": 0.1, "soot": 1e-7}
+    assert medium.pressure == 2e5 and medium.metres == pytest.approx(0.001)
+    assert medium.absorption == 0.0 and medium.temperature == 600.0
+
+
+def test_a_gas_may_have_a_name(scene):
+    """Of the library, letter case ignored; the world's as well, at its own pressure, beside what it absorbs."""
+    scene.data.materials[0]["gas"] = "exhaust, PETROL"
+    world = bpy.context.scene.world
+    world["gas"], world["pressure"], world["depth"] = "Air, 20 C, 50 % humidity", 9e4, 10.0
+    plume, air = read()[0].media
+    assert plume.gas == {"H2O": 0.132, "CO2": 0.125, "CO": 0.005} and plume.absorption == 0.5
+    assert plume.pressure == 101325.0 and air.pressure == 9e4 and set(air.gas) == {"H2O", "CO2"}
+    assert 0.3 < seen(read()[0]) < 1.0
+
+
+@pytest.mark.parametrize("value, message", [
+    ("petrol exhaust", "Material 'Gas': the library has no gas 'petrol exhaust'; close names: 'Exhaust, "),
+    (0.3, "Material 'Gas': gas is 0.3, expected the name of a gas of the library, or mole fractions such as"),
+    ({"CO2": "much"}, "Material 'Gas': gas is {'CO2': 'much'}, expected the name"),
+    ({"NH3": 0.1}, "Medium 'Plume: Gas': unknown species 'NH3'; known are H2O"),
+    ({"CO2": 1.5}, "Medium 'Plume: Gas': the fraction of CO2 is 1.5; it is from 0 to 1"),
+    ({"CO2": 0.7, "H2O": 0.7}, "Medium 'Plume: Gas': the mole fractions add up to 1.4"),
+])  # fmt: skip
+def test_mixtures_that_make_no_sense_are_errors(scene, value, message):
+    scene.data.materials[0]["gas"] = value
+    with pytest.raises(SceneError) as error:
+        read()
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize("value, message", [
+    (-5.0, "Medium 'Plume: Gas': pressure -5 Pa; it is finite and above 0"),
+    ("high", "Object 'Plume': pressure is 'high', expected a number in pascals"),
+])  # fmt: skip
+def test_pressure_that_makes_no_sense_is_an_error(scene, value, message):
+    scene["pressure"] = value
+    with pytest.raises(SceneError) as error:
+        read()
+    assert message in str(error.value)
+
+
 def test_without_gas_there_are_no_media(scene):
     bpy.data.objects.remove(scene)
     assert read()[0].media == ()
@@ -87,7 +138,6 @@ def test_without_gas_there_are_no_media(scene):
 
 @pytest.mark.parametrize("change, warning", [
     ("open", "'Plume': the mesh of a gas must be closed, but it is open at ("),
-    ("mixture", "'Gas': mixtures of gases are not rendered; absorption and scattering count"),
     ("no depth", "'Sky': its gas has no depth, so rays that leave the scene cross none of it"),
     ("no temperature", "'Plume': no temperature, using the ambient"),
     ("attribute", "'Plume': a gas has one temperature; the mean of its mesh counts"),
@@ -100,8 +150,6 @@ def test_what_a_gas_lacks_is_named(scene, change, warning):
         shape.from_mesh(scene.data)
         bmesh.ops.delete(shape, geom=[next(iter(shape.faces))], context="FACES_ONLY")
         shape.to_mesh(scene.data)
-    elif change == "mixture":
-        scene.data.materials[0]["gas"] = {"H2O": 0.1}
     elif change == "no depth":
         bpy.context.scene.world["absorption"] = 0.1
     elif change == "no temperature":

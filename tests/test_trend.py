@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from addon.solver.image.film import Film
+from addon.solver.image.regression import Regression
 from addon.solver.image.trend import blur, shrink_factor
 
 EDGES = np.array([8.0, 12.0])
@@ -14,8 +15,9 @@ SIZE, PASSES = 24, 64
 def film_of(values, areas, first=0):
     """A Film of passes of values (passes, SIZE^2)."""
     film = Film(SIZE, SIZE, EDGES, 300.0, first_pass=first)
+    film.follow_disks()
     for row, area in zip(values, areas, strict=True):
-        film.add_pass(row[:, None].astype(np.float32), np.zeros(SIZE**2, np.float32), 0, None, area)
+        film.add_pass(row[:, None].astype(np.float32), np.zeros(SIZE**2, np.float32), 0, area=area)
     return film
 
 
@@ -59,8 +61,10 @@ def test_noise_alone_is_hardly_blur(areas):
 
 
 def test_equal_disks_blur_nothing():
-    nothing = blur(np.ones((4, 4)), (1.0, 0.0), np.ones((4, 4)), 8)
-    assert not nothing.any()
+    areas = Regression(16, np.zeros(1))
+    for i in range(8):
+        areas.add(np.arange(16.0) * i, np.ones(1))
+    assert not blur(areas, np.ones((4, 4))).any()
 
 
 def test_two_passes_tell_nothing_of_blur(areas):

@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..solver.geometry.closed import open_edge
-from ..solver.scene import Medium, SceneError
+from ..solver.physics.gases import find_gas
+from ..solver.scene import ATMOSPHERE, Medium, SceneError
 from .custom_properties import describe, read_number
 from .materials import pair_points
 from .warnings import Warnings
@@ -19,15 +20,38 @@ def is_medium(material) -> bool:
     return material is not None and any(material.get(key) is not None for key in _KEYS)
 
 
-def read_optics(block, owner: str, warnings: Warnings, metres: float) -> dict:
-    """The absorption, scattering and anisotropy of a material or world, as Medium takes them, in units of the scene.
+def read_optics(block, owner: str, metres: float) -> dict:
+    """The absorption, scattering, anisotropy and gas of a material or world, as Medium takes them.
 
-    metres: length of such a unit, see metres_per_unit. Raises SceneError, naming the value, if it makes no sense.
+    metres: length of a unit of the scene, see metres_per_unit. Raises SceneError, naming the value, if it makes no
+    sense.
     """
-    if block.get("gas") is not None:
-        warnings.add(block.name, "mixtures of gases are not rendered; absorption and scattering count")
     optics = {quantity: _coefficient(block, quantity, owner, metres) for quantity in ("absorption", "scattering")}
-    return optics | {"anisotropy": read_number(block, "anisotropy", 0.0, owner, " from -1 to 1")}
+    anisotropy = read_number(block, "anisotropy", 0.0, owner, " from -1 to 1")
+    return optics | {"anisotropy": anisotropy, "gas": _mixture(block, owner), "metres": metres}
+
+
+def _mixture(block, owner: str) -> dict[str, float]:
+    """What the gas of a material or world consists of: fractions by species, given so or by the name of a mixture."""
+    value = block.get("gas")
+    if value is None:
+        return {}
+    if isinstance(value, str):
+        try:
+            return find_gas(value)
+        except KeyError as error:
+            raise SceneError(f"{owner}: {error.args[0]}") from None
+    fractions = value.to_dict() if hasattr(value, "to_dict") else {}
+    if not fractions or not all(_is_number(fraction) for fraction in fractions.values()):
+        raise SceneError(
+            f"{owner}: gas is {describe(value)}, expected the name of a gas of the library, or mole fractions such as "
+            '{"H2O": 0.12, "CO2": 0.12}'
+        )
+    return {name: float(fraction) for name, fraction in fractions.items()}
+
+
+def _is_number(value) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _coefficient(block, quantity: str, owner: str, metres: float) -> float | np.ndarray:
@@ -35,7 +59,7 @@ def _coefficient(block, quantity: str, owner: str, metres: float) -> float | np.
     value = block.get(quantity)
     if value is None:
         return 0.0
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if _is_number(value):
         return metres * float(value)
     if getattr(value, "typecode", None) not in ("i", "f", "d"):  # an IDPropertyArray of numbers
         raise SceneError(
@@ -46,17 +70,23 @@ def _coefficient(block, quantity: str, owner: str, metres: float) -> float | np.
 
 
 def read_medium(
-    material, kelvin: float, vertices: np.ndarray, triangles: np.ndarray, owner: str, warnings: Warnings, metres: float
+    obj, material, kelvin: float, vertices: np.ndarray, triangles: np.ndarray, warnings: Warnings, metres: float
 ) -> Medium | None:
     """The gas in a mesh of vertices (n, 3) float64, in world space, and triangles (m, 3); None, and a warning that says
-    where it leaks, if the mesh is open. owner: the object. kelvin: its temperature. metres: see read_optics."""
+    where it leaks, if the mesh is open. kelvin: temperature of the object. metres: see read_optics."""
     leak = open_edge(vertices, triangles)
     if leak is not None:
         place = ", ".join(f"{value:.4g}" for value in leak)
-        warnings.add(owner, f"the mesh of a gas must be closed, but it is open at ({place}); the gas is left out")
+        warnings.add(obj.name, f"the mesh of a gas must be closed, but it is open at ({place}); the gas is left out")
         return None
-    optics = read_optics(material, f"Material '{material.name}'", warnings, metres)
-    return Medium(f"{owner}: {material.name}", temperature=kelvin, vertices=vertices, triangles=triangles, **optics)
+    optics = read_optics(material, f"Material '{material.name}'", metres)
+    optics["pressure"] = _pressure(obj, f"Object '{obj.name}'")
+    return Medium(f"{obj.name}: {material.name}", temperature=kelvin, vertices=vertices, triangles=triangles, **optics)
+
+
+def _pressure(block, owner: str) -> float:
+    """The pressure of an object's or the world's gas, Pa."""
+    return read_number(block, "pressure", ATMOSPHERE, owner, " in pascals")
 
 
 def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -> tuple[tuple[Medium, ...], float]:
@@ -68,4 +98,5 @@ def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -
     depth = read_number(world, "depth", 0.0, owner, " in metres") / metres
     if world.get("depth") is None:
         warnings.add(world.name, "its gas has no depth, so rays that leave the scene cross none of it")
-    return (Medium(owner, temperature=kelvin, **read_optics(world, owner, warnings, metres)),), depth
+    optics = read_optics(world, owner, metres) | {"pressure": _pressure(world, owner)}
+    return (Medium(owner, temperature=kelvin, **optics),), depth

@@ -85,7 +85,7 @@ class SurfaceReader:
             self.warnings.add(obj.name, "temperature groups are for surfaces; the gas stays as it is")
         for number in np.unique(slot[slot >= 0]):
             used = triangles[slot == number]
-            medium = read_medium(materials[number], kelvin, vertices, used, obj.name, self.warnings, self.metres)
+            medium = read_medium(obj, materials[number], kelvin, vertices, used, self.warnings, self.metres)
             if medium is not None:
                 self.media.append(medium)
 

@@ -3,9 +3,10 @@
 
 With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a pass, in bytes:
 
-    film       P (12 l b + 72)                mean in float64, one pass in float32, nine more values for the noise
+    film       P (12 l b + 80)                mean in float64, one pass in float32, ten more values for the noise
                                               and four results of the survey
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
+               P (16 + 24 j)                  with molecules: what follows the j numbers that tell their draws
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     frame      20 F                           of F pixels around a render region: Combined, and as a screen shows it
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
@@ -29,6 +30,7 @@ import numpy as np
 
 from .image.tiles import TILE
 from .physics.layers import scene_layers
+from .physics.molecules import probe_count
 from .physics.radiometry import emission_range, table_rows
 from .scene import Scene, SceneError
 from .settings import Settings
@@ -53,7 +55,7 @@ def memory_of_images(pixels: float, bands: int, copies: float = 0, layers: int =
     copies: see memory_beforehand. layers: of temperature groups. around: number of pixels of the frame that lie around
     the render region and are shown with it.
     """
-    film = 12 * layers * bands + 72 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
+    film = 12 * layers * bands + 80 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
     parts = {"film": float(pixels) * film, "images": float(pixels) * (4 * copies * (bands + 7) + 64)}
     return parts | ({"frame": 20.0 * around} if around else {})
 
@@ -89,7 +91,9 @@ def _pixels(scene: Scene) -> float:
 
 
 def _images_of(scene: Scene, copies: float) -> dict[str, float]:
-    return memory_of_images(_pixels(scene), scene.band_count, copies, len(scene_layers(scene)[0]))
+    parts = memory_of_images(_pixels(scene), scene.band_count, copies, len(scene_layers(scene)[0]))
+    numbers = probe_count(scene.media)
+    return parts | ({"film": parts["film"] + _pixels(scene) * (16 + 24 * numbers)} if numbers else {})
 
 
 def check_memory(required: dict[str, float], render: str = "This render") -> None:

@@ -3,6 +3,7 @@
 
 prepare the scene: what the image can depend on, reference temperature, tables, emitters  (planning.preparation)
 for every pass:
+    draw what molecules absorb                           (physics.molecules)
     emit photons, trace them, store their hits           (photons.emission, photons.transport)
     sort them into a photon map                          (photons.photon_map)
     estimate the irradiance at some points               (photons.irradiance_cache)
@@ -34,7 +35,7 @@ from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, c
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
 from .photons.transport import trace_photons
 from .planning.preparation import Model, photon_store, prepare
-from .sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key
+from .sampling.rng import ALL_PASSES, CACHE, CAMERA, LAMPS, PHOTONS, pass_key
 from .scene import Scene
 from .settings import Settings
 
@@ -42,7 +43,7 @@ log = logging.getLogger(__name__)
 
 # Work is cut into pieces of fixed size, whatever the number of threads, so that results never depend on it.
 PHOTON_CHUNK = 16384  # photons: a wave of 16 bands stays within the second-level cache
-_ALL_PIXELS = 2**32 - 1  # instead of a pass index: for the camera's sequence, which all passes share
+_MOST_DRAWS = 4096  # passes whose error of quadrature is told; more err less
 
 
 def render(
@@ -74,6 +75,11 @@ def render(
         return Film(*size, scene.band_edges, 0.0, *numbers) if film is None else film
     check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon, model.rays_per_pixel))
     empty = Film(*size, scene.band_edges, model.reference_temperature, *numbers, model.weights, model.layers)
+    molecular, probed = model.molecular, (model.diameter, model.weights)
+    if molecular is not None:
+        empty.follow_draws(molecular.exact_probes(*probed))
+    if model.optics.keep_caustic:
+        empty.follow_disks()
     if film is None:
         film = empty
     film.check_same_kind(empty)
@@ -90,12 +96,14 @@ def render(
             work, index = Work(store, pool, cancelled), settings.pass_offset + film.passes
             if not render_pass(model, settings, index, work, (image, seen, missed)):
                 break
-            blurring = disk_area(settings, index) if model.optics.keep_caustic else 1.0
-            film.add_pass(image, seen, model.photons_per_pass, missed, blurring)
+            drawn = None if molecular is None else molecular.probes(np.array([index]), *probed)[0]
+            film.add_pass(image, seen, model.photons_per_pass, missed, drawn, disk_area(settings, index))
             if on_pass:
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
     _log_check(film)
+    if model.molecular is not None and film.passes and not cancelled():
+        _log_quadrature(scene, model, film)
     return film
 
 
@@ -109,6 +117,20 @@ def _log_check(film: Film) -> None:
             "the most of all over its error",
             missed[worst], error[worst], worst[1] + 1, worst[0] + 1,
         )  # fmt: skip
+
+
+def _log_quadrature(scene: Scene, model: Model, film: Film) -> None:
+    """Log how far the image is off because a finite number of passes stands for the spectra of gases: an error that all
+    pixels share, whatever their noise."""
+    _, first, stop = film.ranges[0]
+    surroundings = [scene.world_temperature] if model.openness > 0.0 else []
+    kelvin = np.append(scene.temperature.ravel(), surroundings)
+    sensor, passes = (scene.band_edges, model.weights), min(stop - first, _MOST_DRAWS)
+    error = model.molecular.quadrature_error(first, passes, model.diameter, (kelvin.min(), kelvin.max()), sensor)
+    log.info(
+        "quadrature over the spectra of gases: %d passes are off by at most %.2g K on straight ways through the scene",
+        passes, error,
+    )  # fmt: skip
 
 
 def _is_complete(film: Film, settings: Settings, seconds: float) -> bool:
@@ -147,6 +169,8 @@ class Work(NamedTuple):
 def render_pass(model: Model, settings: Settings, index: int, work: Work, rendered: tuple[np.ndarray, ...]) -> bool:
     """Render pass `index` into what render_pixels returns, here of all pixels. Returns False if the pass was
     cancelled."""
+    if model.molecular is not None:
+        model.tracer.fill(model.molecular.table(index))
     photons = shoot_photons(model, pass_key(settings.seed, index, PHOTONS), work)
     if work.cancelled():
         return False
@@ -175,7 +199,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
         photon_map=photon_map,
         cache=cache,
         estimate=estimate,
-        keys=(pass_key(settings.seed, _ALL_PIXELS, CAMERA), pass_key(settings.seed, index, CAMERA)),
+        keys=(pass_key(settings.seed, ALL_PASSES, CAMERA), pass_key(settings.seed, index, CAMERA)),
         index=index,
         weights=model.layer_weights.astype(np.float32).ravel(),
     )

@@ -6,6 +6,7 @@ Units everywhere: metres, kelvin, micrometres, watts. World coordinates are righ
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +23,9 @@ class SceneError(ValueError):
 
 # Alpha of the GGX lobe below which a surface is a mirror: the lobe is then narrower than a float32 direction resolves.
 MIRROR_ALPHA = 1e-4
+MOLECULES = "H2O", "CO2", "CO", "CH4"  # whose lines a gas may have
+SOOT = "soot"
+ATMOSPHERE = 101325.0  # Pa
 _STEP = 1e-9  # width of the step to 0 at the ends of a response, as a share of the wavelength
 
 
@@ -84,6 +88,9 @@ class Medium:
     absorption: coefficient in 1/m, a float (grey), or an (n, 2) array of [wavelength um, 1/m], wavelengths ascending,
         linear between the points and held constant outside. At least 0.
     temperature: K.
+    gas: what it consists of, by name: mole fractions of MOLECULES, and the volume fraction of SOOT. What they leave is
+        air without lines. They absorb in addition to `absorption`. pressure: Pa, of the mixture. metres: length of a
+        unit of the scene, as lines absorb by the metre whatever the unit.
     scattering: coefficient in 1/m, in the same form. anisotropy: of Henyey and Greenstein's phase function, the mean
         cosine of the angle by which it deflects light, -1 to 1.
     vertices: (n, 3) m, and triangles: (m, 3) int, of the closed mesh that it fills; None for the world's medium, which
@@ -97,9 +104,15 @@ class Medium:
     anisotropy: float = 0.0
     vertices: np.ndarray | None = None
     triangles: np.ndarray | None = None
+    gas: Mapping[str, float] = field(default_factory=dict)
+    pressure: float = ATMOSPHERE
+    metres: float = 1.0
 
     def __post_init__(self):
         owner = f"Medium '{self.name}'"
+        self._check_gas(owner)
+        fractions = {name: float(self.gas[name]) for name in (*MOLECULES, SOOT) if name in self.gas}
+        object.__setattr__(self, "gas", fractions)  # in one order, as a fingerprint needs them
         for quantity in ("absorption", "scattering"):
             wavelengths, values = self.curve(quantity)
             check_wavelengths(wavelengths, f"{owner}: {quantity}")
@@ -110,6 +123,23 @@ class Medium:
             raise SceneError(f"{owner}: anisotropy {self.anisotropy:g} is outside -1..1")
         check_temperature(self.temperature, owner)
         object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as of surfaces
+
+    def _check_gas(self, owner: str) -> None:
+        for name, fraction in self.gas.items():
+            if name not in (*MOLECULES, SOOT):
+                raise SceneError(f"{owner}: unknown species '{name}'; known are {', '.join(MOLECULES)} and {SOOT}")
+            if not 0.0 <= fraction <= 1.0:  # also false for NaN
+                raise SceneError(f"{owner}: the fraction of {name} is {fraction:g}; it is from 0 to 1")
+        total = sum(self.gas.get(name, 0.0) for name in MOLECULES)
+        if total > 1.0 + 1e-6:  # as fractions that were given to 6 digits may add up
+            raise SceneError(f"{owner}: the mole fractions add up to {total:g}; they are at most 1 together")
+        if not 0.0 < self.pressure < np.inf:
+            raise SceneError(f"{owner}: pressure {self.pressure:g} Pa; it is finite and above 0")
+
+    @property
+    def molecules(self) -> dict[str, float]:
+        """Mole fractions of what has lines."""
+        return {name: self.gas[name] for name in MOLECULES if self.gas.get(name, 0.0) > 0.0}
 
     @property
     def scatters(self) -> bool:

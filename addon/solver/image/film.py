@@ -16,13 +16,14 @@ from ..physics.spectrum import apparent_temperature, band_names
 from ..scene import check_band_edges
 from ..system.kernels import KERNEL, njit
 from .pooling import pooled_variance
+from .regression import Regression
 from .self_check import GRID, region_means, regions, significant, spread_out
 from .trend import blur
 
 _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
-_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths", "_trend")  # by pixel
+_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")  # by pixel
 _CHECKS = ("_missed", "_missed_squares")  # by region of the image
-_AREAS = "_area", "_area_squares"
+_FOLLOWED = ("seen", "rest", "blur")  # what a film may hold a Regression of, see follow_draws and follow_disks
 
 
 class Film:
@@ -75,10 +76,15 @@ class Film:
         self._squares, self._cubes, self._fourths = np.zeros((3, height * width))
         # mean over the passes, and sum of squared deviations, of what regions miss (see self_check)
         self._missed, self._missed_squares = np.zeros((2, GRID**2))
-        # mean over the passes, and sum of squared deviations, of the area of disks, and by pixel the sum of products of
-        # its deviation with that of all radiance but what is seen (see trend)
-        self._area = self._area_squares = 0.0
-        self._trend = np.zeros(height * width)
+        self._followed: dict[str, Regression] = {}
+
+    def follow_draws(self, exact: np.ndarray) -> None:
+        """Expect with each pass (j,) numbers that tell what it drew of spectra, whose exact mean is given."""
+        self._followed |= {part: Regression(self.height * self.width, exact) for part in ("seen", "rest")}
+
+    def follow_disks(self) -> None:
+        """Expect with each pass the area of the disks that blur it, see trend."""
+        self._followed["blur"] = Regression(self.height * self.width, np.zeros(1))
 
     def __getstate__(self):
         """A film can be pickled, to be merged on another machine; a lock cannot."""
@@ -89,13 +95,14 @@ class Film:
 
     def state(self) -> dict[str, np.ndarray]:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
-        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS, *_AREAS)}
-        return arrays | {"layers": np.asarray(to_json(self.layers))}
+        arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS)}
+        followed = {f"{part}_{name}": a for part, each in self._followed.items() for name, a in each.state().items()}
+        return arrays | {"layers": np.asarray(to_json(self.layers))} | followed
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
         """The film of a state. Raises ValueError if something is missing, misshapen or not finite."""
-        missing = {*_VALUES, "ranges", "layers", *_ARRAYS, *_CHECKS, *_AREAS} - set(state)
+        missing = {*_VALUES, "ranges", "layers", *_ARRAYS, *_CHECKS} - set(state)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
@@ -103,7 +110,6 @@ class Film:
         check_band_edges(edges)
         layers = from_json(str(state["layers"]))
         shapes = dict.fromkeys(_ARRAYS, (height * width,)) | dict.fromkeys(_CHECKS, (GRID**2,))
-        shapes |= dict.fromkeys(_AREAS, ())
         shapes["_mean"] = height * width, len(layers) * (len(edges) - 1)
         for name, shape in shapes.items():
             if state[name].shape != shape or state[name].dtype != np.float64:
@@ -123,7 +129,9 @@ class Film:
         film.passes, film.photons = passes, photons
         for name in shapes:
             setattr(film, name, state[name])
-        film._area, film._area_squares = float(film._area), float(film._area_squares)
+        for part in (each for each in _FOLLOWED if f"{each}_exact" in state):
+            own = {name.removeprefix(f"{part}_"): state[name] for name in state if name.startswith(f"{part}_")}
+            film._followed[part] = Regression.from_state(own, height * width)
         return film
 
     @property
@@ -146,6 +154,7 @@ class Film:
         seen: np.ndarray,
         photons: int,
         missed: np.ndarray | None = None,
+        drawn: np.ndarray | None = None,
         area: float = 1.0,
     ) -> None:
         """Add one finished pass.
@@ -153,17 +162,18 @@ class Film:
         excess: (height * width, layers * b) float32, excess radiance, W m-2 sr-1 per band. seen: (height * width,)
         float32, the part of its sum, weighted with layer_weights, that surfaces emit straight into the camera. photons:
         emitted in the pass. missed: (height * width,) float32, what the excess misses where rays recall, as few rays
-        tell (see render_pixels); None for nothing. area: of the disks in which camera paths counted photons, in
-        any unit; the same for all passes where there is nothing that they blur.
+        tell (see render_pixels); None for nothing. drawn: see follow_draws; None without draws. area: of the disks in
+        which photons are counted, over that of the first pass, see follow_disks.
         """
         with self.lock:
+            if self._followed:
+                rest = _weighted(excess, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
+                values, numbers = {"seen": seen.astype(np.float64)}, {"blur": np.array([area])}
+                for part, regression in self._followed.items():
+                    regression.add(values.get(part, rest), numbers.get(part, drawn))
             count = self.passes + 1
-            larger = area - self._area
-            self._area += larger / count
-            self._area_squares += larger * (area - self._area)
             directly, rest = (self._seen, self._seen_squares), (self._squares, self._cubes, self._fourths)
-            trend, weights = (self._trend, area - self._area), self.layer_weights.ravel()
-            _accumulate(self._mean, directly, rest, trend, (excess, seen), weights, count)
+            _accumulate(self._mean, directly, rest, (excess, seen), self.layer_weights.ravel(), count)
             by_region = 0.0 if missed is None else region_means(missed, regions(self.width, self.height))
             delta = by_region - self._missed
             self._missed = self._missed + delta / count
@@ -185,6 +195,8 @@ class Film:
             )
         if not np.array_equal(self.weights, other.weights):
             raise ValueError("Films of sensors with different responses cannot be merged")
+        if self._followed.keys() != other._followed.keys():
+            raise ValueError("Films of scenes with and without molecules or caustics cannot be merged")
         if to_json(self.layers) != to_json(other.layers):
             raise ValueError("Films with different temperature groups cannot be merged")
 
@@ -218,10 +230,7 @@ class Film:
             total._fourths = self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
             total._fourths += 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0])
             total._fourths += 4.0 * apart * (a * cubes[1] - b * cubes[0])
-            larger = other._area - self._area
-            total._area = self._area + share * larger
-            total._area_squares = self._area_squares + other._area_squares + larger**2 * self.passes * share
-            total._trend = self._trend + other._trend + rest * (larger * self.passes * share)
+            total._followed = {part: each.merge(other._followed[part]) for part, each in self._followed.items()}
             missed = other._missed - self._missed
             total._missed = self._missed + share * missed
             total._missed_squares = self._missed_squares + other._missed_squares + missed**2 * self.passes * share
@@ -266,21 +275,35 @@ class Film:
         # Photons of different passes are independent. But the camera rays of all passes are one stratified sequence:
         # the variance from an edge in a pixel falls as n^-3/2, as only the n^1/2 strata on the edge err (Mitchell
         # 1996).
-        seen = self._seen_squares / math.sqrt(self.passes)
+        seen, squares, fourths, off = self._undrawn()
+        seen = seen / math.sqrt(self.passes)
         shape = self.height, self.width
-        sums = self._squares.reshape(shape), self._fourths.reshape(shape)
+        sums = squares.reshape(shape), fourths.reshape(shape)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
-        areas, squares = (self._area, self._area_squares), sums[0] / (self.passes - 1)
-        rest = rest * (1.0 + blur(self._trend.reshape(shape), areas, squares, self.passes).ravel())
+        if "blur" in self._followed:
+            rest = rest * (1.0 + blur(self._followed["blur"], sums[0] / (self.passes - 1)).ravel())
         variance = (rest + seen / (self.passes - 1)) / self.passes
         bias = significant(self._missed, self._missed_squares, self.passes)
         if bias.any():
             variance += spread_out(bias, np.sqrt(rest / self.passes), regions(self.width, self.height)) ** 2
+        variance += off**2
         error = np.sqrt(variance) / self.correction.emissivity
         # half of the interval from one standard error below to one above: finite even where the radiance is 0
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))
         return self._image(0.5 * (above - below))
+
+    def _undrawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | float]:
+        """Sums of squares of what is seen, sums of squares and of fourth powers of the rest, both without what follows
+        the draws of spectra; and how far these let the radiance be off, W m-2 sr-1. As many passes would tell them."""
+        sums = self._seen_squares, self._squares, self._fourths
+        if "rest" not in self._followed or self._followed["rest"].freedom() < 1:
+            return *sums, 0.0
+        seen, rest = (self._followed[part] for part in ("seen", "rest"))
+        scale = (self.passes - 1) / rest.freedom()
+        left = [scale * np.maximum(of - each.explained(), 0.0) for of, each in zip(sums[:2], (seen, rest), strict=True)]
+        ratio = np.divide(left[1], sums[1], out=np.ones_like(left[1]), where=sums[1] > 0.0)
+        return left[0], left[1], sums[2] * ratio**2, seen.bias() + rest.bias()
 
     def missed(self) -> tuple[np.ndarray, np.ndarray]:
         """What regions of the image miss where rays recall, in the mean over their pixels and all passes, and its
@@ -351,11 +374,10 @@ def _weighted(mean, reference, weights):
 
 
 @njit(**KERNEL)
-def _accumulate(mean, directly, powers, along, radiance, weights, count):
+def _accumulate(mean, directly, powers, radiance, weights, count):
     """Welford's step for the means of the bands, for what is seen, and for the rest of the radiance, of which third and
-    fourth powers are summed, too (Pebay 2008), and products with the deviation of the disks' area."""
+    fourth powers are summed, too (Pebay 2008)."""
     (seen_mean, seen_squares), (squares, cubes, fourths), (excess, seen) = directly, powers, radiance
-    trend, larger = along
     share = 1.0 / count
     for i in range(excess.shape[0]):
         row = mean[i]
@@ -368,7 +390,6 @@ def _accumulate(mean, directly, powers, along, radiance, weights, count):
         seen_mean[i] += delta * share
         seen_squares[i] += delta * delta * (1.0 - share)
         rest -= delta
-        trend[i] += rest * larger
         step, term = rest * share, rest * rest * (1.0 - share)
         fourth = term * (count * count - 3 * count + 3) + 6.0 * squares[i]
         fourths[i] += step * (step * fourth - 4.0 * cubes[i])

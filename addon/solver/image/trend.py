@@ -2,11 +2,11 @@
 """What the image owes to the size of the disks in which photons are counted, as its own passes tell.
 
 Disks blur: what they add to a pixel, or take from it, grows with their area. Camera paths count photons of caustics
-alone, so only scenes with caustics ask for this. But disks shrink from pass to pass, and by
-a known factor. So a straight line through the values of the passes, over the area, tells what a pixel would show with
-disks of no size, and how far the mean of its passes is from that. For one pixel this is hardly above its noise; of a
-pixel and its neighbours together it tells where edges of caustics are blurred. The image is not corrected by it, as its
-noise would grow; the error says it.
+alone, so only scenes with caustics ask for this. But disks shrink from pass to pass, and by a known factor. So a
+straight line through the values of the passes, over the area, tells what a pixel would show with disks of no size, and
+how far the mean of its passes is from that. For one pixel this is hardly above its noise; of a pixel and its neighbours
+together it tells where edges of caustics are blurred. The image is not corrected by it, as its noise would grow; the
+error says it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from .pooling import REACH, sum_around
+from .regression import Regression
 
 _ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bias as m^-2(1-a)
 # The mean squared bias of a square of neighbours, over the variance that noise gives it, is 1 if it is nothing but
@@ -30,17 +31,15 @@ def shrink_factor(index: int) -> float:
     return math.exp(math.lgamma(index + 1 + a) - math.lgamma(1 + a) - math.lgamma(index + 2))
 
 
-def blur(trend: np.ndarray, areas: tuple[float, float], variance: np.ndarray, passes: int) -> np.ndarray:
+def blur(areas: Regression, variance: np.ndarray) -> np.ndarray:
     """(height, width) float64, the squared error from blur over the variance of the mean that passes tell, at least 0.
 
-    trend: (height, width) float64, sum over the passes of the product of two deviations, of the pixel and of the area
-    of disks. areas: mean of that area and its sum of squared deviations, in any unit. variance: (height, width) float64
-    of the passes at each pixel.
+    areas: of the pixels' values on the area of disks, in any unit; without disks it is 0. variance: (height, width)
+    float64 of the passes at each pixel.
     """
-    mean, squares = areas
-    if not squares > 0.0:
-        return np.zeros(trend.shape)
-    bias = trend * (mean / squares)  # slope of the line of least squares, times the mean area
-    beyond = sum_around(bias**2 - _BY_NOISE * (mean**2 / squares) * variance, REACH)
-    known = sum_around(variance / passes, REACH)
-    return np.divide(np.maximum(beyond, 0.0), known, out=np.zeros(trend.shape), where=known > 0.0)
+    if areas.passes < 2:
+        return np.zeros(variance.shape)
+    bias = areas.bias().reshape(variance.shape)
+    beyond = sum_around(bias**2 - _BY_NOISE * areas.leverage() * variance, REACH)
+    known = sum_around(variance / areas.passes, REACH)
+    return np.divide(np.maximum(beyond, 0.0), known, out=np.zeros(variance.shape), where=known > 0.0)

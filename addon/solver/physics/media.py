@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..sampling.warps import to_world, turn
-from ..scene import Medium
+from ..scene import SOOT, Medium
 from ..system.kernels import INLINED, njit
+from .soot import soot_curve
 from .spectrum import band_radiance
 
 _COLD = 200.0  # K: below, the blackbody that weighs the absorption in a band is taken at this temperature
@@ -31,13 +32,16 @@ class MediumTable(NamedTuple):
 def build_medium_table(
     media: tuple[Medium, ...], edges: np.ndarray, quiet: float, reference: np.ndarray
 ) -> MediumTable:
-    """The MediumTable of media. quiet: T0, K, 0 for none. reference: (b,) W m-2 sr-1, radiance of a blackbody at T0."""
+    """The MediumTable of media, but for their molecules (see molecules). quiet: T0, K, 0 for none. reference: (b,)
+    W m-2 sr-1, radiance of a blackbody at T0."""
     absorption, scattering = (
         np.array([band_coefficient(medium, quantity, edges) for medium in media])
         for quantity in ("absorption", "scattering")
     )
     excess = np.zeros_like(absorption)
     for i, medium in enumerate(media):
+        if medium.gas.get(SOOT, 0.0) > 0.0:
+            absorption[i] += medium.metres * medium.gas[SOOT] * band_mean(*soot_curve(), medium.temperature, edges)
         if medium.temperature != quiet:  # else light would carry the rounding of the reference and nothing else
             excess[i] = band_radiance(edges, medium.temperature) - reference
     anisotropy = np.array([medium.anisotropy for medium in media])
@@ -48,10 +52,15 @@ def band_coefficient(medium: Medium, quantity: str, edges: np.ndarray) -> np.nda
     """(b,) float64 "absorption" or "scattering" coefficient in each band, 1/m: the mean over the band, weighted with
     what a blackbody at the medium's temperature emits (Planck mean: exact for the emission of a thin medium; Modest,
     section 10.8)."""
-    wavelengths, values = medium.curve(quantity)
+    return band_mean(*medium.curve(quantity), medium.temperature, edges)
+
+
+def band_mean(wavelengths: np.ndarray, values: np.ndarray, kelvin: float, edges: np.ndarray) -> np.ndarray:
+    """(b,) float64 mean in each band of a coefficient with values (n,) at wavelengths (n,) um, weighted with what a
+    blackbody emits."""
     if len(wavelengths) == 1:
         return np.full(len(edges) - 1, values[0])
-    kelvin = max(medium.temperature, _COLD)
+    kelvin = max(kelvin, _COLD)
     largest = max(float(values.max()), 1e-300)  # the integral takes curves from 0 to 1
     return largest * band_radiance(edges, kelvin, (wavelengths, values / largest)) / band_radiance(edges, kelvin)
 

@@ -30,6 +30,7 @@ from ..photons.transport import Optics, trace_photons
 from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
 from ..physics.lobes import GLOSSY, SPECULAR, WIDE
 from ..physics.media import build_medium_table
+from ..physics.molecules import MolecularMedia, build_molecular_media
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
 from ..sampling.heuristics import Looking, typical_looking
@@ -60,7 +61,8 @@ class Model:
     groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's
     signal. hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays under way at once, in
     the tile where they are most. openness: share of the rays that leave the scene, of those from the camera or of those
-    from what the image depends on, whichever is larger.
+    from what the image depends on, whichever is larger. molecular: media whose coefficients each pass draws, None if
+    there are none. diameter: of the scene, in its units.
     """
 
     tracer: Tracer
@@ -83,6 +85,8 @@ class Model:
     hits_per_photon: float
     rays_per_pixel: float
     openness: float
+    molecular: MolecularMedia | None
+    diameter: float
 
 
 def prepare(
@@ -107,7 +111,8 @@ def prepare(
     sources = gather_sources(scene, surfaces, pilot, emissivity)
     reference = _reference_temperature(settings, sources)
     layers = trace_apart(layers, reference)
-    stage = _build_stage(scene, grey, layers, reference, typical_source(sources, scene.band_edges, reference))
+    weighting = typical_source(sources, scene.band_edges, reference)
+    stage = _build_stage(scene, grey, layers, reference, weighting)
     power = side_power(stage, area)
     lit = float(np.sum(pilot.importance * power / area))
     caustic = choose_caustic_lamps(surfaces, power, pilot, lit)
@@ -117,10 +122,12 @@ def prepare(
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
     lamps = build_lamps(stage, tracer, pilot, power, lights, caustic)
+    molecular = None
     if scene.media:
         radiometry = stage.radiometry
         table = build_medium_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
-        tracer.fill(table)
+        molecular = build_molecular_media(scene.media, table, scene.band_edges, weighting, settings.seed)
+        tracer.fill(table if molecular is None else molecular.typical_table(2.0 * radius))
         reach = Reach(pilot.reachable, pilot.weight, pilot.weight, 1.0)  # from media light arrives everywhere
         surroundings = fill_surroundings(
             surroundings, tracer, stage, lights, reach, area, lamps, pass_key(0, AFAR, PILOT)
@@ -171,6 +178,8 @@ def prepare(
         hits_per_photon=hits,
         rays_per_pixel=float(rays),
         openness=max(pilot.openness, pilot.background),
+        molecular=molecular,
+        diameter=2.0 * radius,
     )
 
 

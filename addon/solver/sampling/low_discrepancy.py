@@ -8,13 +8,13 @@ import numpy as np
 from ..system.kernels import INLINED, KERNEL, njit
 from .rng import uniform
 
-# Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 4 (Joe and Kuo 2008).
-_SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
+# Primitive polynomial (degree, coefficients) and first direction numbers of dimensions 2 to 5 (Joe and Kuo 2008).
+_SOBOL = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)))
 
 
 def _direction_numbers() -> np.ndarray:
-    """(4, 32) uint32 direction numbers of the Sobol' sequence, the first dimension van der Corput's."""
-    numbers = np.ones((4, 32), np.uint64)
+    """(5, 32) uint32 direction numbers of the Sobol' sequence, the first dimension van der Corput's."""
+    numbers = np.ones((1 + len(_SOBOL), 32), np.uint64)
     for row, (degree, coefficients, first) in zip(numbers[1:], _SOBOL, strict=True):
         row[:degree] = first
         for i in range(degree, 32):
@@ -32,7 +32,7 @@ _DIRECTIONS = np.array([[int(f"{number:032b}"[::-1], 2) for number in row] for r
 @njit(**KERNEL)
 def reversed_sobol(index, dimension):
     """Coordinate of point `index` of the Sobol' sequence (uint32, modulo its 2^32 points) as a fraction of 2^32 with
-    its bits from last to first. dimension: 0 to 3.
+    its bits from last to first. dimension: 0 to 4.
     """
     x = np.uint32(0)
     bit = 0
@@ -69,7 +69,7 @@ def _permute(x, seed):
 
 @njit(**INLINED)
 def scrambled(index, path, dimension):
-    """Coordinate of point `index` of the Sobol' sequence in [0, 1), scrambled by key `path`. dimension: 0 to 3.
+    """Coordinate of point `index` of the Sobol' sequence in [0, 1), scrambled by key `path`. dimension: 0 to 4.
 
     Scrambling keeps the sequence stratified. Unlike a digital shift it also smooths edges along a pixel's diagonal.
     """
