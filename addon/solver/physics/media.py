@@ -46,12 +46,12 @@ def build_medium_table(
 
 def band_coefficient(medium: Medium, quantity: str, edges: np.ndarray) -> np.ndarray:
     """(b,) float64 "absorption" or "scattering" coefficient in each band, 1/m: the mean over the band, weighted with
-    what a blackbody at the medium's temperature emits (Planck mean: exact for the emission of a thin medium; Modest,
+    what a blackbody at the medium's typical temperature emits (Planck mean: exact for the emission of a thin medium; Modest,
     section 10.8)."""
     wavelengths, values = medium.curve(quantity)
     if len(wavelengths) == 1:
         return np.full(len(edges) - 1, values[0])
-    kelvin = max(medium.temperature, _COLD)
+    kelvin = max(medium.typical_temperature, _COLD)
     largest = max(float(values.max()), 1e-300)  # the integral takes curves from 0 to 1
     return largest * band_radiance(edges, kelvin, (wavelengths, values / largest)) / band_radiance(edges, kelvin)
 

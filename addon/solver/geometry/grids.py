@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Grids: which cells of a medium's grid a ray crosses, and what is in them.
+
+A ray is straight in the index space of a grid, too, and has the same parameter there. It goes from cell to cell over
+the nearest of the next three planes between cells (Amanatides and Woo 1987), and over the box of 8 x 8 x 8 cells of a
+missing leaf in one step. Which leaf is where tells an index of all places for leaves in the box around the grid.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..physics.heat import HeatTable, steps_from_anchor
+from ..scene import LEAF, Medium
+from ..system.kernels import INLINED, KERNEL, njit
+
+_BITS = 3  # 2^3 is LEAF
+_MISSING = -1
+AHEAD = -1.0  # amount in a stretch that a ray has not reached
+
+
+class GridTable(NamedTuple):
+    """The g grids of m media.
+
+    number: (m,) int64, the grid of each medium, -1 for none. to_index: (g, 3, 4) float64, from the scene's space to
+    index space. low: (g, 3) int64, lowest leaf coordinates. count: (g, 3) int64, places for leaves along each axis.
+    first: (g,) int64, where the places of each grid begin in leaf. leaf: (p,) int32, number of the leaf at a place, the
+    last axis fastest, -1 where there is none. cells: (n, 512, 2) float32, density and temperature of the cells of each
+    leaf, the last axis fastest; temperature as steps_from_anchor. heat: of all temperatures.
+    """
+
+    number: np.ndarray
+    to_index: np.ndarray
+    low: np.ndarray
+    count: np.ndarray
+    first: np.ndarray
+    leaf: np.ndarray
+    cells: np.ndarray
+    heat: HeatTable
+
+
+class March(NamedTuple):
+    """Where rays are on the stretches of their segments, see segments.Air: s stretches, or none where grids are missing.
+
+    amount: (s,) float64, factor on the medium's coefficients here, 0 behind the stretch, AHEAD before it. until: (s,)
+    float64, distance at which it changes next. steps: (s,) float64, the temperature, see steps_from_anchor.
+    In index space, of stretches in grids: cell (s, 3) int64; crossing (s, 3) float64, distance of the next plane
+    between cells on each axis; origin, inverse (s, 3) float64, of the ray, inverse of its direction.
+    """
+
+    amount: np.ndarray
+    until: np.ndarray
+    steps: np.ndarray
+    cell: np.ndarray
+    crossing: np.ndarray
+    origin: np.ndarray
+    inverse: np.ndarray
+
+
+def empty_march(count: int, grids: bool) -> March:
+    """Room for count stretches."""
+    return March(
+        *np.empty((3, count)), np.empty((count if grids else 0, 3), np.int64), *np.empty((3, count if grids else 0, 3))
+    )
+
+
+def place_grids(media: tuple[Medium, ...], centre: np.ndarray) -> GridTable:
+    """The GridTable of media, without cells. centre: (3,) m, subtracted from world coordinates."""
+    number, grids = np.full(len(media), -1), [medium.grid for medium in media if medium.grid is not None]
+    number[[medium.grid is not None for medium in media]] = np.arange(len(grids))
+    boxes = [grid.box for grid in grids]
+    places = [int(count.prod()) for _, count in boxes]
+    leaf = np.full(sum(places), _MISSING, np.int32)
+    first = np.concatenate(([0], np.cumsum(places, dtype=np.int64)))
+    starts = _first_leaves(grids)
+    for grid, (low, count), begin, start in zip(grids, boxes, first[:-1], starts, strict=True):
+        place = np.ravel_multi_index((grid.leaves - low).T, count)
+        leaf[begin + place] = start + np.arange(len(grid.leaves))
+    move = np.eye(4)
+    move[:3, 3] = centre
+    to_index = [(np.linalg.inv(grid.matrix) @ move)[:3] for grid in grids]
+    low, count = (np.array([box[i] for box in boxes], np.int64).reshape(-1, 3) for i in (0, 1))
+    no_heat = HeatTable(np.zeros((2, 1)), np.zeros((2, 1)), 1.0, 0)
+    cells = np.empty((0, LEAF**3, 2), np.float32)
+    return GridTable(number, np.array(to_index).reshape(-1, 3, 4), low, count, first[:-1], leaf, cells, no_heat)
+
+
+def _first_leaves(grids: list) -> list[int]:
+    """Number of the first leaf of each grid among those of all; grids with the same arrays share them."""
+    starts, count = {}, 0
+    for grid in grids:
+        if _content(grid) not in starts:
+            starts[_content(grid)] = count
+            count += len(grid.leaves)
+    return [starts[_content(grid)] for grid in grids]
+
+
+def _content(grid) -> tuple[int, int, int]:
+    return id(grid.leaves), id(grid.density), id(grid.temperature)
+
+
+def fill_cells(grids: GridTable, media: tuple[Medium, ...], heat: HeatTable) -> GridTable:
+    """A GridTable with its cells. Instances of one grid share their cells, if their medium has the same temperature."""
+    filled, parts = set(), []
+    for medium in media:
+        if medium.grid is not None and _content(medium.grid) not in filled:
+            filled.add(_content(medium.grid))
+            cells = np.empty((len(medium.grid.leaves), LEAF**3, 2), np.float32)
+            of_leaf = cells.reshape(-1, LEAF, LEAF, LEAF, 2)
+            of_leaf[..., 0] = 1.0 if medium.grid.density is None else medium.grid.density
+            of_leaf[..., 1] = steps_from_anchor(heat, medium)
+            parts.append(cells)
+    return grids._replace(cells=parts[0] if len(parts) == 1 else np.concatenate(parts), heat=heat)
+
+
+@njit(**KERNEL)
+def cross_boxes(grids, g, rays, limit, ray, ends):
+    """Fill ray (n,) and ends (n, 2) with the stretches of rays, origin and direction (n, 3), inside the box around the
+    leaves of grid g, up to a limit (n,); returns how many."""
+    (origin, direction), found = rays, np.int64(0)
+    for r in range(limit.size):
+        begin, end = 0.0, float(limit[r])
+        for axis in range(3):
+            o, d = (
+                _to_index(grids.to_index, g, axis, origin[r], 1.0),
+                _to_index(grids.to_index, g, axis, direction[r], 0.0),
+            )
+            low = float(LEAF * grids.low[g, axis])
+            high = low + LEAF * grids.count[g, axis]
+            if d != 0.0:
+                near, far = (low - o) / d, (high - o) / d
+                begin, end = max(begin, min(near, far)), min(end, max(near, far))
+            elif not low <= o < high:
+                end = -1.0
+        if begin < end:
+            ray[found], ends[found, 0], ends[found, 1] = r, begin, end
+            found += 1
+    return found
+
+
+@njit(**INLINED)
+def _to_index(matrix, g, axis, vector, point):
+    """One coordinate of a point (1) or direction (0) in index space."""
+    m = matrix[g, axis]
+    return m[0] * vector[0] + m[1] * vector[1] + m[2] * vector[2] + m[3] * point
+
+
+@njit(**INLINED)
+def enter_grid(grids, g, march, s, ray, t):
+    """Put stretch s into the cell of grid g where its ray is at t. ray: origin and direction (3,)."""
+    for axis in range(3):
+        march.origin[s, axis] = _to_index(grids.to_index, g, axis, ray[0], 1.0)
+        d = _to_index(grids.to_index, g, axis, ray[1], 0.0)
+        march.inverse[s, axis] = 1.0 / d if d != 0.0 else np.inf
+        low = LEAF * grids.low[g, axis]
+        _seat(march, s, axis, t, low, low + LEAF * grids.count[g, axis] - 1)
+    march.until[s] = t
+
+
+@njit(**INLINED)
+def _seat(march, s, axis, t, low, high):
+    """Set one coordinate of the cell in which stretch s is at t, known to be from low to high."""
+    o, inverse = march.origin[s, axis], march.inverse[s, axis]
+    at = o + t / inverse if abs(inverse) < np.inf else o
+    march.cell[s, axis] = min(max(int(math.floor(at)), low), high)
+    _aim(march, s, axis, march.cell[s, axis] + (1 if inverse > 0.0 else 0))
+
+
+@njit(**INLINED)
+def _aim(march, s, axis, plane):
+    """Set the distance of the next plane on an axis."""
+    inverse = march.inverse[s, axis]
+    march.crossing[s, axis] = (plane - march.origin[s, axis]) * inverse if abs(inverse) < np.inf else np.inf
+
+
+@njit(**INLINED)
+def _nearest(crossing, s):
+    """The axis on which the next plane is nearest."""
+    x, y, z = crossing[s, 0], crossing[s, 1], crossing[s, 2]
+    return (0 if x <= z else 2) if x <= y else (1 if y <= z else 2)
+
+
+@njit(**INLINED)
+def _step(march, s, size):
+    """Go to the next box of `size` cells, a power of 2, over the nearest plane of the present one."""
+    if size > 1:
+        for axis in range(3):
+            corner = march.cell[s, axis] & ~(size - 1)
+            _aim(march, s, axis, corner + (size if march.inverse[s, axis] > 0.0 else 0))
+    over = _nearest(march.crossing, s)
+    t = march.crossing[s, over]
+    for axis in range(3):
+        forward = march.inverse[s, axis] > 0.0
+        if axis == over:
+            corner = march.cell[s, axis] & ~(size - 1)
+            march.cell[s, axis] = corner + size if forward else corner - 1
+            _aim(march, s, axis, march.cell[s, axis] + (1 if forward else 0))
+        elif size > 1:
+            corner = march.cell[s, axis] & ~(size - 1)
+            _seat(march, s, axis, t, corner, corner + size - 1)
+    march.until[s] = max(march.until[s], t)
+
+
+@njit(**INLINED)
+def _look(grids, g, cell, s):
+    """The amount of gas in a cell, its temperature, and how many cells wide the box around it is that is like it: 8
+    where a leaf is missing, 0 outside the box of the grid."""
+    place = np.int64(0)
+    for axis in range(3):
+        at = (cell[s, axis] >> _BITS) - grids.low[g, axis]
+        if at < 0 or at >= grids.count[g, axis]:
+            return 0.0, 0.0, 0
+        place = place * grids.count[g, axis] + at
+    leaf = grids.leaf[grids.first[g] + place]
+    if leaf == _MISSING:
+        return 0.0, 0.0, LEAF
+    x, y, z = cell[s, 0] & (LEAF - 1), cell[s, 1] & (LEAF - 1), cell[s, 2] & (LEAF - 1)
+    c = (x << 2 * _BITS) | (y << _BITS) | z
+    return float(grids.cells[leaf, c, 0]), float(grids.cells[leaf, c, 1]), 1
+
+
+@njit(**INLINED)
+def next_cell(grids, g, march, s, end):
+    """Set amount and temperature to those of the cell that stretch s comes to, and until to where it leaves it. Empty
+    cells count as one. end: of the stretch."""
+    here, march.steps[s], size = _look(grids, g, march.cell, s)
+    amount = here
+    while size > 0 and march.until[s] < end:
+        _step(march, s, size)
+        if amount == 0.0:
+            amount, _, size = _look(grids, g, march.cell, s)
+        if amount > 0.0:
+            break
+    march.amount[s] = here
+    march.until[s] = min(march.until[s], end) if size > 0 else end
