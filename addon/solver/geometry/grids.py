@@ -18,7 +18,7 @@ from ..scene import LEAF, Medium
 from ..system.kernels import INLINED, KERNEL, njit
 
 _BITS = 3  # 2^3 is LEAF
-_MISSING = -1
+_MISSING, _OUTSIDE = -1, -2
 AHEAD = -1.0  # amount in a stretch that a ray has not reached
 
 
@@ -47,13 +47,15 @@ class March(NamedTuple):
 
     amount: (s,) float64, factor on the medium's coefficients here, 0 behind the stretch, AHEAD before it. until: (s,)
     float64, distance at which it changes next. steps: (s,) float64, the temperature, see steps_from_anchor.
-    In index space, of stretches in grids: cell (s, 3) int64; crossing (s, 3) float64, distance of the next plane
-    between cells on each axis; origin, inverse (s, 3) float64, of the ray, inverse of its direction.
+    In index space, of stretches in grids: cell (s, 3) int64; leaf (s,) int64, the one that holds it; crossing (s, 3)
+    float64, distance of the next plane between cells on each axis; origin, inverse (s, 3) float64, of the ray, inverse
+    of its direction.
     """
 
     amount: np.ndarray
     until: np.ndarray
     steps: np.ndarray
+    leaf: np.ndarray
     cell: np.ndarray
     crossing: np.ndarray
     origin: np.ndarray
@@ -62,8 +64,9 @@ class March(NamedTuple):
 
 def empty_march(count: int, grids: bool) -> March:
     """Room for count stretches."""
+    inside = count if grids else 0
     return March(
-        *np.empty((3, count)), np.empty((count if grids else 0, 3), np.int64), *np.empty((3, count if grids else 0, 3))
+        *np.empty((3, count)), np.empty(inside, np.int64), np.empty((inside, 3), np.int64), *np.empty((3, inside, 3))
     )
 
 
@@ -157,6 +160,7 @@ def enter_grid(grids, g, march, s, ray, t):
         march.inverse[s, axis] = 1.0 / d if d != 0.0 else np.inf
         low = LEAF * grids.low[g, axis]
         _seat(march, s, axis, t, low, low + LEAF * grids.count[g, axis] - 1)
+    march.leaf[s] = _leaf_at(grids, g, march.cell, s)
     march.until[s] = t
 
 
@@ -184,55 +188,75 @@ def _nearest(crossing, s):
 
 
 @njit(**INLINED)
-def _step(march, s, size):
-    """Go to the next box of `size` cells, a power of 2, over the nearest plane of the present one."""
-    if size > 1:
-        for axis in range(3):
-            corner = march.cell[s, axis] & ~(size - 1)
-            _aim(march, s, axis, corner + (size if march.inverse[s, axis] > 0.0 else 0))
-    over = _nearest(march.crossing, s)
-    t = march.crossing[s, over]
-    for axis in range(3):
-        forward = march.inverse[s, axis] > 0.0
-        if axis == over:
-            corner = march.cell[s, axis] & ~(size - 1)
-            march.cell[s, axis] = corner + size if forward else corner - 1
-            _aim(march, s, axis, march.cell[s, axis] + (1 if forward else 0))
-        elif size > 1:
-            corner = march.cell[s, axis] & ~(size - 1)
-            _seat(march, s, axis, t, corner, corner + size - 1)
-    march.until[s] = max(march.until[s], t)
-
-
-@njit(**INLINED)
-def _look(grids, g, cell, s):
-    """The amount of gas in a cell, its temperature, and how many cells wide the box around it is that is like it: 8
-    where a leaf is missing, 0 outside the box of the grid."""
+def _leaf_at(grids, g, cell, s):
+    """Number of the leaf that holds the cell of stretch s, MISSING if there is none there, OUTSIDE the box of the
+    grid."""
     place = np.int64(0)
     for axis in range(3):
         at = (cell[s, axis] >> _BITS) - grids.low[g, axis]
         if at < 0 or at >= grids.count[g, axis]:
-            return 0.0, 0.0, 0
+            return np.int64(_OUTSIDE)
         place = place * grids.count[g, axis] + at
-    leaf = grids.leaf[grids.first[g] + place]
-    if leaf == _MISSING:
-        return 0.0, 0.0, LEAF
+    return np.int64(grids.leaf[grids.first[g] + place])
+
+
+@njit(**INLINED)
+def _step(grids, g, march, s):
+    """Go to the next cell."""
+    over = _nearest(march.crossing, s)
+    march.until[s] = max(march.until[s], march.crossing[s, over])
+    forward, here = march.inverse[s, over] > 0.0, march.cell[s, over]
+    there = here + 1 if forward else here - 1
+    march.cell[s, over] = there
+    _aim(march, s, over, there + 1 if forward else there)
+    if here >> _BITS != there >> _BITS:
+        march.leaf[s] = _leaf_at(grids, g, march.cell, s)
+
+
+@njit(**INLINED)
+def _step_over_leaf(grids, g, march, s):
+    """Go to the first cell of the next leaf."""
+    for axis in range(3):
+        corner = march.cell[s, axis] & -LEAF
+        _aim(march, s, axis, corner + (LEAF if march.inverse[s, axis] > 0.0 else 0))
+    over = _nearest(march.crossing, s)
+    march.until[s] = max(march.until[s], march.crossing[s, over])
+    for axis in range(3):
+        low = march.cell[s, axis] & -LEAF
+        high = low + LEAF - 1
+        if axis == over:
+            low = high = high + 1 if march.inverse[s, axis] > 0.0 else low - 1
+        _seat(march, s, axis, march.until[s], low, high)
+    march.leaf[s] = _leaf_at(grids, g, march.cell, s)
+
+
+@njit(**INLINED)
+def _inside_leaf(cell, s):
+    """Number of the cell of stretch s in its leaf."""
     x, y, z = cell[s, 0] & (LEAF - 1), cell[s, 1] & (LEAF - 1), cell[s, 2] & (LEAF - 1)
-    c = (x << 2 * _BITS) | (y << _BITS) | z
-    return float(grids.cells[leaf, c, 0]), float(grids.cells[leaf, c, 1]), 1
+    return (x << 2 * _BITS) | (y << _BITS) | z
+
+
+@njit(**INLINED)
+def _density(grids, march, s):
+    """Density in the cell of stretch s."""
+    leaf = march.leaf[s]
+    return 0.0 if leaf < 0 else float(grids.cells[leaf, _inside_leaf(march.cell, s), 0])
 
 
 @njit(**INLINED)
 def next_cell(grids, g, march, s, end):
     """Set amount and temperature to those of the cell that stretch s comes to, and until to where it leaves it. Empty
     cells count as one. end: of the stretch."""
-    here, march.steps[s], size = _look(grids, g, march.cell, s)
-    amount = here
-    while size > 0 and march.until[s] < end:
-        _step(march, s, size)
-        if amount == 0.0:
-            amount, _, size = _look(grids, g, march.cell, s)
-        if amount > 0.0:
-            break
-    march.amount[s] = here
-    march.until[s] = min(march.until[s], end) if size > 0 else end
+    density = _density(grids, march, s)
+    march.amount[s] = density
+    if density > 0.0:
+        march.steps[s] = grids.cells[march.leaf[s], _inside_leaf(march.cell, s), 1]
+        _step(grids, g, march, s)
+    while density == 0.0 and march.until[s] < end and march.leaf[s] != _OUTSIDE:
+        if march.leaf[s] == _MISSING:
+            _step_over_leaf(grids, g, march, s)
+        else:
+            _step(grids, g, march, s)
+        density = _density(grids, march, s)
+    march.until[s] = end if march.amount[s] == 0.0 == density else min(march.until[s], end)

@@ -83,13 +83,14 @@ class Atmosphere(Tracer):
         self._bodies = [None if medium.triangles is None else _Body(medium, centre) for medium in media]
         self._media, self._grids = media, place_grids(media, centre)
         self._depth = depth
-        self._table = None
+        self._optics = None
         self.scatters = any(medium.scatters for medium in media)
 
     def fill(self, table: MediumTable, heat: HeatTable | None = None) -> None:
         """Say what the media absorb, emit and scatter. heat: of temperatures in grids; None if there are none, or where
         it stays as it is."""
-        self._table = table
+        share = table.absorption / np.where(table.extinction > 0.0, table.extinction, 1.0)
+        self._optics = table, share, table.extinction.max(axis=1)
         if heat is not None:
             self._grids = fill_cells(self._grids, self._media, heat)
 
@@ -116,8 +117,8 @@ class Atmosphere(Tracer):
         order = np.argsort(ray, kind="stable")
         first = np.searchsorted(ray[order], np.arange(len(length) + 1))
         stretches = medium[order], begin[order], end[order]
-        room = empty_march(len(ray), len(self._grids.first) > 0), empty_bands(self._table.extinction.shape[1])
-        return Air(first, *stretches, length, RayBatch(origin, direction), self._table, self._grids, *room)
+        room = empty_march(len(ray), len(self._grids.first) > 0), empty_bands(self._optics[0].extinction.shape[1])
+        return Air(first, *stretches, length, RayBatch(origin, direction), *self._optics, self._grids, *room)
 
 
 @njit(**KERNEL)

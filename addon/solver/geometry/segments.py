@@ -15,9 +15,12 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from ..physics.heat import between_nodes
-from ..physics.media import MediumTable
+from ..physics.media import THIN, MediumTable, absorbed, absorbed_if_thin
 from ..system.kernels import INLINED, njit
 from .grids import AHEAD, GridTable, March, enter_grid, next_cell
+
+_FAINTEST = 1e-300  # depth added where there may be none
+_VECTORS = INLINED | {"error_model": "numpy"}  # a check for division by 0 would keep LLVM from vectorising the loop
 
 
 class RayBatch(NamedTuple):
@@ -78,12 +81,14 @@ class Bands(NamedTuple):
     """Room for what kernels know of a segment in each band, (b,) float64.
 
     depth, scattered: optical depth, of extinction and of scattering. scattering: coefficient at the present place, 1/m.
-    emission: excess radiance, W m-2 sr-1. throughput, radiance: of light on the way.
+    excess: radiance of a blackbody, emission: what a thin medium emits, W m-2 sr-1. throughput, radiance: of light on
+    the way.
     """
 
     depth: np.ndarray
     scattered: np.ndarray
     scattering: np.ndarray
+    excess: np.ndarray
     emission: np.ndarray
     throughput: np.ndarray
     radiance: np.ndarray
@@ -91,7 +96,7 @@ class Bands(NamedTuple):
 
 def empty_bands(count: int) -> Bands:
     """Room for count bands."""
-    return Bands(*np.empty((6, count)))
+    return Bands(*np.empty((7, count)))
 
 
 class Air(NamedTuple):
@@ -100,7 +105,8 @@ class Air(NamedTuple):
     first: (n + 1,) int64, where the stretches of each segment begin in medium, begin and end. medium: (s,) int64.
     begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
     several media may overlap. length: (n,) of the direction. rays: the segments'. table: of the media, see MediumTable.
-    grids: of those that vary, see GridTable.
+    share: (m, b) float64, absorption over extinction. thickest: (m,) float64, 1/m, largest extinction. grids: of media
+    that vary, see GridTable.
     Kernels keep what they know here: march, see March, and bands, see Bands.
     """
 
@@ -111,6 +117,8 @@ class Air(NamedTuple):
     length: np.ndarray
     rays: RayBatch
     table: MediumTable
+    share: np.ndarray
+    thickest: np.ndarray
     grids: GridTable
     march: March
     bands: Bands
@@ -174,22 +182,19 @@ def add_depth(air, i, of, way, out):
 
 
 @njit(**INLINED)
-def _add_emission(air, i, way, out):
-    """Add to out (b,) the excess radiance that thin media would emit over such a way, see add_depth."""
-    table, heat, length = air.table, air.grids.heat, way * air.length[i]
-    for s in range(air.first[i], air.first[i + 1]):
-        m, amount = air.medium[s], air.march.amount[s] * length
-        if not amount > 0.0:
-            continue
-        if air.grids.number[m] < 0:
-            for b in range(out.size):
-                out[b] += amount * table.absorption[m, b] * table.excess[m, b]
-        elif air.march.steps[s] != 0.0:
-            r, (h0, d0, h1, d1) = between_nodes(heat, air.march.steps[s])
-            for b in range(out.size):
-                excess = h0 * heat.excess[r, b] + d0 * heat.slope[r, b]
-                excess += h1 * heat.excess[r + 1, b] + d1 * heat.slope[r + 1, b]
-                out[b] += amount * table.absorption[m, b] * excess
+def _fill_excess(air, s, out):
+    """Fill out (b,) with the excess radiance of a blackbody at the temperature at the present place of stretch s."""
+    m, steps, heat = air.medium[s], air.march.steps[s], air.grids.heat
+    if air.grids.number[m] < 0:
+        for b in range(out.size):
+            out[b] = air.table.excess[m, b]
+    elif steps == 0.0:
+        out[:] = 0.0
+    else:
+        r, (h0, d0, h1, d1) = between_nodes(heat, steps)
+        for b in range(out.size):
+            excess = h0 * heat.excess[r, b] + d0 * heat.slope[r, b]
+            out[b] = excess + h1 * heat.excess[r + 1, b] + d1 * heat.slope[r + 1, b]
 
 
 @njit(**INLINED)
@@ -239,13 +244,48 @@ def _shine(air, i, way):
     A stretch of optical depth tau between media of one temperature each brings dL = j / k (1 - exp(-tau)), j their
     emission and k their extinction (Modest, section 10.4). No step is random.
     """
-    bands = air.bands
-    depth, emission = bands.depth, bands.emission
+    count, only = 0, np.int64(-1)
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.march.amount[s] > 0.0:
+            count, only = count + 1, s
+    if count == 1:
+        _shine_alone(air, only, way * air.length[i])
+    elif count > 1:
+        _shine_together(air, i, way)
+
+
+@njit(**_VECTORS)
+def _shine_alone(air, s, length):
+    """_shine where there is but one medium, that of stretch s. length: m."""
+    bands, extinction, share, m = air.bands, air.table.extinction, air.share, air.medium[s]
+    amount = length * air.march.amount[s]
+    _fill_excess(air, s, bands.excess)
+    if amount * air.thickest[m] < THIN:
+        for b in range(bands.excess.size):
+            lost = absorbed_if_thin(amount * extinction[m, b])
+            bands.radiance[b] += bands.throughput[b] * (lost * share[m, b] * bands.excess[b])
+            bands.throughput[b] *= 1.0 - lost
+    else:
+        for b in range(bands.excess.size):
+            lost = absorbed(amount * extinction[m, b])
+            bands.radiance[b] += bands.throughput[b] * (lost * share[m, b] * bands.excess[b])
+            bands.throughput[b] *= 1.0 - lost
+
+
+@njit(**_VECTORS)
+def _shine_together(air, i, way):
+    """_shine where several media overlap."""
+    bands, absorption = air.bands, air.table.absorption
+    depth, emission, excess = bands.depth, bands.emission, bands.excess
     depth[:], emission[:] = 0.0, 0.0
     add_depth(air, i, air.table.extinction, way, depth)
-    _add_emission(air, i, way, emission)
+    for s in range(air.first[i], air.first[i + 1]):
+        amount = way * air.length[i] * air.march.amount[s]
+        if amount > 0.0:
+            _fill_excess(air, s, excess)
+            for b in range(excess.size):
+                emission[b] += amount * absorption[air.medium[s], b] * excess[b]
     for b in range(depth.size):
-        lost = -math.expm1(-depth[b])
-        if depth[b] > 0.0:
-            bands.radiance[b] += bands.throughput[b] * emission[b] / depth[b] * lost
+        lost = absorbed(depth[b])
+        bands.radiance[b] += bands.throughput[b] * (lost * emission[b] / (depth[b] + _FAINTEST))
         bands.throughput[b] *= 1.0 - lost
