@@ -204,11 +204,10 @@ def _leaf_at(grids, g, cell, s):
 def _step(grids, g, march, s):
     """Go to the next cell."""
     over = _nearest(march.crossing, s)
-    march.until[s] = max(march.until[s], march.crossing[s, over])
-    forward, here = march.inverse[s, over] > 0.0, march.cell[s, over]
-    there = here + 1 if forward else here - 1
-    march.cell[s, over] = there
-    _aim(march, s, over, there + 1 if forward else there)
+    inverse, here, t = march.inverse[s, over], march.cell[s, over], march.crossing[s, over]
+    there = here + 1 if inverse > 0.0 else here - 1
+    march.cell[s, over], march.crossing[s, over] = there, t + abs(inverse)
+    march.until[s] = max(march.until[s], t)
     if here >> _BITS != there >> _BITS:
         march.leaf[s] = _leaf_at(grids, g, march.cell, s)
 

@@ -16,11 +16,13 @@ from embreex.rtcore_scene import EmbreeScene
 
 from ..physics.heat import between_nodes
 from ..physics.media import THIN, MediumTable, absorbed, absorbed_if_thin
-from ..system.kernels import INLINED, njit
+from ..system.kernels import FAST_INLINED, INLINED, njit
 from .grids import AHEAD, GridTable, March, enter_grid, next_cell
 
 _FAINTEST = 1e-300  # depth added where there may be none
-_VECTORS = INLINED | {"error_model": "numpy"}  # a check for division by 0 would keep LLVM from vectorising the loop
+_VECTORS = FAST_INLINED | {
+    "error_model": "numpy"
+}  # a check for division by 0 would keep LLVM from vectorising the loop
 
 
 class RayBatch(NamedTuple):
@@ -163,7 +165,7 @@ def _enter_or_leave(air, i, s, t):
         next_cell(air.grids, g, march, s, air.end[s])
 
 
-@njit(**INLINED)
+@njit(**_VECTORS)
 def add_coefficients(air, s, of, length, out):
     """Add to out (b,) a coefficient at the present place of stretch s, times a length. of: (m, b) float64, 1/m, of the
     table. Here alone it is said what the coefficients of a cell are."""
@@ -181,7 +183,7 @@ def add_depth(air, i, of, way, out):
             add_coefficients(air, s, of, way * air.length[i], out)
 
 
-@njit(**INLINED)
+@njit(**_VECTORS)
 def _fill_excess(air, s, out):
     """Fill out (b,) with the excess radiance of a blackbody at the temperature at the present place of stretch s."""
     m, steps, heat = air.medium[s], air.march.steps[s], air.grids.heat
