@@ -82,8 +82,8 @@ class Material:
 class Grid:
     """Where a gas is and how hot it is there, in n leaves of 8 x 8 x 8 cells. Between the leaves there is none.
 
-    Cell (i, j, k) fills the cube from (i, j, k) to (i + 1, j + 1, k + 1) of index space: integer coordinates are corners
-    of cells, not their centres. Everything is constant in a cell.
+    Cell (i, j, k) fills the cube from (i, j, k) to (i + 1, j + 1, k + 1) of index space: integer coordinates are
+    corners of cells, not their centres. Everything is constant in a cell.
 
     leaves: (n, 3) int32, each once; leaf l holds cells 8 l to 8 l + 7 along each axis.
     transform: (4, 4) or (3, 4) float64, from index space to the world, m; it may turn, shear, mirror and stretch.
@@ -134,7 +134,7 @@ class Grid:
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest leaf coordinates (3,) int64, and how many leaves (3,) the box around all of them holds on each axis."""
+        """Lowest leaf coordinates (3,) int64, and how many leaves (3,) the box around all holds along each axis."""
         low, high = self.leaves.min(axis=0).astype(np.int64), self.leaves.max(axis=0).astype(np.int64)
         return low, high - low + 1
 

@@ -43,7 +43,7 @@ class GridTable(NamedTuple):
 
 
 class March(NamedTuple):
-    """Where rays are on the stretches of their segments, see segments.Air: s stretches, or none where grids are missing.
+    """Where rays are on the stretches of their segments, see segments.Air: s stretches, or none without grids.
 
     amount: (s,) float64, factor on the medium's coefficients here, 0 behind the stretch, AHEAD before it. until: (s,)
     float64, distance at which it changes next. steps: (s,) float64, the temperature, see steps_from_anchor.

@@ -186,14 +186,12 @@ def add_depth(air, i, of, way, out):
 @njit(**_VECTORS)
 def _fill_excess(air, s, out):
     """Fill out (b,) with the excess radiance of a blackbody at the temperature at the present place of stretch s."""
-    m, steps, heat = air.medium[s], air.march.steps[s], air.grids.heat
+    m, heat = air.medium[s], air.grids.heat
     if air.grids.number[m] < 0:
         for b in range(out.size):
             out[b] = air.table.excess[m, b]
-    elif steps == 0.0:
-        out[:] = 0.0
     else:
-        r, (h0, d0, h1, d1) = between_nodes(heat, steps)
+        r, (h0, d0, h1, d1) = between_nodes(heat, air.march.steps[s])
         for b in range(out.size):
             excess = h0 * heat.excess[r, b] + d0 * heat.slope[r, b]
             out[b] = excess + h1 * heat.excess[r + 1, b] + d1 * heat.slope[r + 1, b]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Heat: what a blackbody emits in excess of one at T0, as a table over temperature, for media whose temperature varies.
+"""Heat: what a blackbody emits in excess of one at T0, as a table over temperature, for gas whose temperature varies.
 
-The nodes of the table are even in ln T, and T0 is one of them, where the excess is exactly 0: a gas at T0 emits nothing.
+The nodes of the table are even in ln T, and T0 is one of them, where the excess is exactly 0: gas at T0 emits nothing.
 A temperature is kept as its distance from T0 in steps between nodes, a float32 that is the more precise the nearer it
 is to T0, as the excess is.
 """
@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene import Medium
+from ..scene import LEAF, Medium
 from ..system.kernels import INLINED, njit
 from .radiometry import COLDEST
 from .spectrum import band_radiance
 
-# In ln T. Cubic Hermite then errs by less than 1e-5 of the excess up to x = c2 / (lambda T) = 25, see tests/test_grids.py.
+# In ln T. Cubic Hermite then errs by less than 1e-5 of the excess up to x = c2 / (lambda T) = 25, see test_grids.
 _STEP = 1.0 / 256.0
 
 
@@ -40,11 +40,11 @@ def build_heat_table(
 ) -> HeatTable | None:
     """The HeatTable of all temperatures in grids; None if there are none. quiet: T0, K, 0 for none. reference: (b,) W
     m-2 sr-1, radiance of a blackbody at T0."""
-    fields = [_temperatures(medium) for medium in media if medium.grid is not None]
-    if not fields:
+    ranges = [_range(medium) for medium in media if medium.grid is not None]
+    if not ranges:
         return None
-    low = max(min(float(each.min()) for each in fields), COLDEST)
-    high = max(max(float(each.max()) for each in fields), low)
+    low = max(min(low for low, _ in ranges), COLDEST)
+    high = max(max(high for _, high in ranges), low)
     anchor = quiet if quiet > 0.0 else high
     coldest = min(0, math.floor(math.log(low / anchor) / _STEP))
     hottest = max(1, math.ceil(math.log(high / anchor) / _STEP))
@@ -56,16 +56,25 @@ def build_heat_table(
 
 
 def steps_from_anchor(heat: HeatTable, medium: Medium) -> np.ndarray:
-    """How far the cells of a medium's grid are from the anchor, in steps of ln T: float32, of any shape that fits to
-    its leaves. Colder than COLDEST counts as that, where no band holds radiance to speak of."""
-    kelvin, anchor = np.maximum(_temperatures(medium), np.float32(COLDEST)), np.float32(heat.anchor)
-    return np.log1p((kelvin - anchor) / anchor) / np.float32(_STEP)  # exact to float32 near the anchor
+    """(n, 8, 8, 8) float32, how far the cells of a medium's grid are from the anchor, in steps of ln T. Colder than
+    COLDEST counts as that, where no band holds radiance to speak of."""
+    steps = np.maximum(_temperatures(medium), COLDEST, dtype=np.float64)  # float32 would be too coarse near the anchor
+    np.log(steps / heat.anchor, out=steps)
+    return (steps / _STEP).astype(np.float32)
 
 
 def _temperatures(medium: Medium) -> np.ndarray:
-    """float32 K of the cells of a medium's grid, or one for all."""
-    given = medium.grid.temperature
-    return np.full((1, 1, 1, 1), medium.temperature, np.float32) if given is None else given
+    """(n, 8, 8, 8) float32 K of the cells of a medium's grid."""
+    given, cells = medium.grid.temperature, (len(medium.grid.leaves), LEAF, LEAF, LEAF)
+    return np.broadcast_to(np.float32(medium.temperature), cells) if given is None else given
+
+
+def _range(medium: Medium) -> tuple[float, float]:
+    """Lowest and highest temperature, K, of the cells of a medium's grid that hold gas."""
+    kelvin, density = _temperatures(medium), medium.grid.density
+    holds = True if density is None else density > 0.0
+    low = np.min(kelvin, where=holds, initial=np.inf)
+    return (float(low), float(np.max(kelvin, where=holds, initial=0.0))) if low < np.inf else (COLDEST, COLDEST)
 
 
 @njit(**INLINED)

@@ -48,8 +48,8 @@ def build_medium_table(
 
 def band_coefficient(medium: Medium, quantity: str, edges: np.ndarray) -> np.ndarray:
     """(b,) float64 "absorption" or "scattering" coefficient in each band, 1/m: the mean over the band, weighted with
-    what a blackbody at the medium's typical temperature emits (Planck mean: exact for the emission of a thin medium; Modest,
-    section 10.8)."""
+    what a blackbody at the medium's typical temperature emits (Planck mean: exact for the emission of a thin medium;
+    Modest, section 10.8)."""
     wavelengths, values = medium.curve(quantity)
     if len(wavelengths) == 1:
         return np.full(len(edges) - 1, values[0])
