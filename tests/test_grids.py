@@ -125,7 +125,7 @@ def test_a_uniform_grid_scatters_as_a_closed_mesh_does(albedo):
         found.append(mean_and_error(scene, Settings(passes=200, photons_per_pass=2000)))
     (one, error), (other, other_error) = found
     print(f"mesh {one / black(300):.5f} +- {error / black(300):.5f}, grid {other / black(300):.5f}")
-    assert error < 2e-3 * one and abs(one - other) < 4 * np.hypot(error, other_error)
+    assert error < 3e-3 * one and abs(one - other) < 4 * np.hypot(error, other_error)
 
 
 # Against exact solutions

@@ -116,7 +116,7 @@ class Grid:
         given = {name: np.asarray(values, np.float32) for name, values in given.items() if values is not None}
         shape = next(iter(given.values())).shape
         given.setdefault("density", np.ones(shape, np.float32))
-        parts = {name: _in_leaves(values, low) for name, values in given.items()}
+        parts = {name: in_leaves(values, low) for name, values in given.items()}
         first = np.floor_divide(low, LEAF)
         count = np.floor_divide(np.add(low, shape) - 1, LEAF) - first + 1
         used = parts["density"].any(axis=(1, 2, 3))
@@ -148,11 +148,7 @@ class Grid:
         if not abs(np.linalg.det(transform[:3, :3])) > 0.0:
             raise SceneError(f"{owner}: the transform of its grid is flat, {transform[:3, :3].tolist()}")
         _, count = self.box
-        if np.prod(count.astype(np.float64)) > _WIDEST:
-            raise SceneError(
-                f"{owner}: the leaves of its grid are scattered over {' x '.join(str(LEAF * n) for n in count)} cells; "
-                f"at most {_WIDEST * LEAF**3:.2g} cells may lie between the outermost ones"
-            )
+        check_spread(count, owner)
         if len(np.unique(leaves, axis=0)) < len(leaves):
             raise SceneError(f"{owner}: a leaf of its grid is given twice")
         for name, values, high in self._quantities():
@@ -180,7 +176,16 @@ class Grid:
         return float(np.vdot(weight, self.temperature) / total) if total > 0.0 else own
 
 
-def _in_leaves(values: np.ndarray, low: tuple[int, int, int]) -> np.ndarray:
+def check_spread(count: np.ndarray, owner: str) -> None:
+    """Raise SceneError if the box around a grid, so many leaves (3,) along each axis, is absurdly large."""
+    if np.prod(count.astype(np.float64)) > _WIDEST:
+        raise SceneError(
+            f"{owner}: the leaves of its grid are scattered over {' x '.join(str(LEAF * n) for n in count)} cells; "
+            f"at most {_WIDEST * LEAF**3:.2g} cells may lie between the outermost ones"
+        )
+
+
+def in_leaves(values: np.ndarray, low: tuple[int, int, int]) -> np.ndarray:
     """(n, 8, 8, 8) of a dense array (a, b, c) whose first cell is `low`: all leaves of the box around it, the last axis
     fastest, with 0 around the array."""
     before = np.mod(low, LEAF)
