@@ -18,7 +18,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 
-from ..solver.scene import LEAF, Grid, Medium, SceneError, check_spread, in_leaves
+from ..solver.scene import LEAF, Grid, Medium, check_spread, in_leaves
 from .custom_properties import read_temperature
 from .media import is_medium, read_optics
 from .warnings import Warnings
@@ -35,7 +35,7 @@ class VolumeReader:
 
     def __init__(self, warnings: Warnings):
         self.warnings = warnings
-        self._grids = {}  # address of the evaluated volume -> its Grid in the object's space, None if there is none
+        self._grids = {}  # (object, address of the evaluated volume, K) -> Grid in the object's space, or None
 
     def read(self, obj, matrix: np.ndarray, material, ambient: float, metres: float) -> Medium | None:
         """The gas in a Volume object or an instance of one; None, and a warning, if it cannot be rendered.
@@ -47,7 +47,7 @@ class VolumeReader:
         if not self._is_gas(obj, material, "volumes are"):
             return None
         kelvin = read_temperature(obj, ambient, owner)
-        key = obj.data.as_pointer(), kelvin
+        key = obj.name_full, obj.data.as_pointer(), kelvin
         if key not in self._grids:
             self._grids[key] = self._read_file(obj, kelvin)
         grid = self._grids[key]
