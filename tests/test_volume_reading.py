@@ -238,9 +238,10 @@ def domain(scene):
     smoke = link("Smoke", cube_mesh("Smoke"), temperature=350.0)
     smoke.scale, smoke.location = (2.0, 4.0, 6.0), (1.0, 0.0, 0.0)
     smoke.data.materials.append(material("Gas", absorption=0.5))
-    smoke.modifiers.new("Fluid", "FLUID").fluid_type = "DOMAIN"
-    settings = smoke.modifiers[0].domain_settings
-    settings.domain_type, settings.cache_frame_start = "GAS", 100  # in earlier frames nothing is simulated
+    fluid = smoke.modifiers.new("Fluid", "FLUID")
+    fluid.show_viewport = fluid.show_render = False  # so that nothing is simulated
+    fluid.fluid_type = "DOMAIN"
+    fluid.domain_settings.domain_type = "GAS"
     return smoke
 
 

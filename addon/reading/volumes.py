@@ -223,5 +223,7 @@ def _gas_domain(obj):
 
 def _smoke_values(settings, name: str, size: tuple[int, int, int]) -> np.ndarray | None:
     """(x, y, z) float32 of a grid of a smoke simulation, None if there is none. In Blender x runs fastest."""
-    values = np.array(getattr(settings, f"{name}_grid")[:], np.float32)
-    return values.reshape(size[::-1]).transpose() if len(values) == np.prod(size) else None
+    values = getattr(settings, f"{name}_grid")
+    if len(values) != np.prod(size) or not len(values):  # Blender 4.5 crashes if asked for a part of an empty one
+        return None
+    return np.array(values[:], np.float32).reshape(size[::-1]).transpose()
