@@ -140,12 +140,12 @@ class VolumeReader:
 
 
 def openvdb() -> ModuleType | None:
-    """The module that comes with Blender; None where there is none. Where Blender is a module of Python's, the folder
-    of its own modules is not among those that Python looks into."""
+    """The module that comes with Blender; None where there is none. Where Blender is a module of Python's, Python does
+    not look into the folder of its modules."""
     if "openvdb" not in sys.modules:
-        own = Path(bpy.utils.resource_path("LOCAL")) / "python"
-        folders = [*sys.path, *(str(folder) for folder in own.glob("**/site-packages"))]
-        spec = importlib.machinery.PathFinder.find_spec("openvdb", folders)
+        folders = map(str, (Path(bpy.utils.resource_path("LOCAL")) / "python").glob("**/site-packages"))
+        finder, name = importlib.machinery.PathFinder, "openvdb"
+        spec = importlib.util.find_spec(name) or finder.find_spec(name, list(folders))
         if spec is None or spec.loader is None:
             return None
         try:
