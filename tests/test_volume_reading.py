@@ -177,6 +177,7 @@ def test_sparse_files_stay_sparse(scene, tmp_path):
     ("names", "H2O, CO2, CO, CH4, soot, the volume is left out; it has 'foam'"),
     ("no file", "'Plume': the file '//missing.vdb' cannot be read, the volume is left out"),
     ("nonsense", "cannot be read, the volume is left out"),
+    ("cut", "'Plume': its grids 'density' hold no numbers, the volume is left out"),
     ("empty", "'Plume': no grid has a name of"),
     ("no module", "'Plume': this Blender has no module openvdb, which reads volumes; the volume is left out"),
     ("no gas", "'Plume': volumes are not rendered without absorption or scattering in their material"),
@@ -196,6 +197,8 @@ def test_what_a_volume_lacks_is_named(scene, tmp_path, monkeypatch, what, warnin
         plume.data.filepath = "//missing.vdb"
     elif what == "nonsense":
         path.write_bytes(b"no grids")
+    elif what == "cut":
+        path.write_bytes(path.read_bytes()[:-800])
     elif what == "empty":
         plume.data.filepath = ""
     elif what == "no module":

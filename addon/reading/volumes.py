@@ -105,15 +105,19 @@ class VolumeReader:
             return None
         with tempfile.TemporaryDirectory() as folder:
             path = str(Path(folder) / "volume.vdb")
-            volume.save(path)
-            grids = {grid.name: grid for grid in module.readAll(path)[0] if grid.name in _KNOWN}
+            try:
+                volume.save(path)
+                grids = {grid.name: grid for grid in module.readAll(path)[0] if grid.name in _KNOWN}
+            except RuntimeError as error:
+                self.warnings.add(obj.name, f"its grids cannot be read, {_LEFT_OUT}: {str(error).strip()}")
+                return None
             return self._assemble(obj, grids, kelvin)
 
     def _assemble(self, obj, grids: dict, kelvin: float) -> Grid | None:
         """The Grid of grids of OpenVDB by name: those that lie as the first one does, which says where there is gas."""
         numbers = {name: grid for name, grid in grids.items() if grid.valueTypeName in ("float", "double")}
         first = next((numbers[name] for name in _KNOWN if name in numbers), None)
-        if first is None or not first.activeVoxelCount():
+        if first is None or not first.activeVoxelCount():  # so Blender reads a file that ends in the middle
             self.warnings.add(obj.name, f"its grids {', '.join(map(repr, grids))} hold no numbers, {_LEFT_OUT}")
             return None
         matrix = _index_to_object(first)
