@@ -380,7 +380,11 @@ def test_arrays_become_leaves():
 
 
 def test_instances_share_their_cells():
+    """But not those whose own temperature differs."""
     grid = random_grid(1)
+    plain = Grid(grid.leaves, grid.transform, grid.density)
+    air = atmosphere([Medium("gas", 1.0, kelvin, grid=plain) for kelvin in (300.0, 400.0, 300.0)], THREE, 300.0)
+    assert len(air._grids.cells) == 2 * len(grid.leaves)
     moved = Grid(grid.leaves, turned(7), grid.density, grid.temperature)
     air = atmosphere((Medium("a", 1.0, grid=grid), Medium("b", 2.0, grid=moved)), THREE, 300.0)
     assert len(air._grids.cells) == len(grid.leaves)

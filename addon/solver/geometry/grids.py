@@ -78,7 +78,7 @@ def place_grids(media: tuple[Medium, ...], centre: np.ndarray) -> GridTable:
     places = [int(count.prod()) for _, count in boxes]
     leaf = np.full(sum(places), _MISSING, np.int32)
     first = np.concatenate(([0], np.cumsum(places, dtype=np.int64)))
-    starts = _first_leaves(grids)
+    starts = _first_leaves(media)
     for grid, (low, count), begin, start in zip(grids, boxes, first[:-1], starts, strict=True):
         place = np.ravel_multi_index((grid.leaves - low).T, count)
         leaf[begin + place] = start + np.arange(len(grid.leaves))
@@ -91,26 +91,30 @@ def place_grids(media: tuple[Medium, ...], centre: np.ndarray) -> GridTable:
     return GridTable(number, np.array(to_index).reshape(-1, 3, 4), low, count, first[:-1], leaf, cells, no_heat)
 
 
-def _first_leaves(grids: list) -> list[int]:
-    """Number of the first leaf of each grid among those of all; grids with the same arrays share them."""
+def _first_leaves(media: tuple[Medium, ...]) -> list[int]:
+    """Number of the first leaf of each grid among those of all; grids of the same content share them."""
     starts, count = {}, 0
-    for grid in grids:
-        if _content(grid) not in starts:
-            starts[_content(grid)] = count
-            count += len(grid.leaves)
-    return [starts[_content(grid)] for grid in grids]
+    contents = [(_content(medium), len(medium.grid.leaves)) for medium in media if medium.grid is not None]
+    for content, leaves in contents:
+        if content not in starts:
+            starts[content] = count
+            count += leaves
+    return [starts[content] for content, _ in contents]
 
 
-def _content(grid) -> tuple[int, int, int]:
-    return id(grid.leaves), id(grid.density), id(grid.temperature)
+def _content(medium: Medium) -> tuple:
+    """What tells whether the grids of two media have the same cells: their arrays, or their own temperature."""
+    grid = medium.grid
+    hot = medium.temperature if grid.temperature is None else id(grid.temperature)
+    return id(grid.leaves), id(grid.density), grid.temperature is None, hot
 
 
 def fill_cells(grids: GridTable, media: tuple[Medium, ...], heat: HeatTable) -> GridTable:
-    """A GridTable with its cells. Instances of one grid share their cells, if their medium has the same temperature."""
+    """A GridTable with its cells; instances of one grid share them."""
     filled, parts = set(), []
     for medium in media:
-        if medium.grid is not None and _content(medium.grid) not in filled:
-            filled.add(_content(medium.grid))
+        if medium.grid is not None and _content(medium) not in filled:
+            filled.add(_content(medium))
             cells = np.empty((len(medium.grid.leaves), LEAF**3, 2), np.float32)
             of_leaf = cells.reshape(-1, LEAF, LEAF, LEAF, 2)
             of_leaf[..., 0] = 1.0 if medium.grid.density is None else medium.grid.density
@@ -127,10 +131,8 @@ def cross_boxes(grids, g, rays, limit, ray, ends):
     for r in range(limit.size):
         begin, end = 0.0, float(limit[r])
         for axis in range(3):
-            o, d = (
-                _to_index(grids.to_index, g, axis, origin[r], 1.0),
-                _to_index(grids.to_index, g, axis, direction[r], 0.0),
-            )
+            o = _to_index(grids.to_index, g, axis, origin[r], 1.0)
+            d = _to_index(grids.to_index, g, axis, direction[r], 0.0)
             low = float(LEAF * grids.low[g, axis])
             high = low + LEAF * grids.count[g, axis]
             if d != 0.0:
