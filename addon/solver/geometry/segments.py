@@ -215,14 +215,15 @@ def transmit(air, i, power):
 @njit(**INLINED)
 def glow(air, i, throughput, radiance):
     """Add to radiance (b,) what media on segment i emit towards its origin, times the throughput (b,) there."""
-    bands, t, stop = air.bands, 0.0, set_out(air, i)
+    bands, stop = air.bands, set_out(air, i)
     if stop == np.inf:
         return
     for b in range(throughput.size):
         bands.throughput[b], bands.radiance[b] = throughput[b], 0.0
-    while stop < np.inf:
-        _shine(air, i, stop - t)
-        t, stop = stop, go_on(air, i, stop)
+    if air.first[i] + 1 == air.first[i + 1]:
+        _shine_along_one(air, i, stop)
+    else:
+        _shine_along_all(air, i, stop)
     for b in range(throughput.size):
         radiance[b] += bands.radiance[b]
 
@@ -235,6 +236,28 @@ def traverse(air, i, throughput, radiance):
     glow(air, i, throughput, radiance)
     for b in range(throughput.size):
         throughput[b] = air.bands.throughput[b]
+
+
+@njit(**INLINED)
+def _shine_along_one(air, i, stop):
+    """Add to the radiance of bands what the only stretch of segment i emits, and lower their throughput by what it
+    takes. stop: the first distance at which something changes. _shine_along_all can do this, too, but takes a quarter
+    longer, as it asks at each cell which stretches are there."""
+    t, s = 0.0, air.first[i]
+    while stop < np.inf:
+        if air.march.amount[s] > 0.0:
+            _shine_alone(air, s, (stop - t) * air.length[i])
+        _enter_or_leave(air, i, s, stop)
+        t, stop = stop, air.march.until[s]
+
+
+@njit(**INLINED)
+def _shine_along_all(air, i, stop):
+    """_shine_along_one for any number of stretches."""
+    t = 0.0
+    while stop < np.inf:
+        _shine(air, i, stop - t)
+        t, stop = stop, go_on(air, i, stop)
 
 
 @njit(**INLINED)
