@@ -231,8 +231,8 @@ def test_values_that_make_no_sense_are_errors(scene, tmp_path, values, message):
     assert message in str(error.value)
 
 
-# Smoke domains. Simulations cannot be baked in Blender as a Python module: its solver stops the process. So what the
-# simulation gives is made up; the domain, its mesh and its modifier are real.
+# Smoke domains. Blender as a Python module does not simulate: its solver stops the process. So what a simulation gives
+# is made up here; test_real_blender asks for a true one.
 
 
 @pytest.fixture
