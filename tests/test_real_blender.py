@@ -412,3 +412,12 @@ def band_edges(scene: dict) -> np.ndarray:
     assert scene["band_mode"] == "UNIFORM"
     low, high, count = scene["bands"]
     return np.linspace(low, high, count + 1)
+
+
+@pytest.mark.parametrize("adaptive", [0, 1])
+def test_smoke_is_read_where_it_is(tmp_path, adaptive):
+    """Gas and fire are where the ball is from which they come, in a domain that is stretched, within two cells of 0.17
+    m, as they rise; fire is hotter than it ignites, and nothing is colder than the object."""
+    found = facts(blender(*module("smoke", adaptive, tmp_path)))
+    np.testing.assert_allclose(found["centre"], (1.3, 2.2, 2.0), atol=0.34)
+    assert 1500.0 < found["hottest"] < 3500.0 and found["coldest"] == 300.0

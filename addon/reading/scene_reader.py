@@ -28,7 +28,6 @@ from .world import layer_world, world_temperature
 UNSUPPORTED = {
     "CURVES": "hair curves",
     "POINTCLOUD": "point clouds",
-    "VOLUME": "volumes",
     "GREASEPENCIL": "grease pencil",
     "GPENCIL": "grease pencil",
 }
@@ -71,6 +70,8 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
                 warnings.add(obj.name, message)
         if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
             surfaces.add(obj, matrix)
+        elif obj.type == "VOLUME":
+            surfaces.add_volume(obj, matrix)
         elif obj.type == "LIGHT":
             lights.extend(read_light(obj, matrix, metres))
             if remark := driver_remark(obj):

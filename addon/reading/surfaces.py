@@ -11,6 +11,7 @@ from .groups import GroupReader
 from .materials import read_material
 from .media import is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
+from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
 from .world import world_temperature
 
@@ -37,14 +38,15 @@ class SurfaceReader:
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
         self.metres, self.media = 1.0, []  # length of a unit, which scene_reader sets
+        self.volumes = VolumeReader(warnings)
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
         self.vertex_count = 0
         self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
 
     def add(self, obj, matrix: np.ndarray) -> None:
         """One object or instance; matrix: (4, 4) float64, object to world."""
-        if _is_gas_domain(obj):
-            self.warnings.add(obj.name, "smoke and fire are not rendered")
+        if is_gas_domain(obj):
+            self.add_volume(obj, matrix)
             return
         if _has_particle_hair(obj):
             self.warnings.add(obj.name, "particle hair is not rendered, only its surface")
@@ -74,6 +76,14 @@ class SurfaceReader:
             number = self.groups.number(obj, f"Object '{obj.name}'", temperature)
             self.group_numbers.append(np.full(len(triangles), number, np.int16))
         self.vertex_count += len(vertices)
+
+    def add_volume(self, obj, matrix: np.ndarray) -> None:
+        """The gas in a Volume object, a smoke domain or an instance of one; matrix: (4, 4) float64, object to world."""
+        materials, _ = self._slots(obj, np.zeros(0, np.int32))
+        read = self.volumes.read_smoke if is_gas_domain(obj) else self.volumes.read
+        medium = read(obj, matrix, materials[0], self.ambient_temperature, self.metres)
+        if medium is not None:
+            self.media.append(medium)
 
     def _add_media(self, obj, vertices, triangles, slots, temperature) -> None:
         """The gases in an object. slots: its materials, and (m,) which of them each triangle has, -1 for none here."""
@@ -192,14 +202,6 @@ def _in_world_space(vertices: np.ndarray, matrix: np.ndarray, owner: str) -> np.
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         raise SceneError(f"Object '{owner}': vertex {bad} is not finite: {vertices[bad]}")
     return vertices
-
-
-def _is_gas_domain(obj) -> bool:
-    """True if the mesh is only the box around a smoke simulation."""
-    return any(
-        modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings.domain_type == "GAS"
-        for modifier in obj.modifiers
-    )
 
 
 def _has_particle_hair(obj) -> bool:

@@ -13,6 +13,7 @@ from .physics.correction import Correction
 from .scene import (
     AreaLight,
     Camera,
+    Grid,
     Light,
     Material,
     Medium,
@@ -44,6 +45,7 @@ __all__ = [
     "Camera",
     "Correction",
     "Film",
+    "Grid",
     "LayeredImage",
     "Light",
     "Material",

@@ -27,6 +27,8 @@ MOLECULES = "H2O", "CO2", "CO", "CH4"  # whose lines a gas may have
 SOOT = "soot"
 ATMOSPHERE = 101325.0  # Pa
 _STEP = 1e-9  # width of the step to 0 at the ends of a response, as a share of the wavelength
+LEAF = 8  # cells along an edge of a leaf of a grid, as in OpenVDB
+_WIDEST = 1 << 24  # leaves in the box around those of a grid, at most: 2048^3 cells; 4 bytes are kept for each
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,131 @@ class Material:
 
 
 @dataclass(frozen=True)
+class Grid:
+    """Where a gas is and how hot it is there, in n leaves of 8 x 8 x 8 cells. Between the leaves there is none.
+
+    Cell (i, j, k) fills the cube from (i, j, k) to (i + 1, j + 1, k + 1) of index space: integer coordinates are
+    corners of cells, not their centres. Everything is constant in a cell.
+
+    leaves: (n, 3) int32, each once; leaf l holds cells 8 l to 8 l + 7 along each axis.
+    transform: (4, 4) or (3, 4) float64, from index space to the world, m; it may turn, shear, mirror and stretch.
+    density: (n, 8, 8, 8) float32, at least 0, factor on the medium's coefficients; None is 1 in every cell of a leaf.
+    temperature: (n, 8, 8, 8) float32, K; None is the medium's own. Where the density is 0 it does not count.
+    fractions: (n, 8, 8, 8) float32, 0..1, mole fraction of each species by name.
+    """
+
+    leaves: np.ndarray
+    transform: np.ndarray
+    density: np.ndarray | None = None
+    temperature: np.ndarray | None = None
+    fractions: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        transform: np.ndarray,
+        density: np.ndarray | None = None,
+        temperature: np.ndarray | None = None,
+        fractions: dict[str, np.ndarray] | None = None,
+        low: tuple[int, int, int] = (0, 0, 0),
+    ) -> Grid:
+        """A grid from dense arrays (a, b, c) of one shape; leaves without density are left out.
+
+        low: index of the first cell. density: None is 1 everywhere in the arrays.
+        """
+        given = {f"fraction {name}": values for name, values in (fractions or {}).items()}
+        given |= {"density": density, "temperature": temperature}
+        given = {name: np.asarray(values, np.float32) for name, values in given.items() if values is not None}
+        shape = next(iter(given.values())).shape
+        given.setdefault("density", np.ones(shape, np.float32))
+        parts = {name: in_leaves(values, low) for name, values in given.items()}
+        first = np.floor_divide(low, LEAF)
+        count = np.floor_divide(np.add(low, shape) - 1, LEAF) - first + 1
+        used = parts["density"].any(axis=(1, 2, 3))
+        leaves = (np.indices(count).reshape(3, -1).T + first)[used].astype(np.int32)
+        kept = {name: values[used] for name, values in parts.items()}
+        named = {name: kept[f"fraction {name}"] for name in fractions or {}}
+        return cls(leaves, transform, kept["density"], kept.get("temperature"), named)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(4, 4) float64, from index space to the world."""
+        matrix = np.eye(4)
+        matrix[: len(self.transform)] = self.transform
+        return matrix
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest leaf coordinates (3,) int64, and how many leaves (3,) the box around all holds along each axis."""
+        low, high = self.leaves.min(axis=0).astype(np.int64), self.leaves.max(axis=0).astype(np.int64)
+        return low, high - low + 1
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(8, 3) float64 corners of that box in the world, m."""
+        low, count = self.box
+        ends = LEAF * np.stack((low, low + count)).astype(np.float64)
+        index = np.array([[ends[(k >> axis) & 1, axis] for axis in range(3)] for k in range(8)])
+        return index @ self.matrix[:3, :3].T + self.matrix[:3, 3]
+
+    def check(self, owner: str) -> None:
+        """Raise SceneError for what makes no sense. owner: how messages name the medium."""
+        leaves, transform = np.asarray(self.leaves), np.asarray(self.transform)
+        if leaves.ndim != 2 or leaves.shape[1] != 3 or not len(leaves):
+            raise SceneError(f"{owner}: a grid needs leaves, coordinates (n, 3), got an array of shape {leaves.shape}")
+        if transform.shape not in ((4, 4), (3, 4)) or not np.isfinite(transform).all():
+            raise SceneError(f"{owner}: the transform of a grid is a finite matrix, 4 x 4 or 3 x 4, got {transform}")
+        if not abs(np.linalg.det(transform[:3, :3])) > 0.0:
+            raise SceneError(f"{owner}: the transform of its grid is flat, {transform[:3, :3].tolist()}")
+        _, count = self.box
+        check_spread(count, owner)
+        if len(np.unique(leaves, axis=0)) < len(leaves):
+            raise SceneError(f"{owner}: a leaf of its grid is given twice")
+        for name, values, high in self._quantities():
+            if values.shape != (len(leaves), LEAF, LEAF, LEAF):
+                raise SceneError(
+                    f"{owner}: {name} has shape {values.shape}, expected ({len(leaves)}, {LEAF}, {LEAF}, {LEAF})"
+                )
+            for value in (values.min(), values.max()):  # NaN is both
+                if not 0.0 <= value <= high or value == np.inf:
+                    limit = "finite and at least 0" if high == np.inf else f"from 0 to {high:g}"
+                    raise SceneError(f"{owner}: {name} {value:g} in a cell of its grid; it is {limit}")
+
+    def _quantities(self) -> list[tuple[str, np.ndarray, float]]:
+        """What varies: name, values and highest value."""
+        every = [("density", self.density, np.inf), ("temperature", self.temperature, HOTTEST)]
+        every += [(f"fraction of {name}", values, 1.0) for name, values in self.fractions.items()]
+        return [each for each in every if each[1] is not None]
+
+    def mean_temperature(self, own: float) -> float:
+        """K, the mean over all cells, weighted with the density. own: of the medium, K."""
+        if self.temperature is None:
+            return own
+        weight = np.ones_like(self.temperature) if self.density is None else self.density
+        total = weight.sum(dtype=np.float64)
+        return float(np.vdot(weight, self.temperature) / total) if total > 0.0 else own
+
+
+def check_spread(count: np.ndarray, owner: str) -> None:
+    """Raise SceneError if the box around a grid, so many leaves (3,) along each axis, is absurdly large."""
+    if np.prod(count.astype(np.float64)) > _WIDEST:
+        raise SceneError(
+            f"{owner}: the leaves of its grid are scattered over {' x '.join(str(LEAF * n) for n in count)} cells; "
+            f"at most {_WIDEST * LEAF**3:.2g} cells may lie between the outermost ones"
+        )
+
+
+def in_leaves(values: np.ndarray, low: tuple[int, int, int]) -> np.ndarray:
+    """(n, 8, 8, 8) of a dense array (a, b, c) whose first cell is `low`: all leaves of the box around it, the last axis
+    fastest, with 0 around the array."""
+    before = np.mod(low, LEAF)
+    after = -(before + values.shape) % LEAF
+    padded = np.pad(values, list(zip(before, after, strict=True)))
+    a, b, c = (size // LEAF for size in padded.shape)
+    return padded.reshape(a, LEAF, b, LEAF, c, LEAF).transpose(0, 2, 4, 1, 3, 5).reshape(-1, LEAF, LEAF, LEAF)
+
+
+@dataclass(frozen=True)
 class Medium:
     """A gas: it absorbs, emits what it absorbs (Kirchhoff), and may scatter. Media that overlap add.
 
@@ -94,7 +221,8 @@ class Medium:
     scattering: coefficient in 1/m, in the same form. anisotropy: of Henyey and Greenstein's phase function, the mean
         cosine of the angle by which it deflects light, -1 to 1.
     vertices: (n, 3) m, and triangles: (m, 3) int, of the closed mesh that it fills; None for the world's medium, which
-        is everywhere.
+        is everywhere, and for a grid.
+    grid: the Grid that it fills instead of a mesh.
     """
 
     name: str = "Medium"
@@ -107,6 +235,7 @@ class Medium:
     gas: Mapping[str, float] = field(default_factory=dict)
     pressure: float = ATMOSPHERE
     metres: float = 1.0
+    grid: Grid | None = None
 
     def __post_init__(self):
         owner = f"Medium '{self.name}'"
@@ -123,6 +252,20 @@ class Medium:
             raise SceneError(f"{owner}: anisotropy {self.anisotropy:g} is outside -1..1")
         check_temperature(self.temperature, owner)
         object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as of surfaces
+        if self.grid is not None:
+            if self.triangles is not None:
+                raise SceneError(f"{owner}: a medium fills a mesh or a grid, not both")
+            self.grid.check(owner)
+
+    @property
+    def outline(self) -> np.ndarray | None:
+        """(n, 3) m: points whose convex hull holds the medium; None for the world's, which has no end."""
+        return self.vertices if self.grid is None else self.grid.corners
+
+    @property
+    def typical_temperature(self) -> float:
+        """K: its own, or the mean over its grid."""
+        return self.temperature if self.grid is None else self.grid.mean_temperature(self.temperature)
 
     def _check_gas(self, owner: str) -> None:
         for name, fraction in self.gas.items():

@@ -151,7 +151,8 @@ class INFRARED_PT_object(InfraredPanel, Panel):
 
     @classmethod
     def poll(cls, context):
-        return super().poll(context) and context.object is not None and context.object.type in SURFACE_TYPES
+        obj = context.object
+        return super().poll(context) and obj is not None and obj.type in SURFACE_TYPES | {"VOLUME"}
 
     def draw(self, context):
         obj, scene = context.object, context.scene
@@ -162,7 +163,8 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         ambient = f"{in_scene_unit(scene.infrared.ambient_temperature, scene)} (ambient)"
         draw_custom_property(row, obj, "OBJECT", "temperature", ambient)
         row.menu("INFRARED_MT_object_temperatures", text="", icon="DOWNARROW_HLT")
-        draw_group(column, obj, "OBJECT", scene)
+        if obj.type in SURFACE_TYPES:
+            draw_group(column, obj, "OBJECT", scene)
         if obj.type == "MESH":
             self.draw_surface(column, obj, source)
             self.draw_heat_map(column, context)

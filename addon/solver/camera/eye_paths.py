@@ -49,7 +49,8 @@ def render_pixels(
     """Estimate the excess radiance of a tile of pixels in one pass.
 
     pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and two parts of
-    the radiance over all bands, (h w,) float32: seen, what surfaces emit straight into the camera; and missed, what
+    the radiance over all bands, (h w,) float32: seen, what surfaces emit straight into the camera, 0 where media scatter;
+    and missed, what
     continued rays find in place of what is recalled, less the latter. It is not in the image, tells of few rays and
     thus little of a single pixel.
     """
@@ -70,7 +71,7 @@ def render_pixels(
         if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)
-        if number == 0:
+        if number == 0 and not tracer.scatters:  # else what is seen hangs on chance, not on edges in a pixel alone
             # einsum, as numpy leaves matrix products to a library with threads of its own
             np.einsum("pb,b->p", rows.image[: pixels.size], shared.weights, out=seen)
         if estimate.photons:

@@ -10,15 +10,15 @@ import numpy as np
 from ..physics.media import deflect
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector, scaled, vector
-from ..system.kernels import njit
-from .segments import coefficient, next_stop
+from ..system.kernels import INLINED, njit
+from .segments import add_depth, go_on, set_out
 
 ARRIVED, LOST = -1, -2  # see walk
 NUMBERS = 8  # random numbers of a segment
 _MOST = 1.0 - 1.0 / 4096.0  # largest chance with which a walk goes on, so that each ends
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def walk(air, i, rays, weight, numbers, out):
     """Let light with these weights (b,) fly along segment i: it has ARRIVED at its end, is LOST by roulette, with a
     chance that is the share of |w| that was absorbed on the way, or the number of the medium is returned that scatters
@@ -33,7 +33,7 @@ def walk(air, i, rays, weight, numbers, out):
     end = fly(air, i, weight, uniform(path, first), uniform(path, first + 1))
     if not end < np.inf:
         return ARRIVED
-    medium = scatterer(air, i, end, weight, uniform(path, first + 2))
+    medium = scatterer(air, i, weight, uniform(path, first + 2))
     after = _sum(weight)
     survival = min(_MOST, after / before) if after > 0.0 else 0.0
     if medium < 0 or uniform(path, first + 3) >= survival:
@@ -47,7 +47,7 @@ def walk(air, i, rays, weight, numbers, out):
     return medium
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def _sum(weight):
     total = 0.0
     for b in range(weight.size):
@@ -55,7 +55,7 @@ def _sum(weight):
     return total
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def fly(air, i, weight, u, v):
     """Let light with these weights (b,) fly along segment i; returns the distance at which it is scattered, in units of
     the direction's length, infinite if it arrives at the end, and lowers the weights by what is absorbed.
@@ -68,77 +68,67 @@ def fly(air, i, weight, u, v):
 
     so the sum of |w| never grows: this is the twin of the roulette by power. u, v: numbers in [0, 1).
     """
-    scattering, total = air.table.scattering, _sum(weight)
+    table, total = air.table, _sum(weight)
     if not total > 0.0:
         return np.inf
     c, pick = 0, u * total - abs(weight[0])
     while c < weight.size - 1 and pick >= 0.0:
         c += 1
         pick -= abs(weight[c])
-    depth, end, last = -math.log1p(-v), 0.0, 0.0
-    t, stop, collides = 0.0, next_stop(air, i, 0.0), False
+    depth, scattered, scattering = air.bands.depth, air.bands.scattered, air.bands.scattering
+    depth[:], scattered[:] = 0.0, 0.0
+    left, t, stop, collides = -math.log1p(-v), 0.0, set_out(air, i), False
     while stop < np.inf and not collides:
-        s = coefficient(air, i, t, stop, scattering, c)
-        collides = s * (stop - t) > depth
-        end, last = t + depth / s if collides else stop, t
-        depth -= s * (stop - t)
+        of_c = _scattering_in(air, i, c) * air.length[i]
+        collides = of_c * (stop - t) > left
+        end = t + left / of_c if collides else stop
+        left -= of_c * (stop - t)
+        add_depth(air, i, table.extinction, end - t, depth)
+        add_depth(air, i, table.scattering, end - t, scattered)
+        t = end
         if not collides:
-            t, stop = stop, next_stop(air, i, stop)
+            stop = go_on(air, i, stop)
+    scattering[:] = 0.0 if collides else 1.0
+    if collides:
+        add_depth(air, i, table.scattering, 1.0 / air.length[i], scattering)
     mean = 0.0
     for b in range(weight.size):
-        share, scattered = abs(weight[b]) / total, _depth(air, i, end, scattering, b)
-        density = math.exp(-scattered)
-        if collides:
-            density *= coefficient(air, i, last, stop, scattering, b)
-        mean += share * density
+        mean += abs(weight[b]) / total * math.exp(-scattered[b]) * scattering[b]
     for b in range(weight.size):
-        factor = math.exp(-_depth(air, i, end, air.table.extinction, b)) / mean
-        if collides:
-            factor *= coefficient(air, i, last, stop, scattering, b)
-        weight[b] *= factor
-    return end if collides else np.inf
+        weight[b] *= math.exp(-depth[b]) * scattering[b] / mean
+    return t if collides else np.inf
 
 
-@njit(inline="always")
-def _depth(air, i, end, of, b):
-    """Optical depth in band b of segment i up to a distance. of: see coefficient."""
-    depth, t, stop = 0.0, 0.0, next_stop(air, i, 0.0)
-    while stop < np.inf and t < end:
-        depth += coefficient(air, i, t, stop, of, b) * (min(stop, end) - t)
-        t, stop = stop, next_stop(air, i, stop)
-    return depth
+@njit(**INLINED)
+def _scattering_in(air, i, c):
+    """Scattering coefficient in band c at the present place of segment i, 1/m."""
+    total = 0.0
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.march.amount[s] > 0.0:
+            total += air.march.amount[s] * air.table.scattering[air.medium[s], c]
+    return total
 
 
-@njit(inline="always")
-def scatterer(air, i, end, weight, u):
-    """The medium that scatters light with these weights (b,) at a distance on segment i, -1 if there is none.
+@njit(**INLINED)
+def scatterer(air, i, weight, u):
+    """The medium that scatters light with these weights (b,) where fly has ended on segment i, -1 if there is none.
 
     Where several overlap, one is picked with P_m, the share of |w| that it scatters, and w_b <- w_b s_mb / s_b / P_m.
     u: number in [0, 1).
     """
-    scattering, total, medium = air.table.scattering, _sum(weight), np.int64(-1)
-    pick = u * total
+    total, medium, amount, chance = _sum(weight), np.int64(-1), 0.0, 1.0
+    table, scattering, pick = air.table, air.bands.scattering, u * total
     for s in range(air.first[i], air.first[i + 1]):
-        if air.begin[s] <= end <= air.end[s] and pick >= 0.0:
+        if air.march.amount[s] > 0.0 and pick >= 0.0:
             share, m = 0.0, air.medium[s]
             for b in range(weight.size):
-                if scattering[m, b] > 0.0:
-                    share += abs(weight[b]) * (scattering[m, b] / _scattering_at(air, i, end, b))
+                if table.scattering[m, b] > 0.0:
+                    share += abs(weight[b]) * (air.march.amount[s] * table.scattering[m, b] / scattering[b])
             if share > 0.0:
-                medium, chance = m, share / total
+                medium, amount, chance = m, air.march.amount[s], share / total
                 pick -= share
     if medium >= 0:
         for b in range(weight.size):
             if weight[b] != 0.0:
-                weight[b] *= scattering[medium, b] / _scattering_at(air, i, end, b) / chance
+                weight[b] *= amount * table.scattering[medium, b] / scattering[b] / chance
     return medium
-
-
-@njit(inline="always")
-def _scattering_at(air, i, end, b):
-    """Scattering coefficient in band b at a distance on segment i, 1/m."""
-    total = 0.0
-    for s in range(air.first[i], air.first[i + 1]):
-        if air.begin[s] <= end <= air.end[s]:
-            total += air.table.scattering[air.medium[s], b]
-    return total

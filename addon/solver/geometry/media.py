@@ -13,11 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..physics.heat import HeatTable
 from ..physics.media import MediumTable
 from ..scene import Medium, SceneError
 from ..system.kernels import KERNEL, njit
 from .closed import outward
-from .segments import Air, Tracer
+from .grids import cross_boxes, empty_march, fill_cells, place_grids
+from .segments import Air, RayBatch, Tracer, empty_bands
 from .triangles import CLEAR
 
 _CROSSINGS = 1024  # of a ray with one mesh, at most: more are a mesh that cannot be crossed
@@ -72,9 +74,10 @@ class _Body:
 def radius_of_media(media: tuple[Medium, ...], centre: np.ndarray) -> float:
     """Radius (m) of a sphere around the centre (3,) that holds all media: 0 without any, infinite for the world's.
     A camera ray that began inside it, and not at its camera, would miss some of them."""
-    if any(medium.triangles is None for medium in media):
+    outlines = [medium.outline for medium in media]
+    if any(outline is None for outline in outlines):
         return np.inf
-    return max((float(np.linalg.norm(medium.vertices - centre, axis=1).max()) for medium in media), default=0.0)
+    return max((float(np.linalg.norm(outline - centre, axis=1).max()) for outline in outlines), default=0.0)
 
 
 class Atmosphere(Tracer):
@@ -87,13 +90,18 @@ class Atmosphere(Tracer):
         medium without a mesh, the world's, of rays that leave the scene."""
         self._scene = surfaces._scene
         self._bodies = [None if medium.triangles is None else _Body(medium, centre) for medium in media]
+        self._media, self._grids = media, place_grids(media, centre)
         self._depth = depth
-        self._table = None
+        self._optics = None
         self.scatters = any(medium.scatters for medium in media)
 
-    def fill(self, table: MediumTable) -> None:
-        """Say what the media absorb, emit and scatter."""
-        self._table = table
+    def fill(self, table: MediumTable, heat: HeatTable | None = None) -> None:
+        """Say what the media absorb, emit and scatter. heat: of temperatures in grids; None if there are none, or where
+        it stays as it is."""
+        share = table.absorption / np.where(table.extinction > 0.0, table.extinction, 1.0)
+        self._optics = table, share, table.extinction.max(axis=1)
+        if heat is not None:
+            self._grids = fill_cells(self._grids, self._media, heat)
 
     def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air:
         """What segments cross: rays, origin and direction (n, 3) float32, up to a distance (n,) float32, in units of
@@ -102,7 +110,11 @@ class Atmosphere(Tracer):
         leaves = distance > _FAR
         parts = []
         for number, body in enumerate(self._bodies):
-            if body is None:
+            if self._grids.number[number] >= 0:
+                ray, ends = np.empty(len(length), np.int64), np.empty((len(length), 2))
+                kept = cross_boxes(self._grids, self._grids.number[number], (origin, direction), distance, ray, ends)
+                parts.append((np.full(kept, number), ray[:kept], ends[:kept, 0], ends[:kept, 1]))
+            elif body is None:
                 end = np.where(leaves, self._depth / np.maximum(length, 1e-30), distance)
                 parts.append((np.full(len(end), number), np.arange(len(end)), np.zeros(len(end)), end))
             else:
@@ -113,7 +125,9 @@ class Atmosphere(Tracer):
         medium, ray, begin, end = map(np.concatenate, zip(*parts, strict=True))
         order = np.argsort(ray, kind="stable")
         first = np.searchsorted(ray[order], np.arange(len(length) + 1))
-        return Air(first, medium[order], begin[order], end[order], length, self._table)
+        stretches = medium[order], begin[order], end[order]
+        room = empty_march(len(ray), len(self._grids.first) > 0), empty_bands(self._optics[0].extinction.shape[1])
+        return Air(first, *stretches, length, RayBatch(origin, direction), *self._optics, self._grids, *room)
 
 
 @njit(**KERNEL)

@@ -14,8 +14,15 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from ..physics.media import MediumTable
-from ..system.kernels import njit
+from ..physics.heat import between_nodes
+from ..physics.media import THIN, MediumTable, absorbed, absorbed_if_thin
+from ..system.kernels import FAST_INLINED, INLINED, njit
+from .grids import AHEAD, GridTable, March, enter_grid, next_cell
+
+_FAINTEST = 1e-300  # depth added where there may be none
+_VECTORS = FAST_INLINED | {
+    "error_model": "numpy"
+}  # a check for division by 0 would keep LLVM from vectorising the loop
 
 
 class RayBatch(NamedTuple):
@@ -72,12 +79,37 @@ class Tracer:
         return self.trace(origin, direction, reach).triangle < 0
 
 
+class Bands(NamedTuple):
+    """Room for what kernels know of a segment in each band, (b,) float64.
+
+    depth, scattered: optical depth, of extinction and of scattering. scattering: coefficient at the present place, 1/m.
+    excess: radiance of a blackbody, emission: what a thin medium emits, W m-2 sr-1. throughput, radiance: of light on
+    the way.
+    """
+
+    depth: np.ndarray
+    scattered: np.ndarray
+    scattering: np.ndarray
+    excess: np.ndarray
+    emission: np.ndarray
+    throughput: np.ndarray
+    radiance: np.ndarray
+
+
+def empty_bands(count: int) -> Bands:
+    """Room for count bands."""
+    return Bands(*np.empty((7, count)))
+
+
 class Air(NamedTuple):
     """What n segments cross.
 
     first: (n + 1,) int64, where the stretches of each segment begin in medium, begin and end. medium: (s,) int64.
     begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
-    several media may overlap. length: (n,) of the direction. table: of the media, see MediumTable.
+    several media may overlap. length: (n,) of the direction. rays: the segments'. table: of the media, see MediumTable.
+    share: (m, b) float64, absorption over extinction. thickest: (m,) float64, 1/m, largest extinction. grids: of media
+    that vary, see GridTable.
+    Kernels keep what they know here: march, see March, and bands, see Bands.
     """
 
     first: np.ndarray
@@ -85,7 +117,13 @@ class Air(NamedTuple):
     begin: np.ndarray
     end: np.ndarray
     length: np.ndarray
+    rays: RayBatch
     table: MediumTable
+    share: np.ndarray
+    thickest: np.ndarray
+    grids: GridTable
+    march: March
+    bands: Bands
 
 
 def ways(hits: Hits) -> np.ndarray:
@@ -93,81 +131,184 @@ def ways(hits: Hits) -> np.ndarray:
     return np.where(hits.triangle < 0, np.float32(np.inf), hits.distance)
 
 
-@njit(inline="always")
-def next_stop(air, i, t):
-    """The least distance beyond t, in units of the direction's length, at which segment i enters or leaves a medium;
-    infinite if there is none."""
-    stop = np.inf
+@njit(**INLINED)
+def set_out(air, i):
+    """Begin at the origin of segment i; returns the distance up to which all is constant, infinite in a vacuum."""
     for s in range(air.first[i], air.first[i + 1]):
-        if air.begin[s] > t:
-            stop = min(stop, air.begin[s])
-        elif air.end[s] > t:
-            stop = min(stop, air.end[s])
+        air.march.amount[s], air.march.until[s] = AHEAD, air.begin[s]
+    return go_on(air, i, 0.0)
+
+
+@njit(**INLINED)
+def go_on(air, i, t):
+    """Enter what segment i enters at a distance t, in units of the direction's length, and leave what it leaves there;
+    returns the distance up to which all is constant, infinite behind the last medium."""
+    march, stop = air.march, np.inf
+    for s in range(air.first[i], air.first[i + 1]):
+        if march.until[s] <= t:
+            _enter_or_leave(air, i, s, t)
+        stop = min(stop, march.until[s])
     return stop
 
 
-@njit(inline="always")
-def coefficient(air, i, t, stop, of, b):
-    """A coefficient in band b on segment i between t and the next stop, for each unit of the direction's length: media
-    that overlap add. of: (m, b) float64, 1/m."""
-    total = 0.0
+@njit(**INLINED)
+def _enter_or_leave(air, i, s, t):
+    """Bring stretch s up to distance t, where something changes in it."""
+    march, g = air.march, air.grids.number[air.medium[s]]
+    if t >= air.end[s]:
+        march.amount[s], march.until[s] = 0.0, np.inf
+    elif g < 0:
+        march.amount[s], march.until[s] = 1.0, air.end[s]
+    else:
+        if march.amount[s] == AHEAD:
+            enter_grid(air.grids, g, march, s, (air.rays.origin[i], air.rays.direction[i]), t)
+        next_cell(air.grids, g, march, s, air.end[s])
+
+
+@njit(**_VECTORS)
+def add_coefficients(air, s, of, length, out):
+    """Add to out (b,) a coefficient at the present place of stretch s, times a length. of: (m, b) float64, 1/m, of the
+    table. Here alone it is said what the coefficients of a cell are."""
+    m, amount = air.medium[s], air.march.amount[s] * length
+    for b in range(out.size):
+        out[b] += amount * of[m, b]
+
+
+@njit(**INLINED)
+def add_depth(air, i, of, way, out):
+    """Add to out (b,) the optical depth of a way on segment i that is constant: media that overlap add. way: in units
+    of the direction's length. of: see add_coefficients."""
     for s in range(air.first[i], air.first[i + 1]):
-        if air.begin[s] <= t and stop <= air.end[s]:
-            total += of[air.medium[s], b]
-    return total * air.length[i]
+        if air.march.amount[s] > 0.0:
+            add_coefficients(air, s, of, way * air.length[i], out)
 
 
-@njit(inline="always")
-def emission(air, i, t, stop, b):
-    """Excess radiance that media emit in band b on segment i between t and the next stop, for each unit of the
-    direction's length."""
-    total = 0.0
-    for s in range(air.first[i], air.first[i + 1]):
-        if air.begin[s] <= t and stop <= air.end[s]:
-            total += air.table.absorption[air.medium[s], b] * air.table.excess[air.medium[s], b]
-    return total * air.length[i]
+@njit(**_VECTORS)
+def _fill_excess(air, s, out):
+    """Fill out (b,) with the excess radiance of a blackbody at the temperature at the present place of stretch s."""
+    m, heat = air.medium[s], air.grids.heat
+    if air.grids.number[m] < 0:
+        for b in range(out.size):
+            out[b] = air.table.excess[m, b]
+    else:
+        r, (h0, d0, h1, d1) = between_nodes(heat, air.march.steps[s])
+        for b in range(out.size):
+            excess = h0 * heat.excess[r, b] + d0 * heat.slope[r, b]
+            out[b] = excess + h1 * heat.excess[r + 1, b] + d1 * heat.slope[r + 1, b]
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def transmit(air, i, power):
     """Lower power (b,), or a radiance or throughput, by what segment i absorbs and scatters (Bouguer's law). Both
     directions lose alike."""
-    t, stop = 0.0, next_stop(air, i, 0.0)
+    depth, t, stop = air.bands.depth, 0.0, set_out(air, i)
+    if stop == np.inf:
+        return
+    depth[:] = 0.0
     while stop < np.inf:
-        for b in range(power.size):
-            power[b] *= math.exp(-coefficient(air, i, t, stop, air.table.extinction, b) * (stop - t))
-        t, stop = stop, next_stop(air, i, stop)
+        add_depth(air, i, air.table.extinction, stop - t, depth)
+        t, stop = stop, go_on(air, i, stop)
+    for b in range(power.size):
+        power[b] *= math.exp(-depth[b])
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def glow(air, i, throughput, radiance):
     """Add to radiance (b,) what media on segment i emit towards its origin, times the throughput (b,) there."""
+    bands, stop = air.bands, set_out(air, i)
+    if stop == np.inf:
+        return
     for b in range(throughput.size):
-        _glow(air, i, b, throughput[b], radiance)
+        bands.throughput[b], bands.radiance[b] = throughput[b], 0.0
+    if air.first[i] + 1 == air.first[i + 1]:
+        _shine_along_one(air, i, stop)
+    else:
+        _shine_along_all(air, i, stop)
+    for b in range(throughput.size):
+        radiance[b] += bands.radiance[b]
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def traverse(air, i, throughput, radiance):
     """`glow` and `transmit` in one."""
+    if air.first[i] == air.first[i + 1]:
+        return
+    glow(air, i, throughput, radiance)
     for b in range(throughput.size):
-        throughput[b] = _glow(air, i, b, throughput[b], radiance)
+        throughput[b] = air.bands.throughput[b]
 
 
-@njit(inline="always")
-def _glow(air, i, b, throughput, radiance):
-    """Add to radiance[b] what media on segment i emit; returns what is left of the throughput at its end.
+@njit(**INLINED)
+def _shine_along_one(air, i, stop):
+    """Add to the radiance of bands what the only stretch of segment i emits, and lower their throughput by what it
+    takes. stop: the first distance at which something changes. _shine_along_all can do this, too, but takes a quarter
+    longer, as it asks at each cell which stretches are there."""
+    t, s = 0.0, air.first[i]
+    while stop < np.inf:
+        if air.march.amount[s] > 0.0:
+            _shine_alone(air, s, (stop - t) * air.length[i])
+        _enter_or_leave(air, i, s, stop)
+        t, stop = stop, air.march.until[s]
+
+
+@njit(**INLINED)
+def _shine_along_all(air, i, stop):
+    """_shine_along_one for any number of stretches."""
+    t = 0.0
+    while stop < np.inf:
+        _shine(air, i, stop - t)
+        t, stop = stop, go_on(air, i, stop)
+
+
+@njit(**INLINED)
+def _shine(air, i, way):
+    """Add what media emit on a way on segment i that is constant, see add_depth, and take what they take.
 
     A stretch of optical depth tau between media of one temperature each brings dL = j / k (1 - exp(-tau)), j their
     emission and k their extinction (Modest, section 10.4). No step is random.
     """
-    through = float(throughput)
-    t, stop = 0.0, next_stop(air, i, 0.0)
-    while stop < np.inf:
-        k = coefficient(air, i, t, stop, air.table.extinction, b)
-        if k > 0.0:
-            left = math.exp(-k * (stop - t))
-            if left < 1.0:
-                radiance[b] -= through * emission(air, i, t, stop, b) / k * math.expm1(-k * (stop - t))
-            through *= left
-        t, stop = stop, next_stop(air, i, stop)
-    return through
+    count, only = 0, np.int64(-1)
+    for s in range(air.first[i], air.first[i + 1]):
+        if air.march.amount[s] > 0.0:
+            count, only = count + 1, s
+    if count == 1:
+        _shine_alone(air, only, way * air.length[i])
+    elif count > 1:
+        _shine_together(air, i, way)
+
+
+@njit(**_VECTORS)
+def _shine_alone(air, s, length):
+    """_shine where there is but one medium, that of stretch s. length: m."""
+    bands, extinction, share, m = air.bands, air.table.extinction, air.share, air.medium[s]
+    amount = length * air.march.amount[s]
+    _fill_excess(air, s, bands.excess)
+    if amount * air.thickest[m] < THIN:
+        for b in range(bands.excess.size):
+            lost = absorbed_if_thin(amount * extinction[m, b])
+            bands.radiance[b] += bands.throughput[b] * (lost * share[m, b] * bands.excess[b])
+            bands.throughput[b] *= 1.0 - lost
+    else:
+        for b in range(bands.excess.size):
+            lost = absorbed(amount * extinction[m, b])
+            bands.radiance[b] += bands.throughput[b] * (lost * share[m, b] * bands.excess[b])
+            bands.throughput[b] *= 1.0 - lost
+
+
+@njit(**_VECTORS)
+def _shine_together(air, i, way):
+    """_shine where several media overlap."""
+    bands, absorption = air.bands, air.table.absorption
+    depth, emission, excess = bands.depth, bands.emission, bands.excess
+    depth[:], emission[:] = 0.0, 0.0
+    add_depth(air, i, air.table.extinction, way, depth)
+    for s in range(air.first[i], air.first[i + 1]):
+        amount = way * air.length[i] * air.march.amount[s]
+        if amount > 0.0:
+            _fill_excess(air, s, excess)
+            for b in range(excess.size):
+                emission[b] += amount * absorption[air.medium[s], b] * excess[b]
+    for b in range(depth.size):
+        lost = absorbed(depth[b])
+        bands.radiance[b] += bands.throughput[b] * (lost * emission[b] / (depth[b] + _FAINTEST))
+        bands.throughput[b] *= 1.0 - lost

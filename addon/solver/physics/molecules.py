@@ -279,7 +279,7 @@ def probe_count(media: tuple[Medium, ...]) -> int:
 
 def _thickness(medium: Medium, length: float) -> float:
     """The least extent of a medium along an axis; a length for one without a mesh."""
-    return length if medium.vertices is None else float(np.ptp(medium.vertices, axis=0).min())
+    return length if medium.outline is None else float(np.ptp(medium.outline, axis=0).min())
 
 
 def build_molecular_media(

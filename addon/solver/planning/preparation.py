@@ -27,6 +27,7 @@ from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
 from ..photons.transport import Optics, trace_photons
+from ..physics.heat import build_heat_table
 from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
 from ..physics.lobes import GLOSSY, SPECULAR, WIDE
 from ..physics.media import build_medium_table
@@ -127,7 +128,8 @@ def prepare(
         radiometry = stage.radiometry
         table = build_medium_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
         molecular = build_molecular_media(scene.media, table, scene.band_edges, weighting, settings.seed)
-        tracer.fill(table if molecular is None else molecular.typical_table(2.0 * radius))
+        heat = build_heat_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
+        tracer.fill(table if molecular is None else molecular.typical_table(2.0 * radius), heat)
         reach = Reach(pilot.reachable, pilot.weight, pilot.weight, 1.0)  # from media light arrives everywhere
         surroundings = fill_surroundings(
             surroundings, tracer, stage, lights, reach, area, lamps, pass_key(0, AFAR, PILOT)

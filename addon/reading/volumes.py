@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Volumes: gas in the grids of Volume objects, of OpenVDB files and of geometry nodes, and in smoke domains.
+
+Blender shows the voxels of a Volume object to no script, but it writes them into a file, which the module `openvdb`
+reads that comes with Blender.
+"""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+import itertools
+import sys
+import tempfile
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+
+from ..solver.scene import LEAF, Grid, Medium, check_spread, in_leaves
+from .custom_properties import read_temperature
+from .media import is_medium, read_optics
+from .warnings import Warnings
+
+SPECIES = "H2O", "CO2", "CO", "CH4", "soot"  # grids with such a name are mole fractions, of soot the volume fraction
+_KNOWN = "density", "temperature", *SPECIES
+_BLOCK = 256  # cells along an edge of the dense arrays through which grids are read
+_SMOKE_KELVIN = 1000.0  # K, what 1 stands for in the temperatures of smoke
+_LEFT_OUT = "the volume is left out"
+
+
+class VolumeReader:
+    """Reads each volume once, however many instances it has."""
+
+    def __init__(self, warnings: Warnings):
+        self.warnings = warnings
+        self._grids = {}  # (object, address of the evaluated volume, K) -> Grid in the object's space, or None
+
+    def read(self, obj, matrix: np.ndarray, material, ambient: float, metres: float) -> Medium | None:
+        """The gas in a Volume object or an instance of one; None, and a warning, if it cannot be rendered.
+
+        matrix: (4, 4) float64, object to world. material: that counts. ambient: K, where nothing is set. metres: see
+        read_optics.
+        """
+        owner = f"Object '{obj.name}'"
+        if not self._is_gas(obj, material, "volumes are"):
+            return None
+        kelvin = read_temperature(obj, ambient, owner)
+        key = obj.name_full, obj.data.as_pointer(), kelvin
+        if key not in self._grids:
+            self._grids[key] = self._read_file(obj, kelvin)
+        grid = self._grids[key]
+        if grid is None:
+            return None
+        if grid.temperature is None and obj.get("temperature") is None:
+            self.warnings.add(obj.name, f"no temperature, using the ambient {ambient:g} K")
+        return self._medium(obj, _moved(grid, matrix), material, kelvin, metres)
+
+    def read_smoke(self, obj, matrix: np.ndarray, material, ambient: float, metres: float) -> Medium | None:
+        """The gas in a smoke domain, see read. Smoke and flames together are the density; the temperature of the
+        simulation, times 1000 K, counts where it is above that of the object."""
+        if not self._is_gas(obj, material, "smoke and fire are"):
+            return None
+        settings, kelvin = _gas_domain(obj), read_temperature(obj, ambient, f"Object '{obj.name}'")
+        size = tuple(settings.domain_resolution)
+        density, flame, heat = (_smoke_values(settings, name, size) for name in ("density", "flame", "temperature"))
+        gas = sum(each for each in (density, flame) if each is not None)
+        if not np.any(gas):
+            self.warnings.add(obj.name, "there is neither smoke nor fire in this frame: is the simulation baked?")
+            return None
+        hot = None if heat is None else np.maximum(_SMOKE_KELVIN * heat, kelvin)
+        corners = np.array(obj.bound_box, np.float64)  # the evaluated mesh is the box around the cells
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        inside = np.diag([*(high - low) / size, 1.0])
+        inside[:3, 3] = low
+        return self._medium(obj, Grid.from_arrays(matrix @ inside, gas, hot), material, kelvin, metres)
+
+    def _is_gas(self, obj, material, what: str) -> bool:
+        """Whether a material makes cells a gas; a warning if not. what: they are, and a verb."""
+        if not is_medium(material):
+            self.warnings.add(obj.name, f"{what} not rendered without absorption or scattering in their material")
+        return is_medium(material)
+
+    def _medium(self, obj, grid: Grid, material, kelvin: float, metres: float) -> Medium:
+        optics = read_optics(material, f"Material '{material.name}'", self.warnings, metres)
+        return Medium(f"{obj.name}: {material.name}", temperature=kelvin, grid=grid, **optics)
+
+    def _read_file(self, obj, kelvin: float) -> Grid | None:
+        """The Grid of a Volume object in its own space. kelvin: where its temperature has no value."""
+        module = openvdb()
+        if module is None:
+            self.warnings.add(obj.name, f"this Blender has no module openvdb, which reads volumes; {_LEFT_OUT}")
+            return None
+        volume = obj.data.grids
+        if not volume.load():
+            self.warnings.add(
+                obj.name, f"the file '{obj.data.filepath}' cannot be read, {_LEFT_OUT}: {volume.error_message}"
+            )
+            return None
+        names = [grid.name for grid in volume]
+        if not set(names) & set(_KNOWN):
+            found = ", ".join(map(repr, names)) or "none"
+            self.warnings.add(obj.name, f"no grid has a name of {', '.join(_KNOWN)}, {_LEFT_OUT}; it has {found}")
+            return None
+        with tempfile.TemporaryDirectory() as folder:
+            path = str(Path(folder) / "volume.vdb")
+            try:
+                volume.save(path)
+                grids = {grid.name: grid for grid in module.readAll(path)[0] if grid.name in _KNOWN}
+            except RuntimeError as error:
+                self.warnings.add(obj.name, f"its grids cannot be read, {_LEFT_OUT}: {str(error).strip()}")
+                return None
+            return self._assemble(obj, grids, kelvin)
+
+    def _assemble(self, obj, grids: dict, kelvin: float) -> Grid | None:
+        """The Grid of grids of OpenVDB by name: those that lie as the first one does, which says where there is gas."""
+        numbers = {name: grid for name, grid in grids.items() if grid.valueTypeName in ("float", "double")}
+        first = next((numbers[name] for name in _KNOWN if name in numbers), None)
+        if first is None or not first.activeVoxelCount():  # so Blender reads a file that ends in the middle
+            self.warnings.add(obj.name, f"its grids {', '.join(map(repr, grids))} hold no numbers, {_LEFT_OUT}")
+            return None
+        matrix = _index_to_object(first)
+        if matrix is None:
+            self.warnings.add(obj.name, f"the cells of its grid '{first.name}' are no parallelepipeds, {_LEFT_OUT}")
+            return None
+        for name, grid in list(numbers.items()):
+            other = _index_to_object(grid)
+            if other is None or not np.allclose(other, matrix, rtol=1e-6, atol=1e-6 * np.abs(matrix).max()):
+                self.warnings.add(obj.name, f"its grid '{name}' does not lie as '{first.name}' does, and is left out")
+                del numbers[name]
+        leaves, values = _read_leaves(first, numbers, f"Object '{obj.name}'")
+        holds = ~np.isnan(values[first.name])
+        density = np.where(holds, values.get("density", np.float32(1.0)), np.float32(0.0))
+        if np.any(density < 0.0):
+            self.warnings.add(obj.name, "its densities below 0 count as 0")
+            np.maximum(density, 0.0, out=density)
+        temperature = values.pop("temperature", None)
+        if temperature is not None:
+            background = grids["temperature"].background
+            temperature[np.isnan(temperature)] = background if background > 0.0 else kelvin
+        fractions = {name: np.nan_to_num(values[name]) for name in SPECIES if name in values}
+        return Grid(leaves, matrix, density, temperature, fractions)
+
+
+def openvdb() -> ModuleType | None:
+    """The module that comes with Blender; None where there is none. Where Blender is a module of Python's, Python does
+    not look into the folder of its modules."""
+    if "openvdb" not in sys.modules:
+        folders = map(str, (Path(bpy.utils.resource_path("LOCAL")) / "python").glob("**/site-packages"))
+        finder, name = importlib.machinery.PathFinder, "openvdb"
+        spec = importlib.util.find_spec(name) or finder.find_spec(name, list(folders))
+        if spec is None or spec.loader is None:
+            return None
+        try:
+            module = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+        except ImportError:
+            return None
+        sys.modules["openvdb"] = module
+    return sys.modules["openvdb"]
+
+
+def _index_to_object(grid) -> np.ndarray | None:
+    """(4, 4) float64, from the index space of a grid of OpenVDB, with corners of cells at integers, to the object;
+    None if it is not linear.
+
+    In OpenVDB centres of cells are at integers. Blender before 5.0 renders grids half a cell further, and lays those
+    that it makes half a cell back.
+    """
+    transform = grid.transform
+    if not transform.isLinear:
+        return None
+    origin = np.array(transform.indexToWorld((0, 0, 0)))
+    axes = [np.array(transform.indexToWorld(tuple(axis))) - origin for axis in np.eye(3, dtype=int).tolist()]
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = np.column_stack(axes), origin
+    if bpy.app.version >= (5, 0):
+        matrix[:3, 3] -= 0.5 * matrix[:3, :3].sum(axis=1)
+    return matrix
+
+
+def _read_leaves(first, grids: dict, owner: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Leaves (n, 3) int32 in which the first grid has values, and the values (n, 8, 8, 8) float32 of all grids by name,
+    NaN where they have none. Block by block, so that a sparse grid is never dense as a whole."""
+    for grid in grids.values():
+        grid.background = np.nan  # inactive cells then are NaN, too
+    box = np.array(first.evalActiveVoxelBoundingBox())
+    low, high = box[0] // LEAF * LEAF, (box[1] // LEAF + 1) * LEAF
+    check_spread((high - low) // LEAF, owner)
+    found = {name: [] for name in grids} | {"": []}
+    for start in itertools.product(*(range(a, b, _BLOCK) for a, b in zip(low.tolist(), high.tolist(), strict=True))):
+        size = np.minimum(high - start, _BLOCK)
+        values = {name: _dense(grid, start, size) for name, grid in grids.items()}
+        used = ~np.isnan(values[first.name]).all(axis=(1, 2, 3))
+        for name, each in values.items():
+            found[name].append(each[used])
+        found[""].append(np.argwhere(used.reshape(size // LEAF)) + np.array(start) // LEAF)
+    leaves = np.concatenate(found.pop("")).astype(np.int32)
+    return leaves, {name: np.concatenate(each) for name, each in found.items()}
+
+
+def _dense(grid, start: tuple[int, int, int], size: np.ndarray) -> np.ndarray:
+    """(n, 8, 8, 8) float32, the values of a grid in a block of whole leaves."""
+    values = np.empty(size, np.float32)
+    grid.copyToArray(values, ijk=start)
+    return in_leaves(values, start)
+
+
+def _moved(grid: Grid, matrix: np.ndarray) -> Grid:
+    """A Grid with the same arrays in another space."""
+    return Grid(grid.leaves, matrix @ grid.transform, grid.density, grid.temperature, grid.fractions)
+
+
+def is_gas_domain(obj) -> bool:
+    """Whether a mesh is only the box around a smoke simulation."""
+    return _gas_domain(obj) is not None
+
+
+def _gas_domain(obj):
+    """The settings of the smoke simulation whose box an object is, None if it is none."""
+    for modifier in obj.modifiers:
+        if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+            return modifier.domain_settings if modifier.domain_settings.domain_type == "GAS" else None
+    return None
+
+
+def _smoke_values(settings, name: str, size: tuple[int, int, int]) -> np.ndarray | None:
+    """(x, y, z) float32 of a grid of a smoke simulation, None if there is none. In Blender x runs fastest."""
+    values = getattr(settings, f"{name}_grid")
+    if len(values) != np.prod(size) or not len(values):  # Blender 4.5 crashes if asked for a part of an empty one
+        return None
+    return np.array(values[:], np.float32).reshape(size[::-1]).transpose()

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How long a pass of the benchmark's room takes with a plume in a grid, over that without.
+
+python -m tests.benchmarks.grid_cost [--cells N] [--passes N] [--rounds N]
+
+Times are those of the processor, all threads together. The scenes take turns, so that other load on the machine meets
+all alike; printed are the medians over the rounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from addon.solver import Grid, Medium, Scene, Settings, render
+from tests.benchmarks.speed_scenes import room
+
+
+def plume(cells: int) -> Grid:
+    """A cone of hot gas over the device on the table, up to the ceiling, in cells^3 cells of 0.8 x 0.8 x 1.8 m."""
+    x, y, z = np.meshgrid(*3 * [(np.arange(cells) + 0.5) / cells], indexing="ij", sparse=True)
+    swirl = 0.06 * z * np.sin(17.0 * z), 0.06 * z * np.cos(13.0 * z)
+    radius = np.hypot(x - 0.5 - swirl[0], y - 0.5 - swirl[1]) / (0.12 + 0.33 * z)
+    core = np.exp(-2.0 * radius**2) * (1.0 + 0.3 * np.sin(40.0 * x) * np.sin(37.0 * y) * np.sin(31.0 * z))
+    density = np.where(core > 0.02, core, 0.0)
+    transform = np.diag([0.8 / cells, 0.8 / cells, 1.8 / cells, 1.0])
+    transform[:3, 3] = 2.45, 1.42, 0.97
+    return Grid.from_arrays(transform, density, 292.0 + 150.0 * core)
+
+
+def scenes(cells: int) -> dict[str, Scene]:
+    """The room: empty, with a clear grey gas everywhere, with a plume, and with one that scatters."""
+    empty, grid = room(), plume(cells)
+    return {
+        "empty": empty,
+        "gas": replace(empty, media=(Medium("air", 0.02, 300.0),), world_depth=5.0),
+        "plume": replace(empty, media=(Medium("plume", 1.0, 300.0, grid=grid),)),
+        "fog plume": replace(empty, media=(Medium("plume", 0.5, 300.0, 0.5, 0.3, grid=grid),)),
+    }
+
+
+def seconds_per_pass(scene: Scene, passes: int) -> float:
+    """CPU time, median over the passes but the first, which compiles or loads kernels."""
+    clock = []
+    render(scene, Settings(passes=passes + 1), lambda film: clock.append(time.process_time()))
+    return float(np.median(np.diff(clock)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cells", type=int, default=128, help="along each axis of the plume")
+    parser.add_argument("--passes", type=int, default=5)
+    parser.add_argument("--rounds", type=int, default=3)
+    options = parser.parse_args()
+    every = scenes(options.cells)
+    measured = {name: [] for name in every}
+    for _ in range(options.rounds):
+        for name, scene in every.items():
+            measured[name].append(seconds_per_pass(scene, options.passes))
+    for name, seconds in measured.items():
+        ratios = np.divide(seconds, measured["empty"])
+        print(f"{name}: {np.median(seconds):.2f} s of CPU time a pass, {np.median(ratios):.2f} times the empty room")
+
+
+if __name__ == "__main__":
+    main()
