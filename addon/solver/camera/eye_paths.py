@@ -49,10 +49,9 @@ def render_pixels(
     """Estimate the excess radiance of a tile of pixels in one pass.
 
     pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and two parts of
-    the radiance over all bands, (h w,) float32: seen, what surfaces emit straight into the camera, 0 where media scatter;
-    and missed, what
-    continued rays find in place of what is recalled, less the latter. It is not in the image, tells of few rays and
-    thus little of a single pixel.
+    the radiance over all bands, (h w,) float32: seen, what surfaces emit straight into the camera, 0 where media
+    scatter; and missed, what continued rays find in place of what is recalled, less the latter. It is not in the image,
+    tells of few rays and thus little of a single pixel.
     """
     tracer, stage, lighting, estimate = shared.tracer, shared.stage, shared.lighting, shared.estimate
     bands, numbers = stage.radiometry.reference.size, pixels.ravel()
