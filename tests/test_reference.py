@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.solver import Material, Settings, render
+from addon.solver import Material, Medium, Settings, render
 from addon.solver.geometry.surfaces import build_surfaces
 from addon.solver.physics.radiometry import typical_emissivity
 from addon.solver.physics.spectrum import band_radiance
@@ -149,3 +149,16 @@ def test_a_closed_room_has_the_temperature_of_its_walls(walls):
         material, world_temperature=200.0,
     )  # fmt: skip
     assert render(scene, Settings(passes=1, photons_per_pass=100)).reference_temperature == walls
+
+
+@pytest.mark.parametrize("absorption, expected", [(0.01, 293.0), (20.0, 900.0)])
+def test_gas_that_lights_most_of_the_image_is_the_reference(absorption, expected):
+    """A room full of hot gas: thin gas takes next to nothing of the light of the walls, thick gas takes all."""
+    vertices, triangles, temperature, material = join((*box(), 293.0, 0))
+    gas = box(0.98)
+    hot = Medium("hot", absorption, 900.0, vertices=gas[0] + 0.01, triangles=gas[1])
+    scene = make_scene(
+        vertices, triangles, temperature, (Material(emissivity=0.8),), look((0.2, 0.2, 0.8), (0.5, 0.6, 0.3)), EDGES,
+        material, world_temperature=200.0, media=(hot,),
+    )  # fmt: skip
+    assert render(scene, Settings(passes=1, photons_per_pass=100)).reference_temperature == expected

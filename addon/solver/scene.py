@@ -143,6 +143,11 @@ class Grid:
         return low, high - low + 1
 
     @property
+    def mean_density(self) -> float:
+        """Density in the mean over that box; where there is none it is 0."""
+        return float(self.density.sum(dtype=np.float64)) / (LEAF**3 * float(self.box[1].prod()))
+
+    @property
     def corners(self) -> np.ndarray:
         """(8, 3) float64 corners of that box in the world, m."""
         low, count = self.box

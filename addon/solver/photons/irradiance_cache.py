@@ -28,7 +28,7 @@ from .photon_map import Disk, PhotonMap, gather, irradiance, leaf_distances, nei
 _SHARE = 1.0 / 16.0  # rays that find the points of the cache, over photons, in the first pass
 _CHUNK = 512  # points that are one piece of work
 _LOOKING = 8  # first of the two random numbers of a point that turn these rays
-_LOOKS = 8  # rays from each point that tell how far away its surroundings are
+LOOKS = 8  # rays from each point that tell how far away its surroundings are
 # Largest radius of a disk that tells the light at its centre, over the harmonic mean distance h to what is around:
 # irradiance changes by about r / h over a distance r (Ward et al. 1988). With 0.5 error times root of time is 6 % lower
 # in the geometric mean of tests/benchmarks/speed_scenes.py, and the pictures' means of fins 1, louvres 1 and bulb 2 of
@@ -223,27 +223,28 @@ def look_around(
     """
     point, side_id = points[0].astype(np.float64), points[1]
     space = free_space(tracer, surfaces, reach2, point, side_id, uniforms(key, first, len(side_id)))
-    rays, closeness = empty_ray_batch(_LOOKS * len(side_id)), np.empty(len(side_id))
-    _start_looks(surfaces, point, side_id, key, first, rays)
+    rays, closeness = empty_ray_batch(LOOKS * len(side_id)), np.empty(len(side_id))
+    start_looks(surfaces, point, side_id, key, first, rays)
     _mean_closeness(tracer.trace(*rays), closeness)
     return Vicinity(space, closeness)
 
 
 @njit(**KERNEL)
-def _start_looks(surfaces, point, side_id, key, first, rays):
+def start_looks(surfaces, point, side_id, key, first, rays):
+    """Fill rays, LOOKS cosine-distributed ones from each of points (n, 3) on sides (n,), see look_around."""
     for i in range(side_id.size):
         path = path_key(key, first + i)
         n, u, v = unit_normal(surfaces, side_id[i]), uniform(path, _LOOKING), uniform(path, _LOOKING + 1)
-        for look in range(_LOOKS):
-            direction = sample_diffuse(n, *lattice_point(look, _LOOKS, u, v))
-            leave(surfaces, side_id[i], vector(point, i), direction, rays, _LOOKS * i + look)
+        for look in range(LOOKS):
+            direction = sample_diffuse(n, *lattice_point(look, LOOKS, u, v))
+            leave(surfaces, side_id[i], vector(point, i), direction, rays, LOOKS * i + look)
 
 
 @njit(**KERNEL)
 def _mean_closeness(hits, closeness):
     for i in range(closeness.size):
         total = 0.0
-        for ray in range(_LOOKS * i, _LOOKS * (i + 1)):
+        for ray in range(LOOKS * i, LOOKS * (i + 1)):
             if hits.triangle[ray] >= 0:
                 total += 1.0 / max(float(hits.distance[ray]), 1e-15)
-        closeness[i] = total / _LOOKS
+        closeness[i] = total / LOOKS

@@ -41,6 +41,7 @@ from ..settings import Settings
 from .antialiasing import choose_samples, least_price
 from .caustics import choose_caustic_lamps
 from .lamps import Lamps, build_lamps
+from .media import absorbed_shares, add_media
 from .pilot import explore, gather_reach
 from .reference import Sources, choose_reference, gather_sources, typical_source
 from .sheets import Excess, Gathering, Trial, dark_sheets, measure_sheets
@@ -110,6 +111,8 @@ def prepare(
     grey = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1)))
     pilot = explore(grey, tracer, eye, area)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
+    if scene.media:
+        sources = _with_media(scene, settings, sources, (tracer, surfaces, pilot), 2.0 * radius)
     reference = _reference_temperature(settings, sources)
     layers = trace_apart(layers, reference)
     weighting = typical_source(sources, scene.band_edges, reference)
@@ -183,6 +186,17 @@ def prepare(
         molecular=molecular,
         diameter=2.0 * radius,
     )
+
+
+def _with_media(scene: Scene, settings: Settings, sources: Sources, seen: tuple, length: float) -> Sources:
+    """The Sources of a scene with media. seen: tracer, surfaces and pilot. length: m, typical way through media."""
+    edges, nothing = scene.band_edges, np.zeros(scene.band_count)
+    table = build_medium_table(scene.media, edges, 0.0, nothing)
+    weighting = typical_source(sources, edges, _reference_temperature(settings, sources))
+    molecular = build_molecular_media(scene.media, table, edges, weighting, settings.seed)
+    table = table if molecular is None else molecular.typical_table(length)
+    seen[0].fill(table)
+    return add_media(sources, scene.media, absorbed_shares(*seen, scene.media, table.absorption), edges)
 
 
 def _reference_temperature(settings: Settings, sources: Sources) -> float:

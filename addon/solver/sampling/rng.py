@@ -23,6 +23,7 @@ SURVEY = 10  # rays that survey every pixel, and the rays of final gathers that 
 SHEETS = 11  # lattices of rays that tell how even they are
 LAMP_CHOICE = 12  # shadow rays that tell which surfaces are lamps
 AFAR = 15  # photons that tell how much light arrives from media and surroundings
+THROUGH_MEDIA = 16  # rays that tell how much light media take
 CANDIDATE_CHOICE = 14  # points of lamps that tell how evenly triangles shine
 PRICED_CELLS = 13  # cells whose gathers are counted to find the best price
 
