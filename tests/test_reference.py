@@ -155,7 +155,7 @@ def test_a_closed_room_has_the_temperature_of_its_walls(walls):
 def test_gas_that_lights_most_of_the_image_is_the_reference(absorption, expected):
     """A room full of hot gas: thin gas takes next to nothing of the light of the walls, thick gas takes all."""
     vertices, triangles, temperature, material = join((*box(), 293.0, 0))
-    gas = box(0.98)
+    gas = box((0.98, 0.98, 0.98))
     hot = Medium("hot", absorption, 900.0, vertices=gas[0] + 0.01, triangles=gas[1])
     scene = make_scene(
         vertices, triangles, temperature, (Material(emissivity=0.8),), look((0.2, 0.2, 0.8), (0.5, 0.6, 0.3)), EDGES,
