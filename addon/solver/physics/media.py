@@ -44,7 +44,7 @@ def build_medium_table(
             absorption[i] += medium.metres * medium.gas[SOOT] * band_mean(*soot_curve(), medium.temperature, edges)
         if medium.temperature != quiet:  # else light would carry the rounding of the reference and nothing else
             excess[i] = band_radiance(edges, medium.temperature) - reference
-    anisotropy = np.array([medium.anisotropy for medium in media])
+    anisotropy = np.array([mean_anisotropy(medium, edges) for medium in media])
     return MediumTable(absorption, scattering, absorption + scattering, anisotropy, excess)
 
 
@@ -53,6 +53,20 @@ def band_coefficient(medium: Medium, quantity: str, edges: np.ndarray) -> np.nda
     what a blackbody at the medium's temperature emits (Planck mean: exact for the emission of a thin medium; Modest,
     section 10.8)."""
     return band_mean(*medium.curve(quantity), medium.temperature, edges)
+
+
+def mean_anisotropy(medium: Medium, edges: np.ndarray) -> float:
+    """One anisotropy for all bands: the mean over what a medium scatters of the light of a blackbody at its own
+    temperature."""
+    grid, values = medium.curve("anisotropy")
+    if len(grid) == 1:
+        return float(values[0])
+    grid = np.union1d(grid, medium.curve("scattering")[0])
+    scattering = np.interp(grid, *medium.curve("scattering"))
+    onwards = scattering * 0.5 * (1.0 + np.interp(grid, *medium.curve("anisotropy")))  # at least 0, as band_mean needs
+    light = band_radiance(edges, max(medium.temperature, _COLD))
+    total, part = (light @ band_mean(grid, each, medium.temperature, edges) for each in (scattering, onwards))
+    return float(np.clip(2.0 * part / total - 1.0, -1.0, 1.0)) if total > 0.0 else 0.0
 
 
 def band_mean(wavelengths: np.ndarray, values: np.ndarray, kelvin: float, edges: np.ndarray) -> np.ndarray:
