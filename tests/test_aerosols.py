@@ -9,7 +9,7 @@ import pytest
 from addon.solver import Material, Medium, SceneError, Settings, mix_in, render
 from addon.solver.physics.aerosols import aerosols
 from addon.solver.physics.gases import find_gas, gases
-from addon.solver.physics.media import build_medium_table, mean_anisotropy
+from addon.solver.physics.media import band_anisotropy, build_medium_table
 from addon.solver.physics.soot import soot_curve
 from addon.solver.physics.spectrum import band_radiance
 from docs.tools.mie import aggregate, efficiencies
@@ -150,13 +150,14 @@ def fog(grams, kelvin, radius=5, **medium):
     return mix_in(Medium("fog", temperature=kelvin, **medium), {DROPLETS[radius]: grams})
 
 
-def test_one_anisotropy_lies_between_those_of_the_bands():
-    medium = fog(0.1, 300.0, 2)
-    parts = [mean_anisotropy(medium, np.array(edges)) for edges in ([3.0, 5.0], [8.0, 12.0])]
-    both = mean_anisotropy(medium, np.array([3.0, 5.0, 8.0, 12.0]))
-    print("g of 2 um:", parts, both)
-    assert parts[1] < both < parts[0] and parts[0] == pytest.approx(at(DROPLETS[2], 4.3)[2], abs=0.02)
-    assert mean_anisotropy(Medium("a", 0.0, 300.0, 1.0, 0.25), np.array([3.0, 5.0])) == 0.25
+def test_anisotropy_of_bands():
+    """Means over what is scattered; one column in the table where no medium's differs."""
+    edges, grey = np.array([3.0, 5.0, 8.0, 12.0]), Medium("a", 0.0, 300.0, 1.0, 0.25)
+    found = band_anisotropy(fog(0.1, 300.0, 2), edges)
+    np.testing.assert_allclose(found[[0, 2]], [at(DROPLETS[2], 4.3)[2], at(DROPLETS[2], 9.7)[2]], atol=0.02)
+    assert build_medium_table((grey, grey), edges, 0.0, np.zeros(3)).anisotropy.tolist() == [[0.25], [0.25]]
+    table = build_medium_table((grey, fog(0.1, 300.0, 2)), edges, 0.0, np.zeros(3))
+    assert table.anisotropy.shape == (2, 3) and np.all(table.anisotropy[0] == 0.25)
 
 
 @pytest.mark.statistics

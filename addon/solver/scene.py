@@ -92,8 +92,7 @@ class Medium:
         air without lines. They absorb in addition to `absorption`. pressure: Pa, of the mixture. metres: length of a
         unit of the scene, as lines absorb by the metre whatever the unit.
     scattering: coefficient in 1/m, in the same form. anisotropy: of Henyey and Greenstein's phase function, the mean
-        cosine of the angle by which it deflects light, -1 to 1; a float, or (n, 2) over wavelength in the same form, of
-        which one mean counts in all bands.
+        cosine of the angle by which it deflects light, -1 to 1; a float, or (n, 2) over wavelength in the same form.
     vertices: (n, 3) m, and triangles: (m, 3) int, of the closed mesh that it fills; None for the world's medium, which
         is everywhere.
     """
