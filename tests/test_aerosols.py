@@ -99,7 +99,7 @@ def test_large_droplets_take_twice_their_shadow():
 
 
 def test_soot_aggregates_absorb_as_soot_by_volume():
-    """A gram of 1.8 g/cm3: within the 1 % of the tables, but for what aggregates scatter besides."""
+    """A gram of 1.8 g/cm3: within the 1 % of the tables, apart from what aggregates scatter."""
     wavelength, by_volume = soot_curve()
     for name in ("Soot, small aggregates", "Soot, large aggregates"):
         inside = (wavelength > 0.8) & (wavelength < 30.0)
@@ -154,7 +154,7 @@ def test_anisotropy_of_bands():
     """Means over what is scattered; one column in the table where no medium's differs."""
     edges, grey = np.array([3.0, 5.0, 8.0, 12.0]), Medium("a", 0.0, 300.0, 1.0, 0.25)
     found = band_anisotropy(fog(0.1, 300.0, 2), edges)
-    np.testing.assert_allclose(found[[0, 2]], [at(DROPLETS[2], 4.3)[2], at(DROPLETS[2], 9.7)[2]], atol=0.02)
+    np.testing.assert_allclose(found[[0, 2]], [at(DROPLETS[2], 4.3)[2], at(DROPLETS[2], 9.7)[2]], atol=0.04)
     assert build_medium_table((grey, grey), edges, 0.0, np.zeros(3)).anisotropy.tolist() == [[0.25], [0.25]]
     table = build_medium_table((grey, fog(0.1, 300.0, 2)), edges, 0.0, np.zeros(3))
     assert table.anisotropy.shape == (2, 3) and np.all(table.anisotropy[0] == 0.25)

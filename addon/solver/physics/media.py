@@ -89,7 +89,8 @@ def phase(anisotropy, cosine):
     """Henyey and Greenstein's phase function, 1 / sr, at the cosine of the angle between the directions before and
     after (Henyey and Greenstein 1941)."""
     g = anisotropy
-    return (1.0 - g * g) / (4.0 * math.pi * max(1.0 + g * g - 2.0 * g * cosine, 1e-30) ** 1.5)
+    square = max(1.0 + g * g - 2.0 * g * cosine, 1e-30)
+    return (1.0 - g * g) / (4.0 * math.pi * square * math.sqrt(square))
 
 
 @njit(**INLINED)
