@@ -19,7 +19,7 @@ import numpy as np
 from addon.solver.physics.aerosols import AEROSOLS_FILE, HEADER
 from addon.solver.physics.soot import soot_index
 from docs.tools.make_library import read_constants
-from docs.tools.mie import aggregate, efficiencies
+from docs.tools.mie import DIMENSION, aggregate, efficiencies
 
 WAVELENGTHS = np.geomspace(0.8, 30.0, 363)  # um
 VARIANCE = 0.1  # of the sizes of drops, see `spheres`
@@ -67,7 +67,7 @@ def _per_gram(shadow: np.ndarray, extinction: np.ndarray, scattering: np.ndarray
 
 def soot(count: float, radius: float) -> Callable[[Path], Curves]:
     """Curves of aggregates of `count` spheres of a radius, um."""
-    gyration = (count / SOOT_PREFACTOR) ** (1.0 / 1.8)
+    gyration = (count / SOOT_PREFACTOR) ** (1.0 / DIMENSION)
     per_gram = np.array([3.0 / (4.0 * SOOT_DENSITY * radius)])  # m2 / g, shadow of a sphere
 
     def curves(_database: Path) -> Curves:
@@ -108,8 +108,8 @@ def simplify(curves: Curves) -> list[int]:
 
 def main(database: Path) -> None:
     with AEROSOLS_FILE.open("w", newline="", encoding="utf-8") as file:
-        file.writelines(f"# {line}\r\n" for line in NOTICE.splitlines())
-        table = csv.writer(file)
+        file.writelines(f"# {line}\n" for line in NOTICE.splitlines())
+        table = csv.writer(file, lineterminator="\n")
         table.writerow(HEADER)
         for name, recipe in AEROSOLS.items():
             curves = recipe(database)
