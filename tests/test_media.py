@@ -5,6 +5,7 @@ Truths are those of Bouguer's and Planck's laws (Modest, Radiative Heat Transfer
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from addon.solver import Camera, Material, Medium, PointLight, Scene, SceneError
 from addon.solver.geometry.closed import open_edge, outward
 from addon.solver.physics.spectrum import band_radiance
 from tests.helpers.path_tracer import standard_error, trace_paths
-from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad, sphere
+from tests.helpers.scenes import box, look, make_scene, mean_and_error, pass_means, quad, sphere
 
 EDGES = np.array([9.99, 10.01])  # um, so that formulas for one wavelength hold
 FLOAT32 = 1e-6
@@ -390,6 +391,30 @@ def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):
     )
     print(f"{ours} +- {error}, a path tracer {theirs} +- {other}")
     assert np.all(abs(ours - theirs) < 4.0 * np.hypot(error, other))
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("mirror", [False, True])
+def test_bands_may_differ_in_anisotropy(mirror):
+    """Of two bands in one render each has the light of a render in which both are scattered as this one: 4 standard
+    errors. The ball is found by shadow rays, photons and by chance, behind the mirror too."""
+    scene = fog_around_a_ball(1.0, 0.0, mirror)
+    curve = np.array([[3.0, 0.9], [5.0, 0.9], [5.0001, -0.4], [8.0, -0.4]])
+    settings = Settings(passes=64, photons_per_pass=5000, reference_temperature=300.0)
+
+    def bands(anisotropy):
+        (fog,) = scene.media
+        changed = {"media": (replace(fog, anisotropy=anisotropy),), "band_edges": np.array([3.0, 5.0, 8.0])}
+        return pass_means(replace(scene, **changed), settings)
+
+    mixed = bands(curve)
+    for b, anisotropy in enumerate((0.9, -0.4)):
+        alone = bands(anisotropy)
+        both = [each[:, b] for each in (mixed, alone)]
+        means, errors = ([function(each) for each in both] for function in (np.mean, standard_error))
+        print(f"g {anisotropy}: {means[0]:.4f} +- {errors[0]:.4f}, alone {means[1]:.4f} +- {errors[1]:.4f}")
+        assert abs(means[0] - means[1]) < 4.0 * np.hypot(*errors)
+        assert errors[0] < 2.5 * errors[1]
 
 
 def quarters(image):

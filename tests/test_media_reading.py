@@ -105,10 +105,26 @@ def test_a_gas_may_have_a_name(scene):
     assert 0.3 < seen(read()[0]) < 1.0
 
 
+def test_a_gas_may_hold_aerosols(scene):
+    """By g/m3, beside molecules and what is given by coefficients; lengths in millimetres; or a mixture by its name."""
+    bpy.context.scene.unit_settings.scale_length = 0.001
+    scene.data.materials[0]["gas"] = {"H2O": 0.02, "Water droplets 5 um": 2.0}
+    (medium,) = read()[0].media
+    assert medium.gas == {"H2O": 0.02} and medium.scatters
+    extinction = sum(np.interp(10.0, *medium.curve(each)) for each in ("absorption", "scattering"))
+    assert extinction == pytest.approx(5e-4 + 2.0 * 172e-6, rel=0.005)  # of 1 mm: 0.5 1/m, and 172 1/km for 1 g/m3
+    assert np.interp(10.0, *medium.curve("anisotropy")) == pytest.approx(0.83, abs=0.01)
+    scene.data.materials[0]["gas"] = "Fog"
+    (medium,) = read()[0].media
+    assert medium.scatters and set(medium.gas) == {"H2O", "CO2"}
+
+
 @pytest.mark.parametrize("value, message", [
     ("petrol exhaust", "Material 'Gas': the library has no gas 'petrol exhaust'; close names: 'Exhaust, "),
     (0.3, "Material 'Gas': gas is 0.3, expected the name of a gas of the library, or mole fractions such as"),
     ({"CO2": "much"}, "Material 'Gas': gas is {'CO2': 'much'}, expected the name"),
+    ({"Water droplets": 0.1}, "Medium 'Plume: Gas': unknown species 'Water droplets'; known are H2O, CO2, CO, CH4, "),
+    ({"Ice 10 um": -1.0}, "Medium 'Plume: Gas': -1 g/m3 of Ice 10 um; it is finite and at least 0"),
     ({"NH3": 0.1}, "Medium 'Plume: Gas': unknown species 'NH3'; known are H2O"),
     ({"CO2": 1.5}, "Medium 'Plume: Gas': the fraction of CO2 is 1.5; it is from 0 to 1"),
     ({"CO2": 0.7, "H2O": 0.7}, "Medium 'Plume: Gas': the mole fractions add up to 1.4"),

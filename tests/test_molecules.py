@@ -13,7 +13,7 @@ import pytest
 from scipy.special import expn
 from scipy.stats import invgauss
 
-from addon.solver import Camera, Film, Material, Medium, SceneError, Settings, render
+from addon.solver import Camera, Film, Material, Medium, SceneError, Settings, mix_in, render
 from addon.solver.physics.gases import find_gas, gases
 from addon.solver.physics.media import build_medium_table
 from addon.solver.physics.molecules import (
@@ -484,7 +484,7 @@ def test_bad_mixtures_are_named(values, message):
 
 @pytest.mark.parametrize("name", list(gases()))
 def test_every_gas_of_the_library_can_be_rendered(name):
-    medium = Medium(name, 0.0, 300.0, gas=find_gas(name.upper()))
+    medium = mix_in(Medium(name, temperature=300.0), find_gas(name.upper()))
     assert molecular((medium,), [3.0, 5.0], 300.0).table(0).absorption.shape == (1, 1)
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..solver.geometry.closed import open_edge
+from ..solver.physics.aerosols import mix_in
 from ..solver.physics.gases import find_gas
 from ..solver.scene import ATMOSPHERE, Medium, SceneError
 from .custom_properties import describe, read_number
@@ -21,18 +22,23 @@ def is_medium(material) -> bool:
 
 
 def read_optics(block, owner: str, metres: float) -> dict:
-    """The absorption, scattering, anisotropy and gas of a material or world, as Medium takes them.
+    """The absorption, scattering and anisotropy of a material or world, as Medium takes them, and its contents.
 
     metres: length of a unit of the scene, see metres_per_unit. Raises SceneError, naming the value, if it makes no
     sense.
     """
     optics = {quantity: _coefficient(block, quantity, owner, metres) for quantity in ("absorption", "scattering")}
     anisotropy = read_number(block, "anisotropy", 0.0, owner, " from -1 to 1")
-    return optics | {"anisotropy": anisotropy, "gas": _mixture(block, owner), "metres": metres}
+    return optics | {"anisotropy": anisotropy, "contents": _contents(block, owner), "metres": metres}
 
 
-def _mixture(block, owner: str) -> dict[str, float]:
-    """What the gas of a material or world consists of: fractions by species, given so or by the name of a mixture."""
+def _medium(name: str, contents: dict[str, float], **values) -> Medium:
+    return mix_in(Medium(name, **values), contents)
+
+
+def _contents(block, owner: str) -> dict[str, float]:
+    """What the gas of a material or world consists of: fractions of species and grams of aerosols per m3, given so or
+    by the name of a mixture."""
     value = block.get("gas")
     if value is None:
         return {}
@@ -45,7 +51,7 @@ def _mixture(block, owner: str) -> dict[str, float]:
     if not fractions or not all(_is_number(fraction) for fraction in fractions.values()):
         raise SceneError(
             f"{owner}: gas is {describe(value)}, expected the name of a gas of the library, or mole fractions such as "
-            '{"H2O": 0.12, "CO2": 0.12}'
+            '{"H2O": 0.12, "CO2": 0.12}, and g/m3 of aerosols'
         )
     return {name: float(fraction) for name, fraction in fractions.items()}
 
@@ -81,7 +87,7 @@ def read_medium(
         return None
     optics = read_optics(material, f"Material '{material.name}'", metres)
     optics["pressure"] = _pressure(obj, f"Object '{obj.name}'")
-    return Medium(f"{obj.name}: {material.name}", temperature=kelvin, vertices=vertices, triangles=triangles, **optics)
+    return _medium(f"{obj.name}: {material.name}", temperature=kelvin, vertices=vertices, triangles=triangles, **optics)
 
 
 def _pressure(block, owner: str) -> float:
@@ -99,4 +105,4 @@ def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -
     if world.get("depth") is None:
         warnings.add(world.name, "its gas has no depth, so rays that leave the scene cross none of it")
     optics = read_optics(world, owner, metres) | {"pressure": _pressure(world, owner)}
-    return (Medium(owner, temperature=kelvin, **optics),), depth
+    return (_medium(owner, temperature=kelvin, **optics),), depth

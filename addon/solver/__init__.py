@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from .physics.aerosols import mix_in
 from .physics.correction import Correction
 from .scene import (
     AreaLight,
@@ -59,6 +60,7 @@ __all__ = [
     "SunLight",
     "first_hit_images",
     "layered_image",
+    "mix_in",
     "render",
 ]
 

@@ -224,7 +224,7 @@ class Medium:
         air without lines. They absorb in addition to `absorption`. pressure: Pa, of the mixture. metres: length of a
         unit of the scene, as lines absorb by the metre whatever the unit.
     scattering: coefficient in 1/m, in the same form. anisotropy: of Henyey and Greenstein's phase function, the mean
-        cosine of the angle by which it deflects light, -1 to 1.
+        cosine of the angle by which it deflects light, -1 to 1; a float, or (n, 2) over wavelength in the same form.
     vertices: (n, 3) m, and triangles: (m, 3) int, of the closed mesh that it fills; None for the world's medium, which
         is everywhere, and for a grid.
     grid: the Grid that it fills instead of a mesh.
@@ -234,7 +234,7 @@ class Medium:
     absorption: float | np.ndarray = 0.0
     temperature: float = 0.0
     scattering: float | np.ndarray = 0.0
-    anisotropy: float = 0.0
+    anisotropy: float | np.ndarray = 0.0
     vertices: np.ndarray | None = None
     triangles: np.ndarray | None = None
     gas: Mapping[str, float] = field(default_factory=dict)
@@ -253,8 +253,11 @@ class Medium:
             outside = ~((values >= 0.0) & (values < np.inf))  # also true for NaN
             if np.any(outside):
                 raise SceneError(f"{owner}: {quantity} {values[outside][0]:g} 1/m; it is finite and at least 0")
-        if not -1.0 <= self.anisotropy <= 1.0:
-            raise SceneError(f"{owner}: anisotropy {self.anisotropy:g} is outside -1..1")
+        wavelengths, values = self.curve("anisotropy")
+        check_wavelengths(wavelengths, f"{owner}: anisotropy")
+        outside = ~(np.abs(values) <= 1.0)  # also true for NaN
+        if np.any(outside):
+            raise SceneError(f"{owner}: anisotropy {values[outside][0]:g} is outside -1..1")
         check_temperature(self.temperature, owner)
         object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as of surfaces
         if self.grid is not None:
@@ -294,14 +297,14 @@ class Medium:
         return bool(np.any(self.curve("scattering")[1] > 0.0))
 
     def curve(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
-        """Wavelengths (n,) in um and coefficients (n,) in 1/m, float64, of "absorption" or "scattering"; a grey gas has
-        one point."""
+        """Wavelengths (n,) in um and values (n,), float64, of "absorption" or "scattering", in 1/m, or "anisotropy"; a
+        grey gas has one point."""
         points = np.asarray(getattr(self, quantity), dtype=np.float64)
         if points.ndim == 0:
             return np.array([1.0]), points[None]
         if points.ndim != 2 or points.shape[1] != 2 or not len(points):
             raise SceneError(
-                f"Medium '{self.name}': {quantity} must be a number or pairs of um and 1/m, "
+                f"Medium '{self.name}': {quantity} must be a number or pairs of um and values, "
                 f"got an array of shape {points.shape}"
             )
         return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])

@@ -2,6 +2,7 @@
 """Camera paths in media: what these emit along a ray is added without noise, and where they scatter, a ray may leave
 its way to the surface and go on in a new direction."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from ..geometry.flight import ARRIVED, NUMBERS, walk
 from ..geometry.segments import Tracer, glow, traverse, ways
 from ..geometry.stage import Stage
-from ..physics.media import phase
+from ..physics.media import mean_phase, weigh_phase
 from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, balance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, put_vector, scaled, vector
@@ -31,12 +32,13 @@ from .streams import WALK_NUMBERS, WALKING
 
 
 class _Vertex(NamedTuple):
-    """Where a camera path is scattered. point: (3,) floats, m. along: unit direction before. anisotropy: of the medium.
-    rays: to which the path belongs, and i, its row. dimension: the first of its random numbers that is free."""
+    """Where a camera path is scattered. point: (3,) floats, m. along: unit direction before. anisotropy: of the
+    medium, as in its table. rays: to which the path belongs, and i, its row, with the throughput that it has before it
+    is deflected. dimension: the first of its random numbers that is free."""
 
     point: tuple
     along: tuple
-    anisotropy: float
+    anisotropy: np.ndarray
     rays: Rays
     i: int
     dimension: int
@@ -73,23 +75,21 @@ def _scatter(air, stage, lighting, bounce, image, onward, room):
     for i in range(hits.triangle.size):
         glow(air, i, rays.throughput[i], image[rays.pixel[i]])
         first = WALKING + WALK_NUMBERS * bounce.number
-        numbers, out = (rays.path[i], first), (scattered.origin, scattered.direction, found)
-        end = walk(air, i, (rays.origin, rays.direction), rays.throughput[i], numbers, out)
+        out = scattered.origin, scattered.direction, found, scattered.throughput[found]
+        end = walk(air, i, (rays.origin, rays.direction), rays.throughput[i], (rays.path[i], first), out)
         if end == ARRIVED:
             continue
         hits.triangle[i] = -1
         if end >= 0:
             anisotropy, along = air.table.anisotropy[end], scaled(vector(rays.direction, i), 1.0 / air.length[i])
-            for b in range(rays.throughput.shape[1]):
-                scattered.throughput[found, b] = rays.throughput[i, b]
             scattered.pixel[found], scattered.final[found] = rays.pixel[i], rays.final[i]
             scattered.continued[found], scattered.doubts[found] = rays.continued[i], rays.doubts[i]
             scattered.density[found] = ASTRAY
             scattered.path[found] = path_key(rays.path[i], first + NUMBERS)
             if shadows.reach.size:
                 vertex = _Vertex(vector(scattered.origin, found), along, anisotropy, rays, i, first + NUMBERS + 1)
-                scattered.density[found] = -SINGLE_RAY * phase(
-                    anisotropy, dot(along, vector(scattered.direction, found))
+                scattered.density[found] = -SINGLE_RAY * mean_phase(
+                    anisotropy, rays.throughput[i], dot(along, vector(scattered.direction, found))
                 )
                 sent += _send_shadow(lighting, stage, vertex, room, shadows, sent)
             found += 1
@@ -103,12 +103,13 @@ def _send_shadow(lighting, stage, vertex, room, shadows, n):
     there. As from surfaces, see shadow_rays.send_shadow, with the phase function for the BRDF and its cosine; the
     scattered ray shares what it finds."""
     points, stride, total, path = lighting.points, POINTS // CANDIDATES, 0.0, vertex.rays.path[vertex.i]
+    throughput = vertex.rays.throughput[vertex.i]
     offset = int(stride * uniform(path, vertex.dimension))
     for c in range(CANDIDATES):
         i = offset + stride * c
         way, received, distance = towards_from(lighting, i, vertex.point)
         if received > 0.0:
-            scattered = phase(vertex.anisotropy, dot(vertex.along, way) / distance)
+            scattered = mean_phase(vertex.anisotropy, throughput, dot(vertex.along, way) / distance)
             share = (
                 balance(competing(points, i, way, distance), SINGLE_RAY * scattered) if points.density[i] > 0.0 else 1.0
             )
@@ -122,7 +123,10 @@ def _send_shadow(lighting, stage, vertex, room, shadows, n):
     put_vector(way, shadows.direction, n)
     shadows.pixel[n] = vertex.rays.pixel[vertex.i]
     for b in range(room.value.size):
-        shadows.radiance[n, b] = vertex.rays.throughput[vertex.i, b] * room.value[b]
+        shadows.radiance[n, b] = throughput[b] * room.value[b]
+    if vertex.anisotropy.size > 1:
+        cosine = dot(vertex.along, way) / math.sqrt(dot(way, way))
+        weigh_phase(vertex.anisotropy, mean_phase(vertex.anisotropy, throughput, cosine), cosine, shadows.radiance[n])
     return 1
 
 

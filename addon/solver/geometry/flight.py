@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
-from ..physics.media import deflect
+from ..physics.media import deflect, mean_phase, weigh_phase
 from ..sampling.rng import uniform
-from ..sampling.vectors import put_vector, scaled, vector
+from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
 from .segments import add_depth, go_on, set_out
 
@@ -23,12 +23,15 @@ def walk(air, i, rays, weight, numbers, out):
     """Let light with these weights (b,) fly along segment i: it has ARRIVED at its end, is LOST by roulette, with a
     chance that is the share of |w| that was absorbed on the way, or the number of the medium is returned that scatters
     it. The weights follow (see fly). Where it is scattered, its new origin and direction, of unit length, are put into
-    row n of out.
+    row n of out, and the weights that it goes on with into its last array, which may be `weight`. Where anisotropies
+    differ, the direction is that of a band c picked with P_c, the share of |w|, and with the phase functions p
+
+        w_b <- w_b p_b / sum over c of P_c p_c
 
     rays: origin, direction (n, 3) of the segments. numbers: key and first dimension of NUMBERS random numbers.
-    out: origin, direction and n.
+    out: origin, direction, n and weights (b,).
     """
-    (origin, direction), (path, first), (new_origin, new_direction, n) = rays, numbers, out
+    (origin, direction), (path, first), (new_origin, new_direction, n, onward) = rays, numbers, out
     before = _sum(weight)
     end = fly(air, i, weight, uniform(path, first), uniform(path, first + 1))
     if not end < np.inf:
@@ -42,8 +45,16 @@ def walk(air, i, rays, weight, numbers, out):
         weight[b] /= survival
     way, start = vector(direction, i), vector(origin, i)
     put_vector((start[0] + end * way[0], start[1] + end * way[1], start[2] + end * way[2]), new_origin, n)
-    anisotropy, along = air.table.anisotropy[medium], scaled(way, 1.0 / air.length[i])
-    put_vector(deflect(anisotropy, along, uniform(path, first + 4), uniform(path, first + 5)), new_direction, n)
+    g, c, along = air.table.anisotropy[medium], 0, scaled(way, 1.0 / air.length[i])
+    if g.size > 1:
+        c = _pick(weight, uniform(path, first + 6) * _sum(weight))
+    turned = deflect(g[c], along, uniform(path, first + 4), uniform(path, first + 5))
+    put_vector(turned, new_direction, n)
+    cosine = dot(along, turned)
+    mean = mean_phase(g, weight, cosine)
+    for b in range(weight.size):
+        onward[b] = weight[b]
+    weigh_phase(g, mean, cosine, onward)
     return medium
 
 
@@ -53,6 +64,16 @@ def _sum(weight):
     for b in range(weight.size):
         total += abs(weight[b])
     return total
+
+
+@njit(**INLINED)
+def _pick(weight, u):
+    """The band in which the sum of |weight| (b,) up to it reaches u."""
+    c, left = 0, u - abs(weight[0])
+    while c < weight.size - 1 and left >= 0.0:
+        c += 1
+        left -= abs(weight[c])
+    return c
 
 
 @njit(**INLINED)
@@ -71,10 +92,7 @@ def fly(air, i, weight, u, v):
     table, total = air.table, _sum(weight)
     if not total > 0.0:
         return np.inf
-    c, pick = 0, u * total - abs(weight[0])
-    while c < weight.size - 1 and pick >= 0.0:
-        c += 1
-        pick -= abs(weight[c])
+    c = _pick(weight, u * total)
     depth, scattered, scattering = air.bands.depth, air.bands.scattered, air.bands.scattering
     depth[:], scattered[:] = 0.0, 0.0
     left, t, stop, collides = -math.log1p(-v), 0.0, set_out(air, i), False

@@ -40,17 +40,16 @@ def _absorb(air, wave):
 
 @njit(**KERNEL)
 def _walk(air, wave, keys, scattered):
-    (key, bounce), found, bands = keys, np.int64(0), wave.power.shape[1]
+    (key, bounce), found = keys, np.int64(0)
     for i in range(air.length.size):
         if wave.arrival[i] >= 0:
             continue
         numbers, rays = (path_key(key, wave.photon[i]), _WALKING + NUMBERS * bounce), (wave.origin, wave.direction)
-        end = walk(air, i, rays, wave.power[i], numbers, (scattered.origin, scattered.direction, found))
+        out = scattered.origin, scattered.direction, found, scattered.power[found]
+        end = walk(air, i, rays, wave.power[i], numbers, out)
         if end == ARRIVED:
             continue
         if end >= 0:
-            for b in range(bands):
-                scattered.power[found, b] = wave.power[i, b]
             scattered.photon[found], scattered.aimed[found] = wave.photon[i], 0.0
             scattered.chain[found], scattered.arrival[found] = 0, -1
             if wave.layer.size:
@@ -92,7 +91,7 @@ def _collect(air, triangle, rays, numbers, light, surroundings):
     for i in range(triangle.size):
         j = index[i]
         glow(air, i, weight[j], brought[j])
-        end = walk(air, i, rays, weight[j], (path[j], first), (rays[0], rays[1], kept))
+        end = walk(air, i, rays, weight[j], (path[j], first), (rays[0], rays[1], kept, weight[j]))
         if end == ARRIVED and triangle[i] < 0:
             for b in range(surroundings.size):
                 brought[j, b] += weight[j, b] * surroundings[b]

@@ -17,12 +17,14 @@ from .spectrum import band_radiance
 _COLD = 200.0  # K: below, the blackbody that weighs the absorption in a band is taken at this temperature
 _OPAQUE = 32.0  # optical depth that lets through 1e-14
 THIN = 0.125  # optical depth, see absorbed_if_thin
+_SHARPEST = 0.999  # anisotropy where bands differ: a band that went straight on would share no direction with others
 _ISOTROPIC = 1e-3  # anisotropy below which Henyey and Greenstein's inverse is 0 / 0 in float64
 
 
 class MediumTable(NamedTuple):
-    """m media in b bands. absorption, scattering, extinction (the sum of both): (m, b) float64, 1/m. anisotropy: (m,)
-    float64. excess: (m, b) float64, W m-2 sr-1, radiance of a blackbody at a medium's temperature over that at T0."""
+    """m media in b bands. absorption, scattering, extinction (the sum of both): (m, b) float64, 1/m. anisotropy: (m, b)
+    float64, or (m, 1) if none differs by band. excess: (m, b) float64, W m-2 sr-1, radiance of a blackbody at a
+    medium's temperature over that at T0."""
 
     absorption: np.ndarray
     scattering: np.ndarray
@@ -46,7 +48,11 @@ def build_medium_table(
             absorption[i] += medium.metres * medium.gas[SOOT] * band_mean(*soot_curve(), medium.temperature, edges)
         if medium.temperature != quiet:  # else light would carry the rounding of the reference and nothing else
             excess[i] = band_radiance(edges, medium.temperature) - reference
-    anisotropy = np.array([medium.anisotropy for medium in media])
+    anisotropy = np.array([band_anisotropy(medium, edges) for medium in media])
+    if np.all(anisotropy == anisotropy[:, :1]):
+        anisotropy = np.ascontiguousarray(anisotropy[:, :1])
+    else:
+        anisotropy = anisotropy.clip(-_SHARPEST, _SHARPEST)
     return MediumTable(absorption, scattering, absorption + scattering, anisotropy, excess)
 
 
@@ -55,6 +61,19 @@ def band_coefficient(medium: Medium, quantity: str, edges: np.ndarray) -> np.nda
     what a blackbody at the medium's typical temperature emits (Planck mean: exact for the emission of a thin medium;
     Modest, section 10.8)."""
     return band_mean(*medium.curve(quantity), medium.typical_temperature, edges)
+
+
+def band_anisotropy(medium: Medium, edges: np.ndarray) -> np.ndarray:
+    """(b,) float64 anisotropy in each band: the mean over what a medium scatters of the light of a blackbody at its own
+    temperature."""
+    grid, values = medium.curve("anisotropy")
+    if len(grid) == 1:
+        return np.full(len(edges) - 1, values[0])
+    grid = np.union1d(grid, medium.curve("scattering")[0])
+    scattering = np.interp(grid, *medium.curve("scattering"))
+    onwards = scattering * 0.5 * (1.0 + np.interp(grid, *medium.curve("anisotropy")))  # at least 0, as band_mean needs
+    total, part = (band_mean(grid, each, medium.typical_temperature, edges) for each in (scattering, onwards))
+    return np.clip(2.0 * part / np.where(total > 0.0, total, 1.0) - 1.0, -1.0, 1.0)
 
 
 def band_mean(wavelengths: np.ndarray, values: np.ndarray, kelvin: float, edges: np.ndarray) -> np.ndarray:
@@ -88,7 +107,29 @@ def phase(anisotropy, cosine):
     """Henyey and Greenstein's phase function, 1 / sr, at the cosine of the angle between the directions before and
     after (Henyey and Greenstein 1941)."""
     g = anisotropy
-    return (1.0 - g * g) / (4.0 * math.pi * max(1.0 + g * g - 2.0 * g * cosine, 1e-30) ** 1.5)
+    square = max(1.0 + g * g - 2.0 * g * cosine, 1e-30)
+    return (1.0 - g * g) / (4.0 * math.pi * square * math.sqrt(square))
+
+
+@njit(**INLINED)
+def mean_phase(anisotropy, weight, cosine):
+    """The mean of `phase` over bands, in proportion to |weight| (b,). anisotropy: (b,), or (1,) for all bands."""
+    if anisotropy.size == 1:
+        return phase(anisotropy[0], cosine)
+    total, mean = 0.0, 0.0
+    for b in range(weight.size):
+        total += abs(weight[b])
+        mean += abs(weight[b]) * phase(anisotropy[b], cosine)
+    return mean / total if total > 0.0 else 0.0
+
+
+@njit(**INLINED)
+def weigh_phase(anisotropy, mean, cosine, weight):
+    """Multiply weights (b,) by the phase function of each band over `mean`, which mean_phase has found for that
+    cosine."""
+    if anisotropy.size > 1:
+        for b in range(weight.size):
+            weight[b] *= phase(anisotropy[b], cosine) / mean
 
 
 @njit(**INLINED)
