@@ -123,6 +123,22 @@ class Medium:
             raise SceneError(f"{owner}: anisotropy {self.anisotropy:g} is outside -1..1")
         check_temperature(self.temperature, owner)
         object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as of surfaces
+        self._check_mesh(owner)
+
+    def _check_mesh(self, owner: str) -> None:
+        """Whether the mesh is closed, geometry.closed says."""
+        if (self.vertices is None) != (self.triangles is None):
+            raise SceneError(f"{owner}: a mesh has both vertices and triangles; the world's medium has neither")
+        if self.triangles is None:
+            return
+        if len(self.triangles) == 0:
+            raise SceneError(f"{owner}: its mesh has no triangles")
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
+            raise SceneError(f"{owner}: a triangle names a vertex that does not exist")
+        finite = np.isfinite(self.vertices).all(axis=1)
+        if not finite.all():
+            bad = int(np.argmin(finite))
+            raise SceneError(f"{owner}: vertex {bad} is not finite: {self.vertices[bad]}")
 
     def _check_gas(self, owner: str) -> None:
         for name, fraction in self.gas.items():
