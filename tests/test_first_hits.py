@@ -269,7 +269,7 @@ def slab(low, high, width=10.0, **medium):
 
 
 def through(*media, height=3.0, target=(0.0, 0.0, 0.0), **options):
-    """The transmittance between a camera above the floor and what it sees, in each pixel; pixels see nearly the same."""
+    """The transmittance between a camera above the floor and what it sees; all pixels see nearly the same."""
     scene = floor(look((0.0, 0.0, height), target, 4, 3, tangent=1e-3), media=media, **options)
     return first_hit_images(scene, ["transmittance"])["transmittance"]
 

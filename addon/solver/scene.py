@@ -355,8 +355,7 @@ class Scene:
         check_temperature(self.world_temperature, "World")
         # rounded as surfaces' temperatures are, so that equal temperatures stay equal
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
-        if not 0.0 <= self.world_depth < np.inf:
-            raise SceneError(f"World: depth {self.world_depth:g} m; the depth of its gas is finite and at least 0 m")
+        check_depth(self.world_depth)
         for light in self.lights:
             _check_light(light)
         if self.groups:
@@ -390,6 +389,12 @@ class Scene:
             raise SceneError(f"A triangle or the world is in a temperature group that does not exist, of {count}")
         for group in range(count):
             self.group_temperature(group)
+
+
+def check_depth(value: float) -> None:
+    """Raise SceneError unless value is a depth, m, of the world's gas."""
+    if not 0.0 <= value < np.inf:
+        raise SceneError(f"World: depth {value:g} m; the depth of its gas is finite and at least 0 m")
 
 
 def check_response(response: Response | None, edges: np.ndarray) -> None:
