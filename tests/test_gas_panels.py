@@ -181,7 +181,7 @@ def change(**properties):
 
 def group_world(plume):
     bpy.context.scene.infrared.group_exr_path = "/tmp/never_written.exr"
-    bpy.context.scene.world["temperature_group"] = "sky"
+    fill_world(temperature_group="sky", absorption=0.1, depth=10.0)(plume)
 
 
 def group_plume(plume):
@@ -207,7 +207,7 @@ def group_plume(plume):
     (fill_world(absorption=0.1, depth="far"), "ERROR", "World 'Sky': depth is 'far', expected a number in metres"),
     (fill_world(absorption=-0.1, depth=3.0), "ERROR", "Medium 'Sky': absorption -0.1 1/m"),
     (fill_world(scattering=0.0, depth=3.0), "WARNING", "World 'Sky': its gas absorbs and scatters nothing from"),
-    (group_world, "WARNING", "World 'Sky': the light that gas sends to surfaces belongs to the surroundings'"),
+    (group_world, "WARNING", "World 'Sky': its gas is in no temperature group: recombined for other surroundings, the"),
     (group_plume, "WARNING", "Object 'Plume': temperature groups are for surfaces; the gas stays as it is"),
 ])  # fmt: skip
 def test_checks_name_what_is_wrong_with_gas(plume, damage, level, message):
@@ -226,7 +226,7 @@ def test_air_without_a_temperature_is_told(plume):
 
 def test_the_reader_tells_of_groups_too(plume):
     group_world(plume)
-    assert any("'Sky': the light that gas sends to surfaces belongs to" in text for text in read()[1])
+    assert any("'Sky': its gas is in no temperature group" in text for text in read()[1])
 
 
 def test_panels_have_the_checks_of_their_own(plume):

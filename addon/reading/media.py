@@ -12,10 +12,9 @@ from .custom_properties import describe, read_number
 from .materials import pair_points
 from .warnings import Warnings
 
-# Of the world, where it is in a temperature group and there is gas
-GROUPED_SKY = (
-    "the light that gas sends to surfaces belongs to the surroundings' temperature group, and the air keeps its "
-    "temperature; recombined for another one, pictures are inexact"
+# Of a world with gas in a temperature group
+GROUPED_AIR = (
+    "its gas is in no temperature group: recombined for other surroundings, the air keeps the temperature of the render"
 )
 NO_GROUP = "temperature groups are for surfaces; the gas stays as it is"
 _KEYS = "absorption", "scattering", "gas"  # any of them makes a mesh a medium

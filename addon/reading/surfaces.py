@@ -9,7 +9,7 @@ from ..solver.scene import Material, SceneError
 from .custom_properties import driver_remark, read_temperature
 from .groups import GroupReader
 from .materials import read_material
-from .media import GROUPED_SKY, NO_GROUP, is_medium, read_medium, read_world_medium
+from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
 from .warnings import Warnings
 from .world import world_temperature
@@ -140,8 +140,8 @@ class SurfaceReader:
         of_world = -1
         if world is not None:
             of_world = self.groups.number(world, f"World '{world.name}'", np.float32([world_temperature(world)]))
-            if of_world >= 0 and (self.media or is_medium(world)):
-                self.warnings.add(world.name, GROUPED_SKY)
+            if of_world >= 0 and is_medium(world):
+                self.warnings.add(world.name, GROUPED_AIR)
         if not self.groups.names:
             return {}
         return {"groups": self.groups.names, "group": np.concatenate(self.group_numbers), "world_group": of_world}

@@ -20,7 +20,7 @@ from ..reading.ignored import ignored_scene_settings, ignored_settings
 from ..reading.lights import read_light
 from ..reading.materials import read_material
 from ..reading.media import (
-    GROUPED_SKY,
+    GROUPED_AIR,
     NO_GROUP,
     is_medium,
     leak_message,
@@ -281,11 +281,11 @@ def _read_air(world, warnings: Warnings) -> None:
     check_depth(depth)
 
 
-def _group_checks(scene, view_layer, gas: bool) -> list[Check]:
-    """Checks of temperature groups, where they are kept apart. gas: whether there is any in the scene."""
+def _group_checks(scene, view_layer) -> list[Check]:
+    """Checks of temperature groups, where they are kept apart."""
     found, world = problems(read_group_temperatures, scene, view_layer), layer_world(scene, view_layer)
-    if world is not None and (gas or is_medium(world)) and world.get("temperature_group"):
-        found.append(Check("WARNING", f"World '{world.name}': {GROUPED_SKY}"))
+    if is_medium(world) and world.get("temperature_group"):
+        found.append(Check("WARNING", f"World '{world.name}': {GROUPED_AIR}"))
     return found
 
 
@@ -318,5 +318,5 @@ def scene_checks(scene, view_layer) -> list[Check]:
     for obj in objects:
         found += object_checks(obj, infrared, view_layer)
     if infrared.group_exr_path:
-        found += _group_checks(scene, view_layer, any(map(is_medium, materials)))
+        found += _group_checks(scene, view_layer)
     return sorted(dict.fromkeys(found), key=lambda check: LEVELS.index(check.level))
