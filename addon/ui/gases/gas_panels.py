@@ -10,7 +10,7 @@ from ...reading.custom_properties import read_temperature
 from ...reading.media import is_medium, read_gas_alone, read_pressure
 from ...reading.world import world_temperature
 from ...rendering.checks import material_checks, world_gas_checks
-from ...solver.scene import SceneError
+from ...solver.scene import MOLECULES, SceneError
 from ..checks import draw_problems, kept
 from ..panels import MaterialPanel, WorldPanel, draw_custom_property, draw_name, draw_spectrum, draw_text
 from . import gas_library, species
@@ -121,7 +121,7 @@ def draw_species(column, block, owner: str) -> None:
         remove.owner, remove.key = owner, "gas"
         return
     for name, fraction in listed.items():
-        row = draw_name(column.row(align=True), name)
+        row = draw_name(column.row(align=True), name if name in MOLECULES else name.title())
         change = row.operator("infrared.species_set", text=f"{fraction / PPM:.6g} ppm")
         remove = row.operator("infrared.species_remove", text="", icon="X")
         for each in (change, remove):
