@@ -203,8 +203,9 @@ def test_the_picture_is_the_same_with_and_without(tmp_path):
 def test_temperature_and_emissivity_are_those_of_the_object_and_its_material(tmp_path):
     infrared = bpy.context.scene.infrared
     infrared.default_emissivity = 0.75
-    ask_for("surface_temperature", "emissivity", "object_index", "material_index")
-    images = images_of(render_to_exr(tmp_path)["ViewLayer"], SCENE_SWITCHES | {"object_index": 0, "material_index": 0})
+    wanted = "surface_temperature", "emissivity", "object_index", "material_index"
+    ask_for(*wanted)
+    images = images_of(render_to_exr(tmp_path)["ViewLayer"], wanted)
     kelvin, emissivity = images["surface_temperature"], images["emissivity"]
     for index, expected in {0: 0.0, 4: 280.0, 7: 330.0, 8: 310.0, 9: 300.0}.items():
         assert (kelvin[images["object_index"] == index] == expected).all()
@@ -300,5 +301,5 @@ def test_memory_counts_them():
     ask_for(*SWITCHES)
     layers = bpy.context.scene, bpy.context.view_layer
     passes, further = final_render.render_passes(*layers), final_render.further_passes(*layers)
-    assert final_render.size_beside_usual(passes, further) == (4 + 2 + 3 + 11) / (4 + 2 + 3)
+    assert final_render.size_beside_usual(passes, further) == (4 + 2 + 3 + 12) / (4 + 2 + 3)
     assert final_render.size_beside_usual(passes[: -len(further)], []) == 1.0
