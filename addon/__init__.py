@@ -85,6 +85,7 @@ def _own_materials(earlier: Path) -> Path:
 def _modules():
     from . import engine, preferences, properties
     from .ui import band_presets, checks, operators, panels, sensor_image, sensor_panel
+    from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library
     from .ui.temperatures import heat_display, heat_map, temperature_groups, temperature_tools
 
@@ -98,6 +99,7 @@ def _modules():
         material_library,
         material_assets,
         panels,
+        gas_panels,
         sensor_panel,
         temperature_groups,
         curve_points,

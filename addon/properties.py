@@ -13,7 +13,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from .heat_settings import HeatDisplaySettings, InfraredSpot
 from .interface import TEMPERATURE_DIGITS, temperature_property
 from .output.formats import ENUM_ITEMS
-from .solver.scene import LAMP_TEMPERATURE, SUN_TEMPERATURE
+from .solver.scene import ATMOSPHERE, LAMP_TEMPERATURE, SUN_TEMPERATURE
 
 ROOM_TEMPERATURE = 293.15  # K
 
@@ -83,6 +83,16 @@ CUSTOM_PROPERTIES = {
         "precision": 1,
         "description": "How far the gas of the world reaches along rays that leave the scene, m",
     },
+    "gas": {
+        "description": "What a gas consists of: the name of a mixture of the library, or mole fractions by species. "
+        "With it the material fills closed meshes instead of covering their surface",
+    },
+    "pressure": {
+        "soft_min": 1.0,
+        "soft_max": 1e7,
+        "precision": 1,
+        "description": "Pressure of the gas that fills the mesh, or the world, in pascals",
+    },
     "temperature_group": {
         "description": "Name of a group whose light a render keeps apart, so that it takes new temperatures "
         "afterwards. All in a group have one temperature; empty is none",
@@ -99,6 +109,8 @@ def initial_value(id_block, key: str, scene) -> float | str:
     """The value that counts while a custom property is missing, so that adding it changes no image."""
     if key == "temperature_group":
         return ""
+    if key == "pressure":
+        return ATMOSPHERE
     if key == "emissivity":
         return scene.infrared.default_emissivity
     if key != "temperature":
@@ -430,6 +442,21 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         "camera, over all bands as the sensor sees them",
         default=False,
         update=show_passes,
+    )
+    use_transmittance: BoolProperty(
+        name="Transmittance",
+        description="Deliver a pass of the share, 0 to 1, that gas lets through between the camera and the surface in "
+        "the middle of each pixel, or the surroundings: over all bands as the sensor sees them",
+        default=False,
+        update=show_passes,
+    )
+    transmittance_length: FloatProperty(
+        name="Length (m)",
+        description="Way through a gas, in metres, for which panels draw its transmittance; renders do not use it",
+        default=1.0,
+        min=1e-6,
+        soft_max=10_000.0,
+        precision=3,
     )
     band_exr_path: StringProperty(
         name="Path",

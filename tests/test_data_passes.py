@@ -59,6 +59,12 @@ def ask_for(*quantities):
         setattr(owner, SWITCHES[quantity][0], True)
 
 
+def fill_with_air():
+    """Grey, 0.2 per metre, and 3 m of it before the sky."""
+    world = bpy.context.scene.world = bpy.data.worlds.new("Air")
+    world["absorption"], world["depth"], world["temperature"] = 0.2, 3.0, 270.0
+
+
 def images_of(passes, quantities):
     """{quantity: (h, w) or (h, w, 3)} of the passes of a file."""
     images = {}
@@ -163,6 +169,7 @@ def test_without_a_switch_there_is_nothing_more(tmp_path, monkeypatch):
 @pytest.mark.parametrize("quantity", list(SWITCHES))
 def test_each_switch_brings_its_pass_to_sockets_and_renders(tmp_path, quantity):
     usual = registered()
+    fill_with_air()  # else the transmittance is the same everywhere
     ask_for(quantity)
     (added,) = registered()[len(usual) :]
     assert added == (NAMES[quantity], SWITCHES[quantity][1].channels)
@@ -196,8 +203,9 @@ def test_the_picture_is_the_same_with_and_without(tmp_path):
 def test_temperature_and_emissivity_are_those_of_the_object_and_its_material(tmp_path):
     infrared = bpy.context.scene.infrared
     infrared.default_emissivity = 0.75
-    ask_for("surface_temperature", "emissivity", "object_index", "material_index")
-    images = images_of(render_to_exr(tmp_path)["ViewLayer"], SCENE_SWITCHES | {"object_index": 0, "material_index": 0})
+    wanted = "surface_temperature", "emissivity", "object_index", "material_index"
+    ask_for(*wanted)
+    images = images_of(render_to_exr(tmp_path)["ViewLayer"], wanted)
     kelvin, emissivity = images["surface_temperature"], images["emissivity"]
     for index, expected in {0: 0.0, 4: 280.0, 7: 330.0, 8: 310.0, 9: 300.0}.items():
         assert (kelvin[images["object_index"] == index] == expected).all()
@@ -207,6 +215,20 @@ def test_temperature_and_emissivity_are_those_of_the_object_and_its_material(tmp
         assert there.any()
         np.testing.assert_allclose(emissivity[there], expected, rtol=1e-6)
     assert not emissivity[~seen].any()
+
+
+def test_the_transmittance_is_that_of_the_way_to_the_surface(tmp_path):
+    """From the clip start on, which lies 0.1 m before the camera."""
+    fill_with_air()
+    eye = bpy.context.scene.camera.data
+    eye.type, eye.clip_start, eye.ortho_scale = "ORTHO", 0.1, 8.0
+    ask_for("transmittance", "depth")
+    images = images_of(render_to_exr(tmp_path)["ViewLayer"], ["transmittance", "depth"])
+    sky = images["depth"] == FAR
+    assert sky.any() and not sky.all()
+    np.testing.assert_allclose(images["transmittance"][sky], np.exp(-0.2 * 3.0), rtol=1e-6)
+    expected = np.exp(-0.2 * (images["depth"][~sky].astype(float) - 0.1))
+    np.testing.assert_allclose(images["transmittance"][~sky], expected, rtol=2e-6)  # 1 um of 6 m
 
 
 def test_a_temperature_attribute_is_what_the_pass_shows(tmp_path):
@@ -279,5 +301,5 @@ def test_memory_counts_them():
     ask_for(*SWITCHES)
     layers = bpy.context.scene, bpy.context.view_layer
     passes, further = final_render.render_passes(*layers), final_render.further_passes(*layers)
-    assert final_render.size_beside_usual(passes, further) == (4 + 2 + 3 + 11) / (4 + 2 + 3)
+    assert final_render.size_beside_usual(passes, further) == (4 + 2 + 3 + 12) / (4 + 2 + 3)
     assert final_render.size_beside_usual(passes[: -len(further)], []) == 1.0

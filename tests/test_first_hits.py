@@ -2,14 +2,16 @@
 """What the middle of each pixel sees: positions, temperatures and emissivities that are known exactly."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
-from addon.solver import Material, Response, Settings, first_hit_images, render
+from addon.solver import Material, Medium, Response, Settings, first_hit_images, render
 from addon.solver.camera.first_hits import FAR, QUANTITIES
-from addon.solver.physics.sensors import band_weights, microbolometer
-from addon.solver.physics.spectrum import faintest, planck, sensor_radiance
+from addon.solver.physics.sensors import WEIGHTING, band_weights, microbolometer
+from addon.solver.physics.spectrum import band_radiance, faintest, planck, sensor_radiance
+from addon.solver.physics.transmission import transmittance
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 EDGES = np.array([8.0, 10.0, 12.0, 14.0])
@@ -125,7 +127,7 @@ def test_surroundings_are_far_and_else_nothing():
     sky = images["depth"] == np.float32(FAR)
     assert sky[-1].all() and np.isfinite(images["emissivity"]).all()
     for name, image in images.items():
-        assert name == "depth" or not image[sky].any()
+        assert name == "depth" or (image[sky] == (1.0 if name == "transmittance" else 0.0)).all()
 
 
 def test_a_window_is_a_part_of_the_whole():
@@ -255,3 +257,76 @@ def test_emissivity_times_a_blackbody_is_what_the_renderer_sees(material, angle)
     if material.alpha and angle > 1.0:
         flat = floor(camera, 320.0, dataclasses.replace(material, specular=0.0))
         assert images["emissivity"].min() > 1.02 * first_hit_images(flat, ["emissivity"])["emissivity"].max()
+
+
+# Through gas ----------------------------------------------------------------------------------------------------------
+
+
+def slab(low, high, width=10.0, **medium):
+    """A gas between two heights, m."""
+    vertices, triangles = box((width, width, high - low))
+    return Medium("gas", vertices=vertices + (-width / 2, -width / 2, low), triangles=triangles, **medium)
+
+
+def through(*media, height=3.0, target=(0.0, 0.0, 0.0), **options):
+    """The transmittance between a camera above the floor and what it sees; all pixels see nearly the same."""
+    scene = floor(look((0.0, 0.0, height), target, 4, 3, tangent=1e-3), media=media, **options)
+    return first_hit_images(scene, ["transmittance"])["transmittance"]
+
+
+def test_without_gas_all_is_let_through():
+    assert (through() == 1.0).all()
+
+
+def test_media_let_through_what_bouguers_law_says():
+    """Absorption and scattering alike, in 1 m and 0.5 m before the floor, of which 0.25 m overlap; what lies behind the
+    floor does not count."""
+    one = slab(1.0, 2.0, absorption=0.3, scattering=0.2, temperature=500.0)
+    other = slab(0.75, 1.25, absorption=0.4, temperature=300.0)
+    behind = slab(-2.0, -1.0, absorption=5.0, temperature=300.0)
+    np.testing.assert_allclose(through(one, other, behind), math.exp(-0.5 - 0.2), rtol=2e-6)
+
+
+def test_the_air_before_a_distant_camera_counts():
+    air = Medium("air", 0.01, 300.0)
+    np.testing.assert_allclose(through(air, height=500.0), math.exp(-5.0), rtol=1e-5)  # positions in float32
+
+
+def test_the_sky_is_seen_through_the_depth_of_the_air():
+    air = Medium("air", 0.05, 300.0)
+    seen = through(air, slab(4.0, 5.0, absorption=0.5, temperature=300.0), target=(0.0, 0.0, 9.0), world_depth=40.0)
+    np.testing.assert_allclose(seen, math.exp(-2.0 - 0.5), rtol=2e-6)
+
+
+@pytest.mark.parametrize("response", [None, microbolometer()])
+def test_bands_count_as_the_sensor_sees_a_blackbody(response):
+    """A coefficient that is constant in each band."""
+    points = [(8.0, 0.1), (9.9999999, 0.1), (10.0, 1.0), (11.9999999, 1.0), (12.0, 0.3), (14.0, 0.3)]
+    gas = slab(0.0, 2.0, absorption=np.array(points), temperature=400.0)
+    signal = band_weights(response, EDGES) * band_radiance(EDGES, WEIGHTING)
+    expected = np.average(np.exp(-2.0 * np.array([0.1, 1.0, 0.3])), weights=signal)
+    np.testing.assert_allclose(through(gas, response=response), expected, rtol=2e-6)
+
+
+def test_molecules_let_the_mean_over_the_spectrum_through():
+    """Malkmus' law over wavenumbers without any draw, for 290 m of air; a unit of the scene is 100 m. Two slabs of the
+    same gas are one: what the first has taken of the spectrum, the second cannot take again."""
+    air = {"gas": {"H2O": 0.012, "CO2": 4.2e-4}, "temperature": 293.0, "metres": 100.0}
+    wavelength = np.linspace(EDGES[0], EDGES[-1], 20_001)
+    whole = slab(0.0, 2.9, **air)
+    expected = np.average(transmittance(whole, wavelength, 2.9), weights=planck(wavelength, WEIGHTING))
+    assert 0.7 < expected < 0.95
+    one = through(whole)
+    np.testing.assert_allclose(one, expected, rtol=2e-3)  # of 341 draws
+    np.testing.assert_allclose(through(slab(0.0, 1.0, **air), slab(1.0, 2.9, **air)), one, rtol=1e-6)
+
+
+def test_the_transmittance_is_the_share_of_a_walls_light_that_arrives():
+    """A black floor at the temperature that weighs the bands, seen through gas too cold to shine."""
+    scene = floor(
+        look((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 4, 3, tangent=1e-3), WEIGHTING, Material("Black", 1.0),
+        media=(slab(0.0, 1.0, absorption=np.array([[8.0, 0.1], [14.0, 2.0]]), temperature=1.0),), world_temperature=1.0,
+    )  # fmt: skip
+    seen = render(scene, Settings(passes=1, photons_per_pass=100, reference_subtraction=False)).radiance()
+    whole = sensor_radiance(EDGES, np.ones(3), np.float64(WEIGHTING))
+    np.testing.assert_allclose(first_hit_images(scene, ["transmittance"])["transmittance"], seen / whole, rtol=2e-6)

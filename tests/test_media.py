@@ -350,6 +350,42 @@ def test_bad_media_are_named(values, message):
         Medium(**{"name": "gas", "temperature": 300.0, **values})
 
 
+@pytest.mark.parametrize("change, message", [
+    (lambda v, t: (v, t[:0]), "Medium 'gas': its mesh has no triangles"),
+    (lambda v, t: (v[:5], t), "Medium 'gas': a triangle names a vertex that does not exist"),
+    (lambda v, t: (np.where(v > 0, np.nan, v), t), r"Medium 'gas': vertex 1 is not finite: \[ 0.  0. nan\]"),
+    (lambda v, t: (v, None), "Medium 'gas': a mesh has both vertices and triangles"),
+])  # fmt: skip
+def test_bad_meshes_are_named(change, message):
+    vertices, triangles = change(*box())
+    with pytest.raises(SceneError, match=message):
+        Medium("gas", 1.0, 300.0, vertices=vertices, triangles=triangles)
+
+
+def test_an_open_mesh_cannot_be_rendered():
+    vertices, triangles = block((-1, -1, -3), (1, 1, -1))
+    scene = before_a_wall(Medium("gas", 1.0, 300.0, vertices=vertices, triangles=triangles[1:]))
+    with pytest.raises(SceneError, match=r"Medium 'gas': its mesh is open at \(-1, .*\); a gas fills closed meshes"):
+        render(scene, Settings(passes=1))
+
+
+@pytest.mark.parametrize("depth", [-1.0, np.nan, np.inf])
+def test_a_bad_depth_of_the_world_is_named(depth):
+    with pytest.raises(SceneError, match="World: depth .* the depth of its gas is finite and at least 0 m"):
+        before_a_wall(Medium("air", 1.0, 300.0), world_depth=depth)
+
+
+def test_the_log_tells_of_gas(caplog):
+    media = (
+        Medium("air", 0.1, 300.0),
+        Medium("fog", 0.1, 300.0, 1.0),
+        Medium("car", gas={"CO2": 0.1}, temperature=300.0),
+    )
+    with caplog.at_level("INFO"):
+        render(before_a_wall(*media), Settings(passes=1))
+    assert "3 media with gas, of which 1 scatter, lines of CO2" in caplog.text
+
+
 def fog_around_a_ball(scattering, anisotropy, mirror):
     """A hot ball over a floor in fog, perhaps beside a mirror, seen from outside."""
     ball, floor = sphere(3, 0.15), quad((0, 0, 0), (1, 0, 0), (0, 1, 0))

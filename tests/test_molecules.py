@@ -14,6 +14,7 @@ from scipy.special import expn
 from scipy.stats import invgauss
 
 from addon.solver import Camera, Film, Material, Medium, SceneError, Settings, mix_in, render
+from addon.solver.physics.continuum import water_continuum
 from addon.solver.physics.gases import find_gas, gases
 from addon.solver.physics.media import build_medium_table
 from addon.solver.physics.molecules import (
@@ -22,11 +23,11 @@ from addon.solver.physics.molecules import (
     build_molecular_media,
     inverse_gaussian,
     species_coefficients,
-    water_continuum,
 )
 from addon.solver.physics.narrow_bands import KELVIN, half_width, lines, strength_and_density
 from addon.solver.physics.soot import soot_curve
 from addon.solver.physics.spectrum import band_radiance, planck
+from addon.solver.physics.transmission import transmittance
 from addon.solver.planning.preparation import prepare
 from addon.solver.scene import MOLECULES
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad, sphere
@@ -231,6 +232,17 @@ def test_hot_carbon_dioxide_through_cold_air(length, other, off):
     print(f"{found:.1f}, product {radiance * emitted.mean() * through.mean():.1f}, other data {other}")
     assert 0.0 < found / other - 1.0 < off
     assert radiance * emitted.mean() * through.mean() > 1.05 * found
+
+
+def test_curves_are_those_of_the_draws():
+    """What panels draw, without Numba, against the mean of draws in bands so narrow that they are one narrow band."""
+    gas = {"H2O": 0.1, "CO2": 0.1, "CO": 0.02, "CH4": 0.01, "soot": 1e-7}
+    medium = Medium("gas", 0.05, 900.0, 0.1, gas=gas, pressure=1.5e5, metres=2.0)
+    for wavelength in (2.7, 3.3, 4.3, 4.7, 7.7, 10.0, 15.0):
+        edges = wavelength * np.array([1.0 - 1e-4, 1.0 + 1e-4])
+        found = float(transmittance(medium, np.array([wavelength]), 0.5)[0])
+        k = molecular((medium,), edges, 900.0).extinctions(4096)[0, :, 0]
+        assert found == pytest.approx(np.exp(-0.5 * k).mean(), rel=2e-3, abs=1e-4)
 
 
 def test_mixtures_multiply():

@@ -82,6 +82,9 @@ class Labels:
         room, name = idname.split(".")
         return self._note(getattr(getattr(bpy.ops, room), name).get_rna_type().name if text is None else text)
 
+    def operator_menu_enum(self, idname, _property, text=None, **_):
+        return self.operator(idname, text)
+
     def menu(self, idname, text=None, **_):
         return self._note(getattr(bpy.types, idname).bl_label if text is None else text)
 
@@ -115,10 +118,12 @@ def states():
     camera = bpy.data.cameras.new("Camera")
     camera.type = "PANO"
     world = bpy.data.worlds.new("World")
-    gas = {"absorption": 0.1, "scattering": 0.1, "anisotropy": 0.1}
-    for key, value in ({"temperature": 280.0, "temperature_group": "sky", "depth": 100.0} | gas).items():
+    gas = {"absorption": 0.1, "scattering": 0.1, "anisotropy": 0.1, "gas": "Breath"}
+    of_world = {"temperature": 280.0, "temperature_group": "sky", "depth": 100.0, "pressure": 9e4}
+    for key, value in (of_world | gas).items():
         world[key] = value
-    surface = link("Cube", cube_mesh(), temperature=300.0, temperature_group="cube")
+    surface = link("Cube", cube_mesh(), temperature=300.0, temperature_group="cube", pressure=1e5)
+    surface.data.materials.append(material("Filling", **gas))
     window = bpy.context.window_manager.windows[0]
     space = SimpleNamespace(image=SimpleNamespace(type="RENDER_RESULT"), shading=SimpleNamespace(type="RENDERED"))
     shown = SimpleNamespace(
@@ -130,6 +135,7 @@ def states():
     for emissivity in (0.5, many_points, "Tin"):
         shown.material = material(emissivity=emissivity, specular=0.5, roughness=0.5, **gas)
         yield shown
+    shown.material["gas"] = {"H2O": 0.1, "soot": 1e-7}
     for infrared.band_mode in ("UNIFORM", "ADAPTIVE", "CUSTOM"):
         yield shown
     for kind, shape in (("POINT", ""), ("SUN", ""), ("SPOT", ""), ("AREA", "SQUARE"), ("AREA", "RECTANGLE")):

@@ -124,6 +124,39 @@ def test_edits_are_seen_and_only_changed_shapes_are_read(objects, live, edit, sh
     assert viewport.same(after, from_scratch())
 
 
+def fill(obj):
+    obj.active_material["absorption"] = 0.5
+    obj.active_material.update_tag()
+
+
+def thicken(obj):
+    obj.active_material["gas"] = "Steam"
+    obj.active_material.update_tag()
+
+
+def compress(obj):
+    obj["pressure"] = 2e5
+    obj.update_tag()
+
+
+def fill_world(_obj):
+    world = bpy.context.scene.world
+    world["absorption"], world["depth"] = 0.01, 100.0
+    world.update_tag()
+
+
+def test_gas_is_seen_live(objects, live):
+    """Whatever changes in it: what its material, its object, its mesh and the world say."""
+    seen = [wanted(live)[0]]
+    for edit in (fill, thicken, compress, heat, move, dent, fill_world, warm_world):
+        edit(objects[0])
+        seen.append(wanted(live)[0])
+        assert not viewport.same(seen[-1], seen[-2]), edit
+        assert viewport.same(seen[-1], from_scratch())
+    assert [len(each.scene.media) for each in seen] == [0, 1, 1, 1, 1, 1, 1, 2, 2]
+    assert len(seen[-1].scene.triangles) == 12  # the other cube
+
+
 def test_selecting_asks_for_nothing(objects, live):
     before, _ = wanted(live)
     objects[0].select_set(True)

@@ -13,6 +13,11 @@ from .custom_properties import describe, read_number
 from .materials import pair_points
 from .warnings import Warnings
 
+# Of a world with gas in a temperature group
+GROUPED_AIR = (
+    "its gas is in no temperature group: recombined for other surroundings, the air keeps the temperature of the render"
+)
+NO_GROUP = "temperature groups are for surfaces; the gas stays as it is"
 _KEYS = "absorption", "scattering", "gas"  # any of them makes a mesh a medium
 
 
@@ -32,7 +37,7 @@ def read_optics(block, owner: str, metres: float) -> dict:
     return optics | {"anisotropy": anisotropy, "contents": _contents(block, owner), "metres": metres}
 
 
-def _medium(name: str, contents: dict[str, float], **values) -> Medium:
+def build_medium(name: str, contents: dict[str, float], **values) -> Medium:
     return mix_in(Medium(name, **values), contents)
 
 
@@ -80,18 +85,35 @@ def read_medium(
 ) -> Medium | None:
     """The gas in a mesh of vertices (n, 3) float64, in world space, and triangles (m, 3); None, and a warning that says
     where it leaks, if the mesh is open. kelvin: temperature of the object. metres: see read_optics."""
-    leak = open_edge(vertices, triangles)
-    if leak is not None:
-        place = ", ".join(f"{value:.4g}" for value in leak)
-        warnings.add(obj.name, f"the mesh of a gas must be closed, but it is open at ({place}); the gas is left out")
+    leak = leak_message(vertices, triangles)
+    if leak:
+        warnings.add(obj.name, leak)
         return None
     optics = read_optics(material, f"Material '{material.name}'", metres)
-    optics["pressure"] = _pressure(obj, f"Object '{obj.name}'")
-    return _medium(f"{obj.name}: {material.name}", temperature=kelvin, vertices=vertices, triangles=triangles, **optics)
+    optics["pressure"] = read_pressure(obj, f"Object '{obj.name}'")
+    return build_medium(
+        f"{obj.name}: {material.name}", temperature=kelvin, vertices=vertices, triangles=triangles, **optics
+    )
 
 
-def _pressure(block, owner: str) -> float:
-    """The pressure of an object's or the world's gas, Pa."""
+def leak_message(vertices: np.ndarray, triangles: np.ndarray) -> str:
+    """Where a mesh of vertices (n, 3) and triangles (m, 3) is open, and what that does; an empty text if it is
+    closed."""
+    leak = open_edge(vertices, triangles)
+    if leak is None:
+        return ""
+    place = ", ".join(f"{value:.4g}" for value in leak)
+    return f"the mesh of a gas must be closed, but it is open at ({place}); the gas is left out"
+
+
+def read_gas_alone(block, owner: str, kelvin: float, pressure: float = ATMOSPHERE) -> Medium:
+    """The gas of a material or world without a mesh, in metres. kelvin: its temperature. pressure: Pa. Raises
+    SceneError as read_medium does."""
+    return build_medium(block.name, temperature=kelvin, pressure=pressure, **read_optics(block, owner, 1.0))
+
+
+def read_pressure(block, owner: str) -> float:
+    """The pressure of an object's or the world's gas, Pa. Raises SceneError if it is no number."""
     return read_number(block, "pressure", ATMOSPHERE, owner, " in pascals")
 
 
@@ -104,5 +126,7 @@ def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -
     depth = read_number(world, "depth", 0.0, owner, " in metres") / metres
     if world.get("depth") is None:
         warnings.add(world.name, "its gas has no depth, so rays that leave the scene cross none of it")
-    optics = read_optics(world, owner, metres) | {"pressure": _pressure(world, owner)}
-    return (_medium(owner, temperature=kelvin, **optics),), depth
+    if world.get("temperature") is None:
+        warnings.add(world.name, "its gas has no temperature; it absorbs, and emits nothing, as at 0 K")
+    optics = read_optics(world, owner, metres) | {"pressure": read_pressure(world, owner)}
+    return (build_medium(owner, temperature=kelvin, **optics),), depth

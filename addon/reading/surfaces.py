@@ -9,7 +9,7 @@ from ..solver.scene import Material, SceneError
 from .custom_properties import driver_remark, read_temperature
 from .groups import GroupReader
 from .materials import read_material
-from .media import is_medium, read_medium, read_world_medium
+from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
 from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
@@ -92,7 +92,7 @@ class SurfaceReader:
         if np.ptp(temperature) > 0.0:
             self.warnings.add(obj.name, "a gas has one temperature; the mean of its mesh counts")
         if self.groups is not None:
-            self.warnings.add(obj.name, "temperature groups are for surfaces; the gas stays as it is")
+            self.warnings.add(obj.name, NO_GROUP)
         for number in np.unique(slot[slot >= 0]):
             used = triangles[slot == number]
             medium = read_medium(obj, materials[number], kelvin, vertices, used, self.warnings, self.metres)
@@ -150,6 +150,8 @@ class SurfaceReader:
         of_world = -1
         if world is not None:
             of_world = self.groups.number(world, f"World '{world.name}'", np.float32([world_temperature(world)]))
+            if of_world >= 0 and is_medium(world):
+                self.warnings.add(world.name, GROUPED_AIR)
         if not self.groups.names:
             return {}
         return {"groups": self.groups.names, "group": np.concatenate(self.group_numbers), "world_group": of_world}

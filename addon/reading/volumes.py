@@ -20,7 +20,7 @@ import numpy as np
 
 from ..solver.scene import LEAF, Grid, Medium, check_spread, in_leaves
 from .custom_properties import read_temperature
-from .media import is_medium, read_optics
+from .media import build_medium, is_medium, read_optics, read_pressure
 from .warnings import Warnings
 
 SPECIES = "H2O", "CO2", "CO", "CH4", "soot"  # grids with such a name are mole fractions, of soot the volume fraction
@@ -83,8 +83,9 @@ class VolumeReader:
         return is_medium(material)
 
     def _medium(self, obj, grid: Grid, material, kelvin: float, metres: float) -> Medium:
-        optics = read_optics(material, f"Material '{material.name}'", self.warnings, metres)
-        return Medium(f"{obj.name}: {material.name}", temperature=kelvin, grid=grid, **optics)
+        optics = read_optics(material, f"Material '{material.name}'", metres)
+        optics["pressure"] = read_pressure(obj, f"Object '{obj.name}'")
+        return build_medium(f"{obj.name}: {material.name}", temperature=kelvin, grid=grid, **optics)
 
     def _read_file(self, obj, kelvin: float) -> Grid | None:
         """The Grid of a Volume object in its own space. kelvin: where its temperature has no value."""

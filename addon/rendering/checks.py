@@ -19,6 +19,16 @@ from ..reading.groups import read_group_temperatures
 from ..reading.ignored import ignored_scene_settings, ignored_settings
 from ..reading.lights import read_light
 from ..reading.materials import read_material
+from ..reading.media import (
+    GROUPED_AIR,
+    NO_GROUP,
+    is_medium,
+    leak_message,
+    read_gas_alone,
+    read_pressure,
+    read_world_medium,
+)
+from ..reading.meshes import read_mesh
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
 from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
@@ -29,13 +39,17 @@ from ..reading.warnings import Warnings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings, world_temperature
 from ..solver.physics import library
 from ..solver.physics.sensors import share_outside
-from ..solver.scene import SceneError, check_response
+from ..solver.physics.transmission import transmittance
+from ..solver.scene import Medium, SceneError, check_depth, check_response
 from .camera_effects import read_detector
 from .render_files import check_paths
 from .render_passes import render_passes
 
 LEVELS = ("ERROR", "WARNING", "HINT")  # in the order of their weight
 LOST = 0.02  # share of a sensor's signal outside the bands that is worth a warning
+MOST_FACES = 50_000  # of the mesh of a gas; whether a larger one is closed, only the render finds out
+TYPICAL = 300.0  # K, at which a gas without a mesh is looked at
+WAVELENGTHS = 512  # in the bands, at which a gas is looked at
 SLACK = 1e-4  # um: settings are float32, so 14 um may be 14.0000001
 
 
@@ -66,6 +80,28 @@ def settings_checks(infrared) -> list[Check]:
 
 
 def material_checks(material, infrared) -> list[Check]:
+    """Checks of a material: of its gas, if it fills meshes, else of its surface."""
+    if is_medium(material):
+        return gas_checks(material, f"Material '{material.name}'", infrared)
+    return _surface_checks(material, infrared)
+
+
+def gas_checks(block, owner: str, infrared) -> list[Check]:
+    """Checks of what the gas of a material or a world absorbs and scatters. owner: how messages name it."""
+    try:
+        gas = read_gas_alone(block, owner, TYPICAL)
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    try:
+        low, high = read_band_range(infrared)
+    except SceneError:
+        return []  # reported for the bands
+    if transmittance(gas, np.linspace(low, high, WAVELENGTHS), 1.0).min() < 1.0:
+        return []
+    return [Check("WARNING", f"{owner}: its gas absorbs and scatters nothing from {low:.4g} to {high:.4g} µm")]
+
+
+def _surface_checks(material, infrared) -> list[Check]:
     """Checks of a material's emissivity, specular share and roughness."""
     owner = f"Material '{material.name}'"
     try:
@@ -141,7 +177,45 @@ def camera_checks(scene, view_layer) -> list[Check]:
 
 def object_checks(obj, infrared, view_layer) -> list[Check]:
     """Checks of an object in a view layer; none of one that has neither surfaces nor light."""
-    return _temperature_checks(obj, infrared, view_layer) + _ignored_checks(obj, view_layer)
+    found = _temperature_checks(obj, infrared, view_layer) + _ignored_checks(obj, view_layer)
+    return found + (_medium_checks(obj, infrared, view_layer) if holds_gas(obj, view_layer) else [])
+
+
+def holds_gas(obj, view_layer) -> bool:
+    """Whether a material of an object, or the view layer's in its place, is a gas."""
+    override = view_layer.material_override
+    slots = [slot.material for slot in obj.material_slots]
+    return obj.type in SURFACE_TYPES and any(map(is_medium, [override] if override else slots))
+
+
+def _medium_checks(obj, infrared, view_layer) -> list[Check]:
+    """Checks of an object that holds gas, beside those of its material and its temperature."""
+    owner = _owner(obj)
+    found = problems(_read_medium_pressure, obj, owner)
+    if infrared.group_exr_path and obj.get("temperature_group"):
+        found.append(Check("WARNING", f"{owner}: {NO_GROUP}"))
+    leak = _leak(obj, view_layer)
+    return found + ([Check("WARNING", f"{owner}: {leak}")] if leak else [])
+
+
+def _read_medium_pressure(obj, owner: str) -> None:
+    """Raise SceneError if the pressure of an object's gas makes no sense."""
+    Medium(obj.name, pressure=read_pressure(obj, owner))
+
+
+def _leak(obj, view_layer) -> str:
+    """Where the mesh of a gas is open, in the object's own space; an empty text if it is closed, or large."""
+    evaluated = obj.evaluated_get(_evaluated(view_layer))
+    if obj.type != "MESH" or obj.data.is_editmode or len(evaluated.data.polygons) > MOST_FACES:
+        return ""
+    try:
+        mesh = read_mesh(evaluated.data, obj.name, Warnings())
+    except SceneError:  # reported for the temperature
+        return ""
+    materials = [view_layer.material_override or slot.material for slot in evaluated.material_slots]
+    slots = np.clip(mesh.slot, 0, len(materials) - 1)
+    parts = (mesh.triangles[slots == i] for i, material in enumerate(materials) if is_medium(material))
+    return next(filter(None, (leak_message(mesh.vertices, part) for part in parts)), "")
 
 
 def _ignored_checks(obj, view_layer) -> list[Check]:
@@ -165,6 +239,8 @@ def _temperature_checks(obj, infrared, view_layer) -> list[Check]:
     source = temperature_source(obj, _evaluated(view_layer))
     if obj.get("temperature") is None and source == "AMBIENT":
         ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
+        if holds_gas(obj, view_layer):
+            return [Check("WARNING", f"Object '{obj.name}': its gas has no temperature; {ambient}")]
         return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
     found = problems(object_temperatures, obj, 0.0)
     return found if source == "ATTRIBUTE" else found + _driver_checks(obj, _owner(obj))
@@ -186,6 +262,31 @@ def world_checks(scene, view_layer, objects: Collection) -> list[Check]:
             Check("WARNING", f"{unset}, and the scene is open: rays that leave it see 0 K. Set it in {WHERE_TO_SET}")
         ]
     return [Check("HINT", f"{unset}: if rays leave the scene, they see 0 K")]
+
+
+def world_gas_checks(world, infrared) -> list[Check]:
+    """Checks of the gas that fills a world, none without a world or a gas."""
+    if not is_medium(world):
+        return []
+    owner, warnings = f"World '{world.name}'", Warnings()
+    found = gas_checks(world, owner, infrared)
+    if not any(check.level == "ERROR" for check in found):
+        found += problems(_read_air, world, warnings)
+    return found + [Check("WARNING", f"World {message}") for message in warnings.messages()]
+
+
+def _read_air(world, warnings: Warnings) -> None:
+    """Raise SceneError if the depth or the pressure of the world's gas makes no sense."""
+    (air,), depth = read_world_medium(world, 0.0, warnings, 1.0)
+    check_depth(depth)
+
+
+def _group_checks(scene, view_layer) -> list[Check]:
+    """Checks of temperature groups, where they are kept apart."""
+    found, world = problems(read_group_temperatures, scene, view_layer), layer_world(scene, view_layer)
+    if is_medium(world) and world.get("temperature_group"):
+        found.append(Check("WARNING", f"World '{world.name}': {GROUPED_AIR}"))
+    return found
 
 
 def _evaluated(view_layer):
@@ -211,10 +312,11 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += problems(check_faces, view_layer, any(map(may_have_faces, objects)))
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
     found += world_checks(scene, view_layer, objects)
+    found += world_gas_checks(layer_world(scene, view_layer), infrared)
     for material in materials:
         found += material_checks(material, infrared)
     for obj in objects:
         found += object_checks(obj, infrared, view_layer)
     if infrared.group_exr_path:
-        found += problems(read_group_temperatures, scene, view_layer)
+        found += _group_checks(scene, view_layer)
     return sorted(dict.fromkeys(found), key=lambda check: LEVELS.index(check.level))

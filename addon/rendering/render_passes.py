@@ -46,6 +46,7 @@ LAYER_SWITCHES = {
 SCENE_SWITCHES = {
     "surface_temperature": ("use_surface_temperature", RenderPass("Surface Temperature", unit="K")),
     "emissivity": ("use_emissivity", RenderPass("Emissivity")),
+    "transmittance": ("use_transmittance", RenderPass("Transmittance")),
 }
 
 

@@ -264,6 +264,22 @@ class Medium:
             if self.triangles is not None:
                 raise SceneError(f"{owner}: a medium fills a mesh or a grid, not both")
             self.grid.check(owner)
+        self._check_mesh(owner)
+
+    def _check_mesh(self, owner: str) -> None:
+        """Whether the mesh is closed, geometry.closed says."""
+        if (self.vertices is None) != (self.triangles is None):
+            raise SceneError(f"{owner}: a mesh has both vertices and triangles; the world's medium has neither")
+        if self.triangles is None:
+            return
+        if len(self.triangles) == 0:
+            raise SceneError(f"{owner}: its mesh has no triangles")
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
+            raise SceneError(f"{owner}: a triangle names a vertex that does not exist")
+        finite = np.isfinite(self.vertices).all(axis=1)
+        if not finite.all():
+            bad = int(np.argmin(finite))
+            raise SceneError(f"{owner}: vertex {bad} is not finite: {self.vertices[bad]}")
 
     @property
     def outline(self) -> np.ndarray | None:
@@ -490,8 +506,7 @@ class Scene:
         check_temperature(self.world_temperature, "World")
         # rounded as surfaces' temperatures are, so that equal temperatures stay equal
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))
-        if not 0.0 <= self.world_depth < np.inf:
-            raise SceneError(f"World: depth {self.world_depth:g} m; the depth of its gas is finite and at least 0 m")
+        check_depth(self.world_depth)
         for light in self.lights:
             _check_light(light)
         if self.groups:
@@ -525,6 +540,12 @@ class Scene:
             raise SceneError(f"A triangle or the world is in a temperature group that does not exist, of {count}")
         for group in range(count):
             self.group_temperature(group)
+
+
+def check_depth(value: float) -> None:
+    """Raise SceneError unless value is a depth, m, of the world's gas."""
+    if not 0.0 <= value < np.inf:
+        raise SceneError(f"World: depth {value:g} m; the depth of its gas is finite and at least 0 m")
 
 
 def check_response(response: Response | None, edges: np.ndarray) -> None:

@@ -12,7 +12,7 @@ from ..properties import initial_value, property_label
 from ..reading.media import is_medium
 from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
-from ..rendering.checks import band_problem, find_bands, material_checks, settings_checks
+from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, settings_checks
 from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
 from .band_presets import INFRARED_PT_band_presets
 from .checks import draw_object_checks, draw_problems, kept
@@ -163,6 +163,8 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         ambient = f"{in_scene_unit(scene.infrared.ambient_temperature, scene)} (ambient)"
         draw_custom_property(row, obj, "OBJECT", "temperature", ambient)
         row.menu("INFRARED_MT_object_temperatures", text="", icon="DOWNARROW_HLT")
+        if holds_gas(obj, context.view_layer):
+            draw_custom_property(column, obj, "OBJECT", "pressure", "101325 Pa (1 atm)")
         if obj.type in SURFACE_TYPES:
             draw_group(column, obj, "OBJECT", scene)
         if obj.type == "MESH":
@@ -222,51 +224,33 @@ class INFRARED_PT_material(MaterialPanel, Panel):
         row = column.row(align=True)
         row.operator("infrared.emissivity_library", text="From Library...", icon="VIEWZOOM")
         row.menu("INFRARED_MT_material_curve", text="Over Wavelength...", icon="FCURVE")
-        draw_problems(column, material_checks(material, context.scene.infrared), context.region)
+        if is_medium(material):
+            column.label(text="A gas: it has no surface", icon="INFO")
+        else:
+            draw_problems(column, material_checks(material, context.scene.infrared), context.region)
         column.separator()
         draw_custom_property(column, material, "MATERIAL", "specular", "0 (diffuse)")
         draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
 
 
-class INFRARED_PT_gas(MaterialPanel, Panel):
-    bl_label = "Gas"
-    bl_options = {"DEFAULT_CLOSED"}
+class WorldPanel(InfraredPanel):
+    """Of the world that is shown."""
 
-    def draw(self, context):
-        column = self.column()
-        if is_medium(context.material):
-            column.label(text="Fills closed meshes, and is no surface", icon="INFO")
-        draw_gas(column, context.material, "MATERIAL")
-
-
-class INFRARED_PT_world(InfraredPanel, Panel):
-    bl_label = "Surroundings"
     bl_context = "world"
 
     @classmethod
     def poll(cls, context):
         return super().poll(context) and context.world is not None
+
+
+class INFRARED_PT_world(WorldPanel, Panel):
+    bl_label = "Surroundings"
 
     def draw(self, context):
         column = self.column()
         none = f"{in_scene_unit(0.0, context.scene)} (no radiation)"
         draw_custom_property(column, context.world, "WORLD", "temperature", none)
         draw_group(column, context.world, "WORLD", context.scene)
-
-
-class INFRARED_PT_world_gas(InfraredPanel, Panel):
-    bl_label = "Air"
-    bl_context = "world"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.world is not None
-
-    def draw(self, context):
-        column = self.column()
-        draw_gas(column, context.world, "WORLD")
-        draw_custom_property(column, context.world, "WORLD", "depth", "0 m (none before the sky)")
 
 
 class INFRARED_PT_light(InfraredPanel, Panel):
@@ -325,16 +309,6 @@ class INFRARED_PT_panorama(InfraredPanel, Panel):
             limits.prop(camera, f"{angle}_max", text="Max")
 
 
-def draw_gas(column, block, owner: str) -> None:
-    """What a gas absorbs and scatters, 1/m."""
-    for key, without in (("absorption", "0 (none)"), ("scattering", "0 (none)"), ("anisotropy", "0 (evenly)")):
-        value = block.get(key)
-        if value is None or isinstance(value, float | int):
-            draw_custom_property(column, block, owner, key, without)
-        else:
-            draw_spectrum(column, value, owner, key)
-
-
 def draw_custom_property(column, id_block, owner: str, key: str, without: str) -> None:
     """One line: the value and a button to remove it, or what counts without it and a button to set it."""
     row = column.row(align=True)
@@ -367,13 +341,18 @@ def draw_group(column, id_block, owner: str, scene) -> None:
 
 def draw_text(row, key: str, text: str):
     """A name and a text in place of a value; returns the row that the text is in."""
-    split = row.split(factor=0.4)
-    name = split.row()
-    name.alignment = "RIGHT"
-    name.label(text=property_label(key))
-    value = split.row(align=True)
+    value = draw_name(row, property_label(key))
     value.label(text=text)
     return value
+
+
+def draw_name(row, name: str):
+    """A name to the left; returns the row to the right of it, for a value."""
+    split = row.split(factor=0.4)
+    left = split.row()
+    left.alignment = "RIGHT"
+    left.label(text=name)
+    return split.row(align=True)
 
 
 def draw_spectrum(column, value, owner: str = "MATERIAL", key: str = "emissivity") -> None:
@@ -418,9 +397,7 @@ CLASSES = (
     INFRARED_PT_checkpoint,
     INFRARED_PT_object,
     INFRARED_PT_material,
-    INFRARED_PT_gas,
     INFRARED_PT_world,
-    INFRARED_PT_world_gas,
     INFRARED_PT_light,
     INFRARED_PT_panorama,
 )

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make the pictures of Blender's window in README, docs/tutorial.md, docs/viewport.md and docs/materials.md. Needs what
-shoot_panels.py needs, and xdotool:
+"""Make the pictures of Blender's window in README, docs/tutorial.md, docs/viewport.md, docs/materials.md and
+docs/gas.md. Needs what shoot_panels.py needs, and xdotool:
 
     blender --python tests/real_blender/launch.py -- docs.tools.shoot_windows NAME ...
 
-NAME: first, checks, tutorial, viewport; without one, all of them. Begin with Blender's own start-up file.
+NAME: first, checks, tutorial, viewport, gases; without one, all of them. Begin with Blender's own start-up file.
 """
 
 import sys
@@ -18,6 +18,7 @@ from tests.real_blender.story import tell
 
 WHOLE = ("-resize", "75%", "+dither", "-colors", "128")
 PART = ("+dither", "-colors", "64")
+DIALOG = ("-crop", "724x416+155+401", "+repage")  # where the library of gases opens
 WIDTH = 340  # pixels of the Properties editor: enough for the longest name
 DRAWN = 1.5  # s in which Blender has drawn everything
 
@@ -123,7 +124,24 @@ def viewport():
     yield DRAWN
 
 
-STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport)}
+def gases():
+    """The library of gases over the bands of a camera at 3 to 5 um."""
+    yield from start_up()
+    infrared, paint = bpy.context.scene.infrared, bpy.data.objects["Cube"].active_material
+    infrared.wavelength_min, infrared.wavelength_max, infrared.band_count = 3.0, 5.0, 8
+    paint["gas"] = "Exhaust, petrol"
+    yield from tab("MATERIAL")
+    window, area = bpy.context.window, area_of("PROPERTIES")
+    window.cursor_warp(window.width // 2, window.height // 2)
+    yield DRAWN
+    with bpy.context.temp_override(area=area, region=region_of(area), material=paint):
+        bpy.ops.infrared.gas_library("INVOKE_DEFAULT", owner="MATERIAL", kelvin="600")
+    yield DRAWN
+    window.cursor_warp(2, 2)  # where it is over nothing; the dialog stays until it is pressed
+    keep(screenshot(), "gas-library", *DIALOG, *PART)
+
+
+STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport, gases)}
 
 
 def work():

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..geometry.eye import build_eye, empty_eye_rays, middle_rays
 from ..geometry.interaction import interact
+from ..geometry.media import radius_of_media
 from ..geometry.segments import Hits, RayBatch
 from ..geometry.surfaces import Geometry, build_geometry, build_surfaces
 from ..geometry.triangles import scene_radius
@@ -26,9 +27,12 @@ from ..physics.spectrum import faintest
 from ..sampling.vectors import put_vector
 from ..scene import Material, Scene
 from ..system.kernels import KERNEL, njit
+from .transmittance import Transmittance
 
-QUANTITIES = {"surface_temperature": 1, "emissivity": 1, "depth": 1, "normal": 3, "position": 3}  # name -> channels
-FAR = 1e10  # m, depth of the surroundings, as Cycles has it; everything else is 0 there
+# name -> channels
+QUANTITIES = {"surface_temperature": 1, "emissivity": 1, "depth": 1, "normal": 3, "position": 3, "transmittance": 1}
+FAR = 1e10  # m, depth of the surroundings, as Cycles has it
+_NOTHING = {"depth": FAR, "transmittance": 1.0}  # where no surface is seen and no gas; everything else is 0 there
 _CHUNK = 1 << 14  # pixels that are one piece of work
 
 
@@ -49,21 +53,25 @@ def first_hit_images(
         depth: m, along the view axis; in a panorama the distance.
         normal: unit normal of the triangle, on the side that is seen, in world space.
         position: m, world space.
+        transmittance: 0..1, of the media on the way to the surface, or to the end of the world's medium where the
+            surroundings are seen: see Transmittance. 1 without media.
     labels: further images by name, each from a number for each triangle of the scene, (triangles,).
-    Where the surroundings are seen, depth is FAR and all else 0. Row 0 is the bottom row. The images are the same for
-    any number of threads. cancelled: as in `render`; unfinished pixels then show the values of the surroundings.
+    Where the surroundings are seen, depth is FAR and all else but the transmittance 0. Row 0 is the bottom row. The
+    images are the same for any number of threads. cancelled: as in `render`; unfinished pixels then show the values of
+    the surroundings without gas.
     geometry: of the scene, see `build_geometry`.
     """
     geometry = build_geometry(scene, geometry)
     surfaces, tracer, centre = build_surfaces(scene, geometry)
-    pinhole = build_eye(scene.camera, centre, scene_radius(surfaces.corners))._replace(lens_radius=0.0)
+    through = Transmittance(scene, tracer, centre) if "transmittance" in names and scene.media else None
+    radius = max(scene_radius(surfaces.corners), radius_of_media(scene.media, centre) if through else 0.0)
+    pinhole = build_eye(scene.camera, centre, radius)._replace(lens_radius=0.0)
     radiometry = _radiometry(scene) if "emissivity" in names else None
     x0, y0, x1, y1 = scene.camera.pixels
     count = (x1 - x0) * (y1 - y0)
-    images = {name: np.zeros((count, QUANTITIES[name]), np.float32) for name in names}
+    images = {name: np.full((count, QUANTITIES[name]), _NOTHING.get(name, 0.0), np.float32) for name in names}
     images |= {name: np.zeros((count, 1), np.float32) for name in labels or {}}
-    if "depth" in names:
-        images["depth"][:] = FAR
+    of_surfaces = [name for name in images if name != "transmittance"]
 
     def see(first: int) -> None:
         if cancelled():
@@ -72,12 +80,15 @@ def first_hit_images(
         origin, direction, reach = empty_eye_rays(len(pixels))
         middle_rays(pinhole, pixels, origin, direction, reach)
         hits = tracer.trace(origin, direction, reach)
+        if through:
+            images["transmittance"][pixels, 0] = through.of(origin, direction, hits)
         met = np.flatnonzero(hits.triangle >= 0)
         rays, hits = RayBatch(origin[met], direction[met]), Hits(*(column[met] for column in hits))
         normal, cosine = np.empty((len(met), 3), np.float32), np.empty(len(met))
         _meet(surfaces, hits, rays, normal, cosine)
         seen = _Seen(scene, radiometry, geometry.kept[hits.triangle], hits, normal, cosine)
-        for name, image in images.items():
+        for name in of_surfaces:
+            image = images[name]
             values = getattr(seen, name) if name in QUANTITIES else labels[name][seen.row]
             image[pixels[met]] = values.reshape(len(values), image.shape[1])
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..physics.heat import HeatTable
 from ..physics.media import MediumTable
-from ..scene import Medium
+from ..scene import Medium, SceneError
 from ..system.kernels import KERNEL, njit
-from .closed import outward
+from .closed import open_edge, outward
 from .grids import cross_boxes, empty_march, fill_cells, place_grids
 from .segments import Air, RayBatch, Tracer, empty_bands
 from .triangles import CLEAR
@@ -41,6 +41,11 @@ class _Body:
     """A closed mesh: its BVH, normals that point outwards, and how far to step over a first crossing, m."""
 
     def __init__(self, medium: Medium, centre: np.ndarray):
+        """centre: see Atmosphere. Raises SceneError, naming the medium, if its mesh is open."""
+        leak = open_edge(medium.vertices, medium.triangles)
+        if leak is not None:
+            place = ", ".join(f"{value:.4g}" for value in leak)
+            raise SceneError(f"Medium '{medium.name}': its mesh is open at ({place}); a gas fills closed meshes")
         corners = outward(np.asarray(medium.vertices, np.float64)[medium.triangles] - centre)
         points = np.ascontiguousarray(corners.reshape(-1, 3), np.float32)
         self.tracer = Tracer(points, np.arange(len(points), dtype=np.int32).reshape(-1, 3))

@@ -10,11 +10,12 @@ import numpy as np
 
 from ..geometry.flight import ARRIVED, NUMBERS, walk
 from ..geometry.segments import Hits, Tracer, glow, transmit, ways
-from ..sampling.rng import path_key, path_keys
+from ..sampling.rng import path_key, path_keys, uniform
 from ..system.kernels import KERNEL, njit
 from .wave import Wave
 
 _WALKING, _COLLECTING = 1 << 20, 1 << 24  # first dimensions of a photon's random numbers in media
+_CHOOSING = (1 << 20) - 1  # dimension of the number that chooses what a photon brings
 
 
 def fly_photons(tracer: Tracer, hits: Hits, wave: Wave, keys: tuple[np.uint64, int], scattered: Wave) -> int:
@@ -69,33 +70,58 @@ def append(wave: Wave, count: int, more: Wave, extra: int) -> int:
 
 def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings: np.ndarray) -> None:
     """Give the photons of a new wave that arrive from afar the power that they bring: what they have times the excess
-    radiance that reaches their origin. surroundings: (b,) float64, excess radiance, W m-2 sr-1."""
+    radiance that reaches their origin. surroundings: (b,) float64, excess radiance, W m-2 sr-1.
+
+    With layers the photon brings either the surroundings' light, or that of the media, which is in the first layer.
+    """
     photon = np.flatnonzero(wave.arrival >= 0)
     rays, count, segment = (wave.origin[photon], wave.direction[photon]), len(photon), 0
     weight = np.ones((count, len(surroundings)), np.float32)
     brought, index = np.zeros_like(weight), np.arange(count)
+    sky = np.zeros_like(brought) if wave.layer.size else brought
     path = path_keys(key, wave.photon[photon])
     while count:
         hits = tracer.trace(*(column[:count] for column in rays))
         air = tracer.cross(*(column[:count] for column in rays), ways(hits))
         first = _COLLECTING + NUMBERS * segment
-        count = _collect(air, hits.triangle, rays, (index, path, first), (weight, brought), surroundings)
+        count = _collect(air, hits.triangle, rays, (index, path, first), (weight, brought, sky), surroundings)
         segment += 1
+    if wave.layer.size:
+        _choose(path, photon, brought, sky, wave.layer)
     wave.power[photon] *= brought
 
 
 @njit(**KERNEL)
 def _collect(air, triangle, rays, numbers, light, surroundings):
     """Let walks cross a segment more; those that are scattered move to the front of all arrays; returns how many."""
-    (index, path, first), (weight, brought), kept = numbers, light, np.int64(0)
+    (index, path, first), (weight, brought, sky), kept = numbers, light, np.int64(0)
     for i in range(triangle.size):
         j = index[i]
         glow(air, i, weight[j], brought[j])
         end = walk(air, i, rays, weight[j], (path[j], first), (rays[0], rays[1], kept, weight[j]))
         if end == ARRIVED and triangle[i] < 0:
             for b in range(surroundings.size):
-                brought[j, b] += weight[j, b] * surroundings[b]
+                sky[j, b] += weight[j, b] * surroundings[b]
         if end >= 0:
             index[kept] = j
             kept += 1
     return kept
+
+
+@njit(**KERNEL)
+def _choose(path, photon, brought, sky, layer):
+    """Let each photon bring one of two kinds of light, in proportion to how much each is, so that the sum over both is
+    kept. brought, sky: (n, b), of the media, where the choice is left, and of the surroundings. layer: of the photons'
+    wave, that of the surroundings before."""
+    for j in range(photon.size):
+        of_media, of_sky = 0.0, 0.0
+        for b in range(brought.shape[1]):
+            of_media += abs(brought[j, b])
+            of_sky += abs(sky[j, b])
+        total = of_media + of_sky
+        chosen = uniform(path[j], _CHOOSING) * total < of_sky
+        scale = total / (of_sky if chosen else of_media) if total > 0.0 else 0.0
+        if not chosen:
+            layer[photon[j]] = 0
+        for b in range(brought.shape[1]):
+            brought[j, b] = scale * (sky[j, b] if chosen else brought[j, b])

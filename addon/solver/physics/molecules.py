@@ -30,6 +30,7 @@ from ..sampling.low_discrepancy import scrambled
 from ..sampling.rng import ALL_PASSES, GAS, pass_key, path_key
 from ..scene import ATMOSPHERE, MOLECULES, Medium
 from ..system.kernels import INLINED, KERNEL, njit
+from .continuum import water_continuum
 from .media import MediumTable
 from .narrow_bands import KELVIN, half_width, strength_and_density
 from .spectrum import apparent_temperature, band_radiance, faintest
@@ -46,13 +47,6 @@ _LENGTHS = 8  # each half of the one before
 _PROBED, _SHARES = 3, (0.25, 1.0)  # media that noise looks through, at most, and over which shares of their extent
 _TYPICAL = 64  # draws behind the table of what is planned
 _ROOT_PI = math.sqrt(math.pi)
-
-# The continuum of water vapour between its bands, cm2 g-1 atm-1 at 296 K: a + b exp(-beta wavenumber), by collisions
-# with itself; with air it is much weaker (Roberts, Selby and Biberman 1976, Appl. Opt. 15, 2085; in 8 to 12 um).
-_CONTINUUM = 4.18, 5578.0, 7.87e-3
-_CONTINUUM_KELVIN, _CONTINUUM_COLD, _CONTINUUM_BY_AIR = 1800.0, 296.0, 0.002
-_CONTINUUM_RANGE = 500.0, 1250.0  # cm-1: stronger lines on either side hide it
-_WATER_MASS, _GAS_CONSTANT = 18.015, 82.057  # g / mol; cm3 atm mol-1 K-1
 
 
 class Draws(NamedTuple):
@@ -119,16 +113,6 @@ def species_coefficients(
         if name == "H2O":
             coefficients[name] += water_continuum(draws.wavenumber, column, atm, mixture[name])
     return coefficients
-
-
-def water_continuum(wavenumber: np.ndarray, kelvin: np.ndarray, atm: float, fraction: float) -> np.ndarray:
-    """Coefficient of water vapour's continuum per unit of its mole fraction, 1/m. See _CONTINUUM."""
-    a, b, beta = _CONTINUUM
-    low, high = _CONTINUUM_RANGE
-    by_mass = (a + b * np.exp(-beta * wavenumber)) * ((wavenumber >= low) & (wavenumber <= high))
-    by_mass = by_mass * np.exp(_CONTINUUM_KELVIN * (1.0 / kelvin - 1.0 / _CONTINUUM_COLD))
-    density = _WATER_MASS * atm / (_GAS_CONSTANT * kelvin)  # g / cm3 of pure vapour
-    return 100.0 * by_mass * density * atm * (fraction + _CONTINUUM_BY_AIR * (1.0 - fraction))
 
 
 def inverse_gaussian(g: np.ndarray, shape: np.ndarray) -> np.ndarray:
@@ -203,6 +187,10 @@ class MolecularMedia:
         thinnest = depth.min(axis=1, keepdims=True)  # taken out: a mean of exp(-1000) would be 0
         beyond = np.log(np.mean(np.exp(thinnest - depth), axis=1))
         return self._with((thinnest[:, 0] - beyond) / length)
+
+    def extinctions(self, count: int) -> np.ndarray:
+        """(m, count, b) extinction of the media in draws that stand for endless ones, one over a unit of the scene."""
+        return self._absorption(np.arange(count) + _FIRST) + self._table.extinction[:, None]
 
     def transmittances(self, first: int, count: int, lengths: np.ndarray) -> np.ndarray:
         """(lengths, m, b) mean transmittance of each medium over lengths (units of the scene), over passes from `first`

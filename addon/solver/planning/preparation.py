@@ -36,7 +36,7 @@ from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range
 from ..physics.sensors import band_weights
 from ..sampling.heuristics import Looking, typical_looking
 from ..sampling.rng import AFAR, PILOT, SHEETS, TRIAL, pass_key
-from ..scene import Scene
+from ..scene import MOLECULES, Scene
 from ..settings import Settings
 from .antialiasing import choose_samples, least_price
 from .caustics import choose_caustic_lamps
@@ -250,6 +250,14 @@ def _log_needs(scene: Scene, stage: Stage, reference: float | None, photons: int
         if photons
         else "no photons needed: nothing differs from the reference or nothing reflects diffusely",
     )
+    if scene.media:
+        molecules = [name for name in MOLECULES if any(name in medium.molecules for medium in scene.media)]
+        log.info(
+            "%d media with gas, of which %d scatter, %s",
+            len(scene.media),
+            sum(medium.scatters for medium in scene.media),
+            f"lines of {', '.join(molecules)}" if molecules else "no molecules",
+        )
 
 
 def photon_store(bands: int, optics: Optics) -> PhotonStore:

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What media let through between the camera and the first surface, as a sensor sees it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..geometry.media import Atmosphere
+from ..geometry.segments import Hits, Tracer, add_depth, go_on, set_out, ways
+from ..physics.heat import build_heat_table
+from ..physics.media import build_medium_table
+from ..physics.molecules import MolecularMedia, Sampler
+from ..physics.sensors import WEIGHTING, band_weights
+from ..physics.spectrum import band_radiance
+from ..scene import Scene
+from ..system.kernels import KERNEL, njit
+
+_EVALUATED, _FEWEST = 1024, 64  # coefficients of a ray, of all bands and draws; draws at least
+_SEED = 0  # of the draws: the pass is a property of the scene, and not of the render's random numbers
+
+
+class Transmittance:
+    """The transmittance of ways through the media of a scene, by the signal of a blackbody at WEIGHTING."""
+
+    def __init__(self, scene: Scene, tracer: Tracer, centre: np.ndarray):
+        """tracer, centre: see build_surfaces. scene: with media."""
+        edges = scene.band_edges
+        table = build_medium_table(scene.media, edges, 0.0, np.zeros(scene.band_count))
+        extinction = table.extinction
+        if any(medium.molecules for medium in scene.media):
+            molecular = MolecularMedia(scene.media, table, Sampler(edges, WEIGHTING, _SEED))
+            extinction = molecular.extinctions(max(_FEWEST, _EVALUATED // scene.band_count))
+        self._air = Atmosphere(tracer, scene.media, centre, scene.world_depth)
+        self._air.fill(table, build_heat_table(scene.media, edges, 0.0, np.zeros(scene.band_count)))
+        self._extinction = extinction.reshape(len(scene.media), -1)  # (media, draws * b)
+        signal = band_weights(scene.response, edges) * band_radiance(edges, WEIGHTING)
+        self._weights = signal / signal.sum()
+
+    def of(self, origin: np.ndarray, direction: np.ndarray, hits: Hits) -> np.ndarray:
+        """(n,) float64 share, 0..1, of a sensor's signal that rays, origin and direction (n, 3) float32, bring from
+        what they meet, or from behind the world's medium."""
+        air, values = self._air.cross(origin, direction, ways(hits)), np.empty(len(origin))
+        _transmittances(air, self._extinction, self._weights, np.empty(self._extinction.shape[1]), values)
+        return values
+
+
+@njit(**KERNEL)
+def _transmittances(air, extinction, weights, depth, values):
+    """Fill values (n,) with the mean over draws and bands of what segments let through. extinction: (media, draws * b)
+    1/m. weights: (b,) of the bands, which add up to 1. depth: (draws * b,), room."""
+    draws = depth.size // weights.size
+    for i in range(values.size):
+        depth[:] = 0.0
+        t, stop = 0.0, set_out(air, i)
+        while stop < np.inf:
+            add_depth(air, i, extinction, stop - t, depth)
+            t, stop = stop, go_on(air, i, stop)
+        total = 0.0
+        for d in range(depth.size):
+            total += weights[d % weights.size] * math.exp(-depth[d])
+        values[i] = total / draws
