@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from addon.solver import Material, Medium, Response, Settings, first_hit_images, render
+from addon.solver import Grid, Material, Medium, Response, Settings, first_hit_images, render
 from addon.solver.camera.first_hits import FAR, QUANTITIES
 from addon.solver.physics.sensors import WEIGHTING, band_weights, microbolometer
 from addon.solver.physics.spectrum import band_radiance, faintest, planck, sensor_radiance
@@ -296,6 +296,14 @@ def test_the_sky_is_seen_through_the_depth_of_the_air():
     air = Medium("air", 0.05, 300.0)
     seen = through(air, slab(4.0, 5.0, absorption=0.5, temperature=300.0), target=(0.0, 0.0, 9.0), world_depth=40.0)
     np.testing.assert_allclose(seen, math.exp(-2.0 - 0.5), rtol=2e-6)
+
+
+def test_cells_let_through_by_their_density():
+    """Layers of cells 0.25 m high, of which two hold gas."""
+    density, transform = np.zeros((4, 4, 8), np.float32), np.diag((2.5, 2.5, 0.25, 1.0))
+    density[:, :, 2], density[:, :, 5], transform[:3, 3] = 1.0, 0.5, (-5.0, -5.0, 0.5)
+    cells = Medium("cells", 1.2, 400.0, 0.4, grid=Grid.from_arrays(transform, density))
+    np.testing.assert_allclose(through(cells), math.exp(-1.6 * 0.25 * 1.5), rtol=2e-6)
 
 
 @pytest.mark.parametrize("response", [None, microbolometer()])
