@@ -358,11 +358,11 @@ def test_what_is_absorbed():
 
 
 def test_arrays_become_leaves():
-    """At any first cell: each cell keeps its value, and leaves without density are left out."""
+    """At any first cell: each cell keeps its value, and leaves without gas are left out."""
     rng = np.random.default_rng(3)
     low, shape = np.array([-11, 5, 16]), (30, 9, 8)
     density, kelvin, water = rng.uniform(0.1, 1, shape), rng.uniform(300, 400, shape), rng.uniform(0, 1, shape)
-    density[:11] = 0.0  # up to cell -1: the leaves before the origin
+    density[:11] = water[:11] = 0.0  # up to cell -1: the leaves before the origin
     grid = Grid.from_arrays(np.eye(4), density, kelvin, {"H2O": water}, tuple(low))
     assert grid.leaves[:, 0].min() == 0 and len(grid.leaves) == 3 * 2 * 1
     back = {name: np.zeros(shape) for name in ("density", "kelvin", "water")}

@@ -80,11 +80,11 @@ def read_medium(
         warnings.add(obj.name, f"the mesh of a gas must be closed, but it is open at ({place}); the gas is left out")
         return None
     optics = read_optics(material, f"Material '{material.name}'", metres)
-    optics["pressure"] = _pressure(obj, f"Object '{obj.name}'")
+    optics["pressure"] = read_pressure(obj, f"Object '{obj.name}'")
     return Medium(f"{obj.name}: {material.name}", temperature=kelvin, vertices=vertices, triangles=triangles, **optics)
 
 
-def _pressure(block, owner: str) -> float:
+def read_pressure(block, owner: str) -> float:
     """The pressure of an object's or the world's gas, Pa."""
     return read_number(block, "pressure", ATMOSPHERE, owner, " in pascals")
 
@@ -98,5 +98,5 @@ def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -
     depth = read_number(world, "depth", 0.0, owner, " in metres") / metres
     if world.get("depth") is None:
         warnings.add(world.name, "its gas has no depth, so rays that leave the scene cross none of it")
-    optics = read_optics(world, owner, metres) | {"pressure": _pressure(world, owner)}
+    optics = read_optics(world, owner, metres) | {"pressure": read_pressure(world, owner)}
     return (Medium(owner, temperature=kelvin, **optics),), depth
