@@ -19,8 +19,17 @@ from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.physics.soot import soot_curve
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning.preparation import prepare
+from tests.helpers.grids import (
+    atmosphere,
+    cells_on_ray,
+    placed,
+    random_grid,
+    random_rays,
+    transmit_all,
+    traverse_all,
+    turned,
+)
 from tests.helpers.scenes import box, look, make_scene, quad
-from tests.test_grids import _transmit, _traverse, atmosphere, cells_on_ray, placed, random_grid, random_rays, turned
 
 EDGES = np.array([4.2, 4.3, 4.5, 4.8, 5.6])
 MIXTURE = {"H2O": 0.125, "CO2": 0.0625, "CO": 0.03125}  # exact in float32
@@ -172,8 +181,8 @@ def test_random_cells_against_a_march_in_numpy(media, quiet):
     tracer.fill(molecular.table(index), build_heat_table(*arguments))
     air = tracer.cross(origin, direction, limit)
     through, light, power = np.ones((60, 4), np.float32), np.zeros((60, 4), np.float32), np.ones((60, 4), np.float32)
-    _traverse(air, through, light)
-    _transmit(air, power)
+    traverse_all(air, through, light)
+    transmit_all(air, power)
     tables = [coefficients(medium, molecular, index) for medium in media]
     rays = zip(origin.astype(float), direction.astype(float), limit, strict=True)
     truth = [marched(media, tables, quiet, (o, d), float(far)) for o, d, far in rays]

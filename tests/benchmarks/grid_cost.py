@@ -39,7 +39,7 @@ def with_exhaust(grid: Grid) -> Grid:
 
 
 def scenes(cells: int) -> dict[str, Scene]:
-    """The room: empty, with a clear grey gas everywhere, with a plume, with one of molecules and soot, and with one that
+    """The room: empty, with a clear grey gas everywhere, and with plumes: grey, of molecules and soot, and one that
     scatters."""
     empty, grid = room(), plume(cells)
     return {
