@@ -306,6 +306,15 @@ def test_cells_let_through_by_their_density():
     np.testing.assert_allclose(through(cells), math.exp(-1.6 * 0.25 * 1.5), rtol=2e-6)
 
 
+def test_species_in_cells_let_through_what_they_do_in_a_mesh():
+    """CO2 at one temperature, 1 m of it: by as many draws as these take, both are within 1 %."""
+    cells, transform = np.full((8, 8, 8), 0.1, np.float32), np.diag((1.25, 1.25, 0.125, 1.0))
+    transform[:3, 3] = -5.0, -5.0, 0.5
+    grid = Grid.from_arrays(transform, fractions={"CO2": cells})
+    mesh = slab(0.5, 1.5, gas={"CO2": 0.1}, temperature=600.0)
+    np.testing.assert_allclose(through(Medium("cells", temperature=600.0, grid=grid)), through(mesh), rtol=0.01)
+
+
 @pytest.mark.parametrize("response", [None, microbolometer()])
 def test_bands_count_as_the_sensor_sees_a_blackbody(response):
     """A coefficient that is constant in each band."""

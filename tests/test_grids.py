@@ -9,14 +9,21 @@ import numpy as np
 import pytest
 
 from addon.solver import Grid, Material, Medium, SceneError, Settings, render
-from addon.solver.geometry.media import Atmosphere
-from addon.solver.geometry.segments import Tracer, transmit, traverse
 from addon.solver.physics.constants import C2
 from addon.solver.physics.heat import between_nodes, build_heat_table, steps_from_anchor
-from addon.solver.physics.media import THIN, absorbed, absorbed_if_thin, build_medium_table
+from addon.solver.physics.media import THIN, absorbed, absorbed_if_thin
 from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance
-from addon.solver.system.kernels import KERNEL, njit
+from tests.helpers.grids import (
+    atmosphere,
+    cells_on_ray,
+    placed,
+    random_grid,
+    random_rays,
+    transmit_all,
+    traverse_all,
+    turned,
+)
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad
 
 EDGES = np.array([9.99, 10.01])  # um, so that formulas for one wavelength hold
@@ -26,24 +33,6 @@ FLOAT32 = 1e-6
 
 def black(kelvin):
     return float(band_radiance(EDGES, kelvin)[0])
-
-
-def placed(low, high, cells):
-    """(4, 4) from the index space of so many cells on each axis to the world, where they fill a box."""
-    matrix = np.diag([*np.subtract(high, low) / np.array(cells), 1.0])
-    matrix[:3, 3] = low
-    return matrix
-
-
-def turned(seed):
-    """A (4, 4) matrix that turns, stretches unevenly, shears, mirrors and moves."""
-    rng = np.random.default_rng(seed)
-    matrix = np.eye(4)
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    shear = np.eye(3) + np.triu(rng.uniform(-0.4, 0.4, (3, 3)), 1)
-    matrix[:3, :3] = turn @ shear @ np.diag([0.11, -0.06, 0.17])
-    matrix[:3, 3] = rng.uniform(-1, 1, 3)
-    return matrix
 
 
 def before_a_wall(*media, wall=0.0, camera=((0, 0, 0), (0, 0, -1)), tangent=1e-3, **options):
@@ -196,34 +185,6 @@ def test_a_black_room_of_one_temperature_with_a_grid(t0):
 # Against sums over cells in numpy
 
 
-def random_grid(seed, reach=3, filled=0.4):
-    """Leaves at random, some without neighbours, with empty cells in them."""
-    rng = np.random.default_rng(seed)
-    places = np.array(np.meshgrid(*3 * [np.arange(-reach, reach)], indexing="ij")).reshape(3, -1).T
-    leaves = places[rng.uniform(size=len(places)) < filled].astype(np.int32)
-    shape = len(leaves), 8, 8, 8
-    density = rng.exponential(1.0, shape) * (rng.uniform(size=shape) < 0.7)
-    return Grid(leaves, turned(seed), density.astype(np.float32), rng.uniform(250, 900, shape).astype(np.float32))
-
-
-def cells_on_ray(grid, origin, direction, limit):
-    """Distances of all planes between cells on a ray, and a function that tells density and temperature at others."""
-    inverse = np.linalg.inv(grid.matrix)
-    o, d = inverse[:3, :3] @ origin + inverse[:3, 3], inverse[:3, :3] @ direction
-    leaves = {tuple(leaf): number for number, leaf in enumerate(grid.leaves)}
-    planes = [(np.arange(-400, 401) - o[axis]) / d[axis] for axis in range(3)]
-    planes = np.concatenate(planes)
-
-    def at(t):
-        cell = np.floor(o + t * d).astype(int)
-        leaf = leaves.get(tuple(cell // 8))
-        if leaf is None:
-            return 0.0, 300.0
-        return tuple(float(values[leaf, *(cell % 8)]) for values in (grid.density, grid.temperature))
-
-    return planes[(planes > 0) & (planes < limit)], at
-
-
 def marched(media, edges, quiet, ray, limit):
     """Radiance and transmittance (b,) of a ray: the sum over all that is constant, media without a grid everywhere."""
     reference, (origin, direction) = reference_radiance(edges, quiet), ray
@@ -243,38 +204,6 @@ def marched(media, edges, quiet, ray, limit):
     return light, through
 
 
-@njit(**KERNEL | {"cache": False})
-def _traverse(air, throughput, radiance):
-    for i in range(air.length.size):
-        traverse(air, i, throughput[i], radiance[i])
-
-
-@njit(**KERNEL | {"cache": False})
-def _transmit(air, power):
-    for i in range(air.length.size):
-        transmit(air, i, power[i])
-
-
-def atmosphere(media, edges, quiet, centre=(0.0, 0.0, 0.0)):
-    """The Atmosphere of media, with surfaces far away."""
-    away = Tracer(np.float32([[900, 900, 900], [900, 900, 901], [900, 901, 900]]), np.int32([[0, 1, 2]]))
-    found, reference = Atmosphere(away, media, np.asarray(centre), 5.0), reference_radiance(edges, quiet)
-    arguments = media, edges, quiet, reference
-    found.fill(build_medium_table(*arguments), build_heat_table(*arguments))
-    return found
-
-
-def random_rays(count, seed=4):
-    """Rays through the middle from inside and outside, some along an axis of the world, of any length of direction."""
-    rng = np.random.default_rng(seed)
-    origin = rng.normal(size=(count, 3)) * rng.choice([0.5, 5.0], (count, 1))
-    direction = (rng.normal(size=(count, 3)) - origin) * rng.uniform(0.1, 10.0, (count, 1))
-    axes = np.arange(0, count, 10)
-    direction[axes] = np.sign(direction[axes]) * np.eye(3)[rng.integers(0, 3, len(axes))]
-    origin[axes] = rng.normal(size=(len(axes), 3)) * 0.5
-    return origin.astype(np.float32), direction.astype(np.float32)
-
-
 @pytest.mark.parametrize("media", [
     (Medium("one", 0.8, grid=random_grid(1)),),
     (Medium("thick", 60.0, grid=random_grid(2)),),
@@ -288,9 +217,9 @@ def test_random_grids_against_a_march_in_numpy(media, quiet):
     limit = (10.0 / np.linalg.norm(direction, axis=1)).astype(np.float32)
     air = atmosphere(media, THREE, quiet, centre).cross(origin, direction, limit)
     through, light = np.ones((120, 3), np.float32), np.zeros((120, 3), np.float32)
-    _traverse(air, through, light)
+    traverse_all(air, through, light)
     power = np.ones((120, 3), np.float32)
-    _transmit(air, power)
+    transmit_all(air, power)
     rays = list(zip(origin.astype(float) + centre, direction.astype(float), strict=True))
     truth = [marched(media, THREE, quiet, ray, float(far)) for ray, far in zip(rays, limit, strict=True)]
     expected, left = (np.array(each) for each in zip(*truth, strict=True))
@@ -310,7 +239,7 @@ def test_empty_space_is_crossed_in_few_steps():
         np.float32([[-1.0, 0.1, 0.2]]), np.float32([[2.0, 0.0, 0.0]]), np.float32([100.0])
     )
     power = np.ones((1, 3), np.float32)
-    _transmit(air, power)
+    transmit_all(air, power)
     np.testing.assert_allclose(power, np.exp(-0.16), rtol=FLOAT32)
 
 
@@ -358,11 +287,11 @@ def test_what_is_absorbed():
 
 
 def test_arrays_become_leaves():
-    """At any first cell: each cell keeps its value, and leaves without density are left out."""
+    """At any first cell: each cell keeps its value, and leaves without gas are left out."""
     rng = np.random.default_rng(3)
     low, shape = np.array([-11, 5, 16]), (30, 9, 8)
     density, kelvin, water = rng.uniform(0.1, 1, shape), rng.uniform(300, 400, shape), rng.uniform(0, 1, shape)
-    density[:11] = 0.0  # up to cell -1: the leaves before the origin
+    density[:11] = water[:11] = 0.0  # up to cell -1: the leaves before the origin
     grid = Grid.from_arrays(np.eye(4), density, kelvin, {"H2O": water}, tuple(low))
     assert grid.leaves[:, 0].min() == 0 and len(grid.leaves) == 3 * 2 * 1
     back = {name: np.zeros(shape) for name in ("density", "kelvin", "water")}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Volumes in Blender: what OpenVDB files, geometry nodes and smoke domains hold arrives cell by cell where it is."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -105,6 +106,29 @@ def test_what_is_missing_in_a_grid_is_filled(scene, tmp_path):
     _, truth = expected(np.where(hot > 0, hot, np.float32(555.0)), np.eye(4))
     np.testing.assert_array_equal(found, truth)
     assert set(other.fractions) == {"H2O"} and other.fractions["H2O"].max() == 0.25
+
+
+def test_species_arrive_cell_by_cell(scene, tmp_path):
+    """Gas is where the density or a species has cells; a volume with species needs no material."""
+    carbon, thin = np.zeros_like(DENSITY), DENSITY.copy()
+    carbon[6:] = np.random.default_rng(3).uniform(0.01, 0.2, (3, 3, 12))
+    thin[3:] = 0.0
+    path = write(tmp_path / "f.vdb", density=thin, temperature=KELVIN, CO2=carbon)
+    plume = volume(path, temperature=350.0, pressure=2e5)
+    plume.data.materials.clear()
+    (medium,), warnings = read()[0].media, read()[1]
+    assert warnings == [] and medium.name == "Plume" and medium.absorption == 0.0 and medium.pressure == 2e5
+    assert medium.components == ("density", "CO2")
+    position, _ = expected(DENSITY, np.eye(4))
+    gas = (thin + carbon > 0.0).transpose(2, 1, 0).ravel()  # in the order of `expected`
+    whole = dataclasses.replace(medium.grid, density=medium.grid.holds.astype(np.float32))
+    where, _ = cells(whole, "density")
+    np.testing.assert_allclose(where, position[gas], atol=2e-6)
+    given = {"temperature": KELVIN, "density": thin, "CO2": carbon}
+    read_back = {"temperature": medium.grid.temperature, "density": medium.grid.density, **medium.grid.fractions}
+    for name, values in given.items():
+        _, found = cells(dataclasses.replace(whole, temperature=read_back[name]), "temperature")
+        np.testing.assert_array_equal(found, values.transpose(2, 1, 0).ravel()[gas])
 
 
 def test_a_volume_is_rendered(scene, tmp_path):

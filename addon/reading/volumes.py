@@ -12,18 +12,20 @@ import importlib.util
 import itertools
 import sys
 import tempfile
+from collections.abc import Iterable
+from functools import reduce
 from pathlib import Path
 from types import ModuleType
 
 import bpy
 import numpy as np
 
-from ..solver.scene import LEAF, Grid, Medium, check_spread, in_leaves
+from ..solver.scene import LEAF, SPECIES, Grid, Medium, check_spread, in_leaves
 from .custom_properties import read_temperature
 from .media import build_medium, is_medium, read_optics, read_pressure
 from .warnings import Warnings
 
-SPECIES = "H2O", "CO2", "CO", "CH4", "soot"  # grids with such a name are mole fractions, of soot the volume fraction
+_GAS = "density", *SPECIES  # grids with the name of a species are mole fractions, of soot the volume fraction
 _KNOWN = "density", "temperature", *SPECIES
 _BLOCK = 256  # cells along an edge of the dense arrays through which grids are read
 _SMOKE_KELVIN = 1000.0  # K, what 1 stands for in the temperatures of smoke
@@ -43,15 +45,12 @@ class VolumeReader:
         matrix: (4, 4) float64, object to world. material: that counts. ambient: K, where nothing is set. metres: see
         read_optics.
         """
-        owner = f"Object '{obj.name}'"
-        if not self._is_gas(obj, material, "volumes are"):
-            return None
-        kelvin = read_temperature(obj, ambient, owner)
+        kelvin = read_temperature(obj, ambient, f"Object '{obj.name}'")
         key = obj.name_full, obj.data.as_pointer(), kelvin
         if key not in self._grids:
             self._grids[key] = self._read_file(obj, kelvin)
         grid = self._grids[key]
-        if grid is None:
+        if grid is None or not (grid.fractions or self._is_gas(obj, material, "volumes are")):
             return None
         if grid.temperature is None and obj.get("temperature") is None:
             self.warnings.add(obj.name, f"no temperature, using the ambient {ambient:g} K")
@@ -83,9 +82,10 @@ class VolumeReader:
         return is_medium(material)
 
     def _medium(self, obj, grid: Grid, material, kelvin: float, metres: float) -> Medium:
-        optics = read_optics(material, f"Material '{material.name}'", metres)
-        optics["pressure"] = read_pressure(obj, f"Object '{obj.name}'")
-        return build_medium(f"{obj.name}: {material.name}", temperature=kelvin, grid=grid, **optics)
+        name, block = (obj.name, {}) if material is None else (f"{obj.name}: {material.name}", material)
+        optics = read_optics(block, f"Material '{getattr(material, 'name', '')}'", metres)
+        pressure = read_pressure(obj, f"Object '{obj.name}'")
+        return build_medium(name, temperature=kelvin, grid=grid, pressure=pressure, **optics)
 
     def _read_file(self, obj, kelvin: float) -> Grid | None:
         """The Grid of a Volume object in its own space. kelvin: where its temperature has no value."""
@@ -115,14 +115,12 @@ class VolumeReader:
             return self._assemble(obj, grids, kelvin)
 
     def _assemble(self, obj, grids: dict, kelvin: float) -> Grid | None:
-        """The Grid of grids of OpenVDB by name: those that lie as the first one does, which says where there is gas."""
+        """The Grid of grids of OpenVDB by name: those that lie as the first one does. Where density or a species has
+        cells there is gas, without these where the temperature has."""
         numbers = {name: grid for name, grid in grids.items() if grid.valueTypeName in ("float", "double")}
         first = next((numbers[name] for name in _KNOWN if name in numbers), None)
-        if first is None or not first.activeVoxelCount():  # so Blender reads a file that ends in the middle
-            self.warnings.add(obj.name, f"its grids {', '.join(map(repr, grids))} hold no numbers, {_LEFT_OUT}")
-            return None
-        matrix = _index_to_object(first)
-        if matrix is None:
+        matrix = None if first is None else _index_to_object(first)
+        if first is not None and matrix is None:
             self.warnings.add(obj.name, f"the cells of its grid '{first.name}' are no parallelepipeds, {_LEFT_OUT}")
             return None
         for name, grid in list(numbers.items()):
@@ -130,9 +128,15 @@ class VolumeReader:
             if other is None or not np.allclose(other, matrix, rtol=1e-6, atol=1e-6 * np.abs(matrix).max()):
                 self.warnings.add(obj.name, f"its grid '{name}' does not lie as '{first.name}' does, and is left out")
                 del numbers[name]
-        leaves, values = _read_leaves(first, numbers, f"Object '{obj.name}'")
-        holds = ~np.isnan(values[first.name])
-        density = np.where(holds, values.get("density", np.float32(1.0)), np.float32(0.0))
+        if not any(grid.activeVoxelCount() for name, grid in numbers.items() if name in _gas(numbers)):
+            # so Blender reads a file that ends in the middle
+            self.warnings.add(obj.name, f"its grids {', '.join(map(repr, grids))} hold no numbers, {_LEFT_OUT}")
+            return None
+        leaves, values = _read_leaves(numbers, f"Object '{obj.name}'")
+        if "density" in values:
+            density = _or_none(values["density"])
+        else:
+            density = _hold_any(values[name] for name in _gas(values)).astype(np.float32)
         if np.any(density < 0.0):
             self.warnings.add(obj.name, "its densities below 0 count as 0")
             np.maximum(density, 0.0, out=density)
@@ -140,7 +144,7 @@ class VolumeReader:
         if temperature is not None:
             background = grids["temperature"].background
             temperature[np.isnan(temperature)] = background if background > 0.0 else kelvin
-        fractions = {name: np.nan_to_num(values[name]) for name in SPECIES if name in values}
+        fractions = {name: _or_none(values[name]) for name in SPECIES if name in values}
         return Grid(leaves, matrix, density, temperature, fractions)
 
 
@@ -181,19 +185,35 @@ def _index_to_object(grid) -> np.ndarray | None:
     return matrix
 
 
-def _read_leaves(first, grids: dict, owner: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Leaves (n, 3) int32 in which the first grid has values, and the values (n, 8, 8, 8) float32 of all grids by name,
-    NaN where they have none. Block by block, so that a sparse grid is never dense as a whole."""
+def _gas(names: Iterable[str]) -> list[str]:
+    """Of names of grids, those that say where there is gas."""
+    return [name for name in _GAS if name in names] or ["temperature"]
+
+
+def _or_none(values: np.ndarray) -> np.ndarray:
+    """Values with 0 for NaN, where there is none."""
+    return np.where(np.isnan(values), np.float32(0.0), values)
+
+
+def _hold_any(several: Iterable[np.ndarray]) -> np.ndarray:
+    """Where any of several arrays has values that are not NaN, bool."""
+    return reduce(np.logical_or, (~np.isnan(values) for values in several))
+
+
+def _read_leaves(grids: dict, owner: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Leaves (n, 3) int32 in which a grid has values that says where there is gas, and the values (n, 8, 8, 8) float32
+    of all grids by name, NaN where they have none. Block by block, so that a sparse grid is never dense as a whole."""
+    gas = _gas(grids)
+    boxes = np.array([grids[name].evalActiveVoxelBoundingBox() for name in gas if grids[name].activeVoxelCount()])
     for grid in grids.values():
         grid.background = np.nan  # inactive cells then are NaN, too
-    box = np.array(first.evalActiveVoxelBoundingBox())
-    low, high = box[0] // LEAF * LEAF, (box[1] // LEAF + 1) * LEAF
+    low, high = boxes[:, 0].min(axis=0) // LEAF * LEAF, (boxes[:, 1].max(axis=0) // LEAF + 1) * LEAF
     check_spread((high - low) // LEAF, owner)
     found = {name: [] for name in grids} | {"": []}
     for start in itertools.product(*(range(a, b, _BLOCK) for a, b in zip(low.tolist(), high.tolist(), strict=True))):
         size = np.minimum(high - start, _BLOCK)
         values = {name: _dense(grid, start, size) for name, grid in grids.items()}
-        used = ~np.isnan(values[first.name]).all(axis=(1, 2, 3))
+        used = _hold_any(values[name] for name in gas).any(axis=(1, 2, 3))
         for name, each in values.items():
             found[name].append(each[used])
         found[""].append(np.argwhere(used.reshape(size // LEAF)) + np.array(start) // LEAF)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -25,6 +26,7 @@ class SceneError(ValueError):
 MIRROR_ALPHA = 1e-4
 MOLECULES = "H2O", "CO2", "CO", "CH4"  # whose lines a gas may have
 SOOT = "soot"
+SPECIES = *MOLECULES, SOOT
 ATMOSPHERE = 101325.0  # Pa
 _STEP = 1e-9  # width of the step to 0 at the ends of a response, as a share of the wavelength
 LEAF = 8  # cells along an edge of a leaf of a grid, as in OpenVDB
@@ -92,8 +94,8 @@ class Grid:
     leaves: (n, 3) int32, each once; leaf l holds cells 8 l to 8 l + 7 along each axis.
     transform: (4, 4) or (3, 4) float64, from index space to the world, m; it may turn, shear, mirror and stretch.
     density: (n, 8, 8, 8) float32, at least 0, factor on the medium's coefficients; None is 1 in every cell of a leaf.
-    temperature: (n, 8, 8, 8) float32, K; None is the medium's own. Where the density is 0 it does not count.
-    fractions: (n, 8, 8, 8) float32, 0..1, mole fraction of each species by name.
+    temperature: (n, 8, 8, 8) float32, K; None is the medium's own. Where there is no gas it does not count.
+    fractions: (n, 8, 8, 8) float32, 0..1, by species: mole fraction, of SOOT the volume fraction, whatever the density.
     """
 
     leaves: np.ndarray
@@ -111,7 +113,7 @@ class Grid:
         fractions: dict[str, np.ndarray] | None = None,
         low: tuple[int, int, int] = (0, 0, 0),
     ) -> Grid:
-        """A grid from dense arrays (a, b, c) of one shape; leaves without density are left out.
+        """A grid from dense arrays (a, b, c) of one shape; leaves without density and species are left out.
 
         low: index of the first cell. density: None is 1 everywhere in the arrays.
         """
@@ -123,7 +125,8 @@ class Grid:
         parts = {name: in_leaves(values, low) for name, values in given.items()}
         first = np.floor_divide(low, LEAF)
         count = np.floor_divide(np.add(low, shape) - 1, LEAF) - first + 1
-        used = parts["density"].any(axis=(1, 2, 3))
+        gas = [name for name in parts if name != "temperature"]
+        used = reduce(np.logical_or, (parts[name].any(axis=(1, 2, 3)) for name in gas))
         leaves = (np.indices(count).reshape(3, -1).T + first)[used].astype(np.int32)
         kept = {name: values[used] for name, values in parts.items()}
         named = {name: kept[f"fraction {name}"] for name in fractions or {}}
@@ -168,6 +171,8 @@ class Grid:
         check_spread(count, owner)
         if len(np.unique(leaves, axis=0)) < len(leaves):
             raise SceneError(f"{owner}: a leaf of its grid is given twice")
+        for name in self.fractions:
+            check_species(name, owner)
         for name, values, high in self._quantities():
             if values.shape != (len(leaves), LEAF, LEAF, LEAF):
                 raise SceneError(
@@ -184,13 +189,31 @@ class Grid:
         every += [(f"fraction of {name}", values, 1.0) for name, values in self.fractions.items()]
         return [each for each in every if each[1] is not None]
 
+    @property
+    def holds(self) -> np.ndarray | bool:
+        """(n, 8, 8, 8) bool, which cells hold gas; True if all do."""
+        if self.density is None:
+            return True
+        return reduce(np.logical_or, (values > 0.0 for values in self.fractions.values()), self.density > 0.0)
+
+    def amounts(self, component: str) -> np.ndarray | None:
+        """(n, 8, 8, 8) float32 of "density" or of a species; None is 1 in every cell."""
+        return self.density if component == "density" else self.fractions[component]
+
     def mean_temperature(self, own: float) -> float:
-        """K, the mean over all cells, weighted with the density. own: of the medium, K."""
+        """K, the mean over all cells, weighted with density and fractions. own: of the medium, K."""
         if self.temperature is None:
             return own
         weight = np.ones_like(self.temperature) if self.density is None else self.density
+        weight = sum(self.fractions.values(), weight)
         total = weight.sum(dtype=np.float64)
         return float(np.vdot(weight, self.temperature) / total) if total > 0.0 else own
+
+
+def check_species(name: str, owner: str) -> None:
+    """Raise SceneError if no species has this name."""
+    if name not in SPECIES:
+        raise SceneError(f"{owner}: unknown species '{name}'; known are {', '.join(MOLECULES)} and {SOOT}")
 
 
 def check_spread(count: np.ndarray, owner: str) -> None:
@@ -221,7 +244,8 @@ class Medium:
         linear between the points and held constant outside. At least 0.
     temperature: K.
     gas: what it consists of, by name: mole fractions of MOLECULES, and the volume fraction of SOOT. What they leave is
-        air without lines. They absorb in addition to `absorption`. pressure: Pa, of the mixture. metres: length of a
+        air without lines. They absorb in addition to `absorption`. In a grid the density is a factor on them, and the
+        grid's own fractions of a species count instead. pressure: Pa, of the mixture. metres: length of a
         unit of the scene, as lines absorb by the metre whatever the unit.
     scattering: coefficient in 1/m, in the same form. anisotropy: of Henyey and Greenstein's phase function, the mean
         cosine of the angle by which it deflects light, -1 to 1; a float, or (n, 2) over wavelength in the same form.
@@ -245,7 +269,7 @@ class Medium:
     def __post_init__(self):
         owner = f"Medium '{self.name}'"
         self._check_gas(owner)
-        fractions = {name: float(self.gas[name]) for name in (*MOLECULES, SOOT) if name in self.gas}
+        fractions = {name: float(self.gas[name]) for name in SPECIES if name in self.gas}
         object.__setattr__(self, "gas", fractions)  # in one order, as a fingerprint needs them
         for quantity in ("absorption", "scattering"):
             wavelengths, values = self.curve(quantity)
@@ -286,15 +310,14 @@ class Medium:
         """(n, 3) m: points whose convex hull holds the medium; None for the world's, which has no end."""
         return self.vertices if self.grid is None else self.grid.corners
 
-    @property
+    @cached_property
     def typical_temperature(self) -> float:
         """K: its own, or the mean over its grid."""
         return self.temperature if self.grid is None else self.grid.mean_temperature(self.temperature)
 
     def _check_gas(self, owner: str) -> None:
         for name, fraction in self.gas.items():
-            if name not in (*MOLECULES, SOOT):
-                raise SceneError(f"{owner}: unknown species '{name}'; known are {', '.join(MOLECULES)} and {SOOT}")
+            check_species(name, owner)
             if not 0.0 <= fraction <= 1.0:  # also false for NaN
                 raise SceneError(f"{owner}: the fraction of {name} is {fraction:g}; it is from 0 to 1")
         total = sum(self.gas.get(name, 0.0) for name in MOLECULES)
@@ -303,10 +326,34 @@ class Medium:
         if not 0.0 < self.pressure < np.inf:
             raise SceneError(f"{owner}: pressure {self.pressure:g} Pa; it is finite and above 0")
 
+    @cached_property
+    def typical_gas(self) -> dict[str, float]:
+        """`gas` with the fractions that the species of a grid typically meet themselves in: their means, weighted with
+        themselves, scaled down where there are more than 1 of molecules together."""
+        given = {} if self.grid is None else self.grid.fractions
+        means = self.gas | {name: _mean_met(values) for name, values in given.items()}
+        crowded = max(1.0, sum(means.get(name, 0.0) for name in MOLECULES))
+        return {name: means[name] / (1.0 if name == SOOT else crowded) for name in SPECIES if name in means}
+
     @property
     def molecules(self) -> dict[str, float]:
-        """Mole fractions of what has lines."""
-        return {name: self.gas[name] for name in MOLECULES if self.gas.get(name, 0.0) > 0.0}
+        """Typical mole fractions of what has lines."""
+        return {name: self.typical_gas[name] for name in MOLECULES if self.typical_gas.get(name, 0.0) > 0.0}
+
+    @cached_property
+    def components(self) -> tuple[str, ...]:
+        """What absorbs by amounts and a temperature of its own in each cell of the grid: "density", all that comes with
+        the grid's density, and each species that has fractions there. Empty if the spectrum is one everywhere, so that
+        the density says it all."""
+        if self.grid is None or not (self.grid.fractions or (self.gas and self.grid.temperature is not None)):
+            return ()
+        return "density", *(name for name in SPECIES if name in self.grid.fractions)
+
+    def species_of(self, component: str) -> dict[str, float]:
+        """Fractions of the species in a unit of a component."""
+        if component != "density":
+            return {component: 1.0}
+        return {name: fraction for name, fraction in self.gas.items() if name not in self.grid.fractions}
 
     @property
     def scatters(self) -> bool:
@@ -324,6 +371,12 @@ class Medium:
                 f"got an array of shape {points.shape}"
             )
         return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+
+
+def _mean_met(fraction: np.ndarray) -> float:
+    """The mean of a fraction in cells, weighted with itself; 0 where there is none."""
+    total = fraction.sum(dtype=np.float64)
+    return float(np.square(fraction, dtype=np.float64).sum() / total) if total > 0.0 else 0.0
 
 
 @dataclass(frozen=True)

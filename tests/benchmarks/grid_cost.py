@@ -31,13 +31,22 @@ def plume(cells: int) -> Grid:
     return Grid.from_arrays(transform, density, 292.0 + 150.0 * core)
 
 
+def with_exhaust(grid: Grid) -> Grid:
+    """The plume as water vapour, carbon dioxide and soot."""
+    exhaust = {"H2O": 0.1, "CO2": 0.1, "soot": 1e-7}
+    fractions = {name: np.float32(fraction) * grid.density for name, fraction in exhaust.items()}
+    return replace(grid, density=np.zeros_like(grid.density), fractions=fractions)
+
+
 def scenes(cells: int) -> dict[str, Scene]:
-    """The room: empty, with a clear grey gas everywhere, with a plume, and with one that scatters."""
+    """The room: empty, with a clear grey gas everywhere, and with plumes: grey, of molecules and soot, and one that
+    scatters."""
     empty, grid = room(), plume(cells)
     return {
         "empty": empty,
         "gas": replace(empty, media=(Medium("air", 0.02, 300.0),), world_depth=5.0),
         "plume": replace(empty, media=(Medium("plume", 1.0, 300.0, grid=grid),)),
+        "exhaust plume": replace(empty, media=(Medium("plume", 0.0, 300.0, grid=with_exhaust(grid)),)),
         "fog plume": replace(empty, media=(Medium("plume", 0.5, 300.0, 0.5, 0.3, grid=grid),)),
     }
 

@@ -123,7 +123,7 @@ def _scattering_in(air, i, c):
     total = 0.0
     for s in range(air.first[i], air.first[i + 1]):
         if air.march.amount[s] > 0.0:
-            total += air.march.amount[s] * air.table.scattering[air.medium[s], c]
+            total += air.march.amount[s] * air.table.scattering[air.row[s], c]
     return total
 
 
@@ -134,19 +134,19 @@ def scatterer(air, i, weight, u):
     Where several overlap, one is picked with P_m, the share of |w| that it scatters, and w_b <- w_b s_mb / s_b / P_m.
     u: number in [0, 1).
     """
-    total, medium, amount, chance = _sum(weight), np.int64(-1), 0.0, 1.0
+    total, medium, of, amount, chance = _sum(weight), np.int64(-1), np.int64(-1), 0.0, 1.0
     table, scattering, pick = air.table, air.bands.scattering, u * total
     for s in range(air.first[i], air.first[i + 1]):
         if air.march.amount[s] > 0.0 and pick >= 0.0:
-            share, m = 0.0, air.medium[s]
+            share, row = 0.0, air.row[s]
             for b in range(weight.size):
-                if table.scattering[m, b] > 0.0:
-                    share += abs(weight[b]) * (air.march.amount[s] * table.scattering[m, b] / scattering[b])
+                if table.scattering[row, b] > 0.0:
+                    share += abs(weight[b]) * (air.march.amount[s] * table.scattering[row, b] / scattering[b])
             if share > 0.0:
-                medium, amount, chance = m, air.march.amount[s], share / total
+                medium, of, amount, chance = air.medium[s], row, air.march.amount[s], share / total
                 pick -= share
     if medium >= 0:
         for b in range(weight.size):
             if weight[b] != 0.0:
-                weight[b] *= amount * table.scattering[medium, b] / scattering[b] / chance
+                weight[b] *= amount * table.scattering[of, b] / scattering[b] / chance
     return medium

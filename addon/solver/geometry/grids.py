@@ -29,7 +29,9 @@ class GridTable(NamedTuple):
     index space. low: (g, 3) int64, lowest leaf coordinates. count: (g, 3) int64, places for leaves along each axis.
     first: (g,) int64, where the places of each grid begin in leaf. leaf: (p,) int32, number of the leaf at a place, the
     last axis fastest, -1 where there is none. cells: (n, 512, 2) float32, density and temperature of the cells of each
-    leaf, the last axis fastest; temperature as steps_from_anchor. heat: of all temperatures.
+    leaf, the last axis fastest; temperature as steps_from_anchor. In grids of media with components (see Medium) the
+    density is 1 where there is any gas. heat: of all temperatures. amounts: (q,) float32, of the c components, cell by
+    cell as in cells. begin: (c,) int64, where those of each component begin, less the number of its grid's first cell.
     """
 
     number: np.ndarray
@@ -40,6 +42,8 @@ class GridTable(NamedTuple):
     leaf: np.ndarray
     cells: np.ndarray
     heat: HeatTable
+    amounts: np.ndarray
+    begin: np.ndarray
 
 
 class March(NamedTuple):
@@ -47,14 +51,16 @@ class March(NamedTuple):
 
     amount: (s,) float64, factor on the medium's coefficients here, 0 behind the stretch, AHEAD before it. until: (s,)
     float64, distance at which it changes next. steps: (s,) float64, the temperature, see steps_from_anchor.
-    In index space, of stretches in grids: cell (s, 3) int64; leaf (s,) int64, the one that holds it; crossing (s, 3)
-    float64, distance of the next plane between cells on each axis; origin, inverse (s, 3) float64, of the ray, inverse
-    of its direction.
+    In grids: place (s,) int64, number of the cell here among all cells.
+    In index space, of stretches in grids: cell (s, 3) int64, the one that comes next; leaf (s,) int64, the one that
+    holds it; crossing (s, 3) float64, distance of the next plane between cells on each axis; origin, inverse (s, 3)
+    float64, of the ray, inverse of its direction.
     """
 
     amount: np.ndarray
     until: np.ndarray
     steps: np.ndarray
+    place: np.ndarray
     leaf: np.ndarray
     cell: np.ndarray
     crossing: np.ndarray
@@ -66,7 +72,10 @@ def empty_march(count: int, grids: bool) -> March:
     """Room for count stretches."""
     inside = count if grids else 0
     return March(
-        *np.empty((3, count)), np.empty(inside, np.int64), np.empty((inside, 3), np.int64), *np.empty((3, inside, 3))
+        *np.empty((3, count)),
+        *np.empty((2, inside), np.int64),
+        np.empty((inside, 3), np.int64),
+        *np.empty((3, inside, 3)),
     )
 
 
@@ -88,7 +97,9 @@ def place_grids(media: tuple[Medium, ...], centre: np.ndarray) -> GridTable:
     low, count = (np.array([box[i] for box in boxes], np.int64).reshape(-1, 3) for i in (0, 1))
     no_heat = HeatTable(np.zeros((2, 1)), np.zeros((2, 1)), 1.0, 0)
     cells = np.empty((0, LEAF**3, 2), np.float32)
-    return GridTable(number, np.array(to_index).reshape(-1, 3, 4), low, count, first[:-1], leaf, cells, no_heat)
+    to_index = np.array(to_index).reshape(-1, 3, 4)
+    nothing = np.empty(0, np.float32), np.empty(0, np.int64)
+    return GridTable(number, to_index, low, count, first[:-1], leaf, cells, no_heat, *nothing)
 
 
 def _first_leaves(media: tuple[Medium, ...]) -> list[int]:
@@ -106,7 +117,8 @@ def _content(medium: Medium) -> tuple:
     """What tells whether the grids of two media have the same cells: their arrays, or their own temperature."""
     grid = medium.grid
     hot = medium.temperature if grid.temperature is None else id(grid.temperature)
-    return id(grid.leaves), id(grid.density), grid.temperature is None, hot
+    fractions = bool(medium.components), *map(id, grid.fractions.values())
+    return id(grid.leaves), id(grid.density), grid.temperature is None, hot, fractions
 
 
 def fill_cells(grids: GridTable, media: tuple[Medium, ...], heat: HeatTable) -> GridTable:
@@ -117,10 +129,29 @@ def fill_cells(grids: GridTable, media: tuple[Medium, ...], heat: HeatTable) -> 
             filled.add(_content(medium))
             cells = np.empty((len(medium.grid.leaves), LEAF**3, 2), np.float32)
             of_leaf = cells.reshape(-1, LEAF, LEAF, LEAF, 2)
-            of_leaf[..., 0] = 1.0 if medium.grid.density is None else medium.grid.density
+            density = 1.0 if medium.grid.density is None else medium.grid.density
+            of_leaf[..., 0] = medium.grid.holds if medium.components else density
             of_leaf[..., 1] = steps_from_anchor(heat, medium)
             parts.append(cells)
-    return grids._replace(cells=parts[0] if len(parts) == 1 else np.concatenate(parts), heat=heat)
+    amounts, begin = _amounts(media)
+    cells = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    return grids._replace(cells=cells, heat=heat, amounts=amounts, begin=begin)
+
+
+def _amounts(media: tuple[Medium, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """`amounts` and `begin` of GridTable; grids that share an array share what is made of it."""
+    found, parts, begin, count = {}, [np.empty(0, np.float32)], [], 0
+    with_grids = [medium for medium in media if medium.grid is not None]
+    for medium, leaf in zip(with_grids, _first_leaves(media), strict=True):
+        for component in medium.components:
+            values = medium.grid.amounts(component)
+            key = id(medium.grid.leaves), id(values)
+            if key not in found:
+                given = np.asarray(1.0 if values is None else values, np.float32)
+                parts.append(np.broadcast_to(given, (len(medium.grid.leaves), LEAF, LEAF, LEAF)).ravel())
+                found[key], count = count, count + parts[-1].size
+            begin.append(found[key] - leaf * LEAF**3)
+    return np.concatenate(parts), np.array(begin, np.int64)
 
 
 @njit(**KERNEL)
@@ -252,7 +283,8 @@ def next_cell(grids, g, march, s, end):
     density = _density(grids, march, s)
     march.amount[s] = density
     if density > 0.0:
-        march.steps[s] = grids.cells[march.leaf[s], _inside_leaf(march.cell, s), 1]
+        inside = _inside_leaf(march.cell, s)
+        march.steps[s], march.place[s] = grids.cells[march.leaf[s], inside, 1], march.leaf[s] * LEAF**3 + inside
         _step(grids, g, march, s)
     while density == 0.0 and march.until[s] < end and march.leaf[s] != _OUTSIDE:
         if march.leaf[s] == _MISSING:

@@ -128,9 +128,27 @@ class Atmosphere(Tracer):
         medium, ray, begin, end = map(np.concatenate, zip(*parts, strict=True))
         order = np.argsort(ray, kind="stable")
         first = np.searchsorted(ray[order], np.arange(len(length) + 1))
-        stretches = medium[order], begin[order], end[order]
+        row, *optics = self._rows(first, medium[order])
+        stretches = medium[order], row, begin[order], end[order]
         room = empty_march(len(ray), len(self._grids.first) > 0), empty_bands(self._optics[0].extinction.shape[1])
-        return Air(first, *stretches, length, RayBatch(origin, direction), *self._optics, self._grids, *room)
+        return Air(first, *stretches, length, RayBatch(origin, direction), *optics, self._grids, *room)
+
+    def _rows(self, first: np.ndarray, medium: np.ndarray) -> tuple:
+        """`row`, `table`, `share` and `thickest` of Air: with rows for as many stretches as the segment with the most
+        has, if any medium has components. first, medium: see Air."""
+        table, share, thickest = self._optics
+        varies = np.diff(table.mixtures.first) > 0
+        if not varies.any():
+            return medium, table, share, thickest
+        stretches = np.diff(first)
+        row = np.where(varies[medium], len(varies) + np.arange(len(medium)) - np.repeat(first[:-1], stretches), medium)
+        rows = int(stretches.max(initial=0))
+
+        def with_room(of: np.ndarray) -> np.ndarray:
+            return np.concatenate((of, np.zeros((rows, *of.shape[1:]))))
+
+        wide = {name: with_room(getattr(table, name)) for name in ("absorption", "scattering", "extinction")}
+        return row, table._replace(**wide), with_room(share), with_room(thickest)
 
 
 @njit(**KERNEL)

@@ -14,8 +14,9 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from ..physics.heat import between_nodes
+from ..physics.heat import between_nodes, temperature_at
 from ..physics.media import THIN, MediumTable, absorbed, absorbed_if_thin
+from ..physics.mixtures import around
 from ..system.kernels import FAST_INLINED, INLINED, njit
 from .grids import AHEAD, GridTable, March, enter_grid, next_cell
 
@@ -104,16 +105,19 @@ def empty_bands(count: int) -> Bands:
 class Air(NamedTuple):
     """What n segments cross.
 
-    first: (n + 1,) int64, where the stretches of each segment begin in medium, begin and end. medium: (s,) int64.
+    first: (n + 1,) int64, where the stretches of each segment begin in medium, row, begin and end. medium: (s,) int64.
+    row: (s,) int64, of absorption, scattering, extinction, share and thickest: the medium's; where a medium has
+    components (see MixtureTable), one behind all media, which only this stretch of the segment uses, see _mix.
     begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
     several media may overlap. length: (n,) of the direction. rays: the segments'. table: of the media, see MediumTable.
-    share: (m, b) float64, absorption over extinction. thickest: (m,) float64, 1/m, largest extinction. grids: of media
-    that vary, see GridTable.
+    share: (rows, b) float64, absorption over extinction. thickest: (rows,) float64, 1/m, largest extinction. grids: of
+    media that vary, see GridTable.
     Kernels keep what they know here: march, see March, and bands, see Bands.
     """
 
     first: np.ndarray
     medium: np.ndarray
+    row: np.ndarray
     begin: np.ndarray
     end: np.ndarray
     length: np.ndarray
@@ -163,15 +167,42 @@ def _enter_or_leave(air, i, s, t):
         if march.amount[s] == AHEAD:
             enter_grid(air.grids, g, march, s, (air.rays.origin[i], air.rays.direction[i]), t)
         next_cell(air.grids, g, march, s, air.end[s])
+        if air.row[s] != air.medium[s] and march.amount[s] > 0.0:
+            _mix(air, s)
+
+
+@njit(**_VECTORS)
+def _mix(air, s):
+    """Write the row of stretch s: what the mixture in its cell absorbs and scatters. Here alone it is said what the
+    coefficients of such a cell are."""
+    table, grids, m, row = air.table, air.grids, air.medium[s], air.row[s]
+    mixtures, place = table.mixtures, air.march.place[s]
+    node, up = around(mixtures, m, temperature_at(grids.heat, air.march.steps[s]))
+    bands, first, thickest = air.share.shape[1], mixtures.first[m], 0.0
+    density = float(grids.amounts[grids.begin[first] + place])
+    for b in range(bands):
+        table.absorption[row, b], table.scattering[row, b] = 0.0, density * table.scattering[m, b]
+    for c in range(first, mixtures.first[m + 1]):
+        amount = float(grids.amounts[grids.begin[c] + place])
+        below, above = amount * (1.0 - up), amount * up
+        if amount > 0.0:
+            for b in range(bands):
+                between = below * mixtures.absorption[c, node, b] + above * mixtures.absorption[c, node + 1, b]
+                table.absorption[row, b] += between
+    for b in range(bands):
+        extinction = table.absorption[row, b] + table.scattering[row, b]
+        table.extinction[row, b], thickest = extinction, max(thickest, extinction)
+        air.share[row, b] = table.absorption[row, b] / extinction if extinction > 0.0 else 0.0
+    air.thickest[row] = thickest
 
 
 @njit(**_VECTORS)
 def add_coefficients(air, s, of, length, out):
-    """Add to out (b,) a coefficient at the present place of stretch s, times a length. of: (m, b) float64, 1/m, of the
-    table. Here alone it is said what the coefficients of a cell are."""
-    m, amount = air.medium[s], air.march.amount[s] * length
+    """Add to out (b,) a coefficient at the present place of stretch s, times a length. of: (rows, b) float64, 1/m, of
+    the table."""
+    row, amount = air.row[s], air.march.amount[s] * length
     for b in range(out.size):
-        out[b] += amount * of[m, b]
+        out[b] += amount * of[row, b]
 
 
 @njit(**INLINED)
@@ -280,18 +311,18 @@ def _shine(air, i, way):
 @njit(**_VECTORS)
 def _shine_alone(air, s, length):
     """_shine where there is but one medium, that of stretch s. length: m."""
-    bands, extinction, share, m = air.bands, air.table.extinction, air.share, air.medium[s]
+    bands, extinction, share, row = air.bands, air.table.extinction, air.share, air.row[s]
     amount = length * air.march.amount[s]
     _fill_excess(air, s, bands.excess)
-    if amount * air.thickest[m] < THIN:
+    if amount * air.thickest[row] < THIN:
         for b in range(bands.excess.size):
-            lost = absorbed_if_thin(amount * extinction[m, b])
-            bands.radiance[b] += bands.throughput[b] * (lost * share[m, b] * bands.excess[b])
+            lost = absorbed_if_thin(amount * extinction[row, b])
+            bands.radiance[b] += bands.throughput[b] * (lost * share[row, b] * bands.excess[b])
             bands.throughput[b] *= 1.0 - lost
     else:
         for b in range(bands.excess.size):
-            lost = absorbed(amount * extinction[m, b])
-            bands.radiance[b] += bands.throughput[b] * (lost * share[m, b] * bands.excess[b])
+            lost = absorbed(amount * extinction[row, b])
+            bands.radiance[b] += bands.throughput[b] * (lost * share[row, b] * bands.excess[b])
             bands.throughput[b] *= 1.0 - lost
 
 
@@ -307,7 +338,7 @@ def _shine_together(air, i, way):
         if amount > 0.0:
             _fill_excess(air, s, excess)
             for b in range(excess.size):
-                emission[b] += amount * absorption[air.medium[s], b] * excess[b]
+                emission[b] += amount * absorption[air.row[s], b] * excess[b]
     for b in range(depth.size):
         lost = absorbed(depth[b])
         bands.radiance[b] += bands.throughput[b] * (lost * emission[b] / (depth[b] + _FAINTEST))

@@ -40,11 +40,10 @@ def build_heat_table(
 ) -> HeatTable | None:
     """The HeatTable of all temperatures in grids; None if there are none. quiet: T0, K, 0 for none. reference: (b,) W
     m-2 sr-1, radiance of a blackbody at T0."""
-    ranges = [_range(medium) for medium in media if medium.grid is not None]
+    ranges = [temperature_range(medium) for medium in media if medium.grid is not None]
     if not ranges:
         return None
-    low = max(min(low for low, _ in ranges), COLDEST)
-    high = max(max(high for _, high in ranges), low)
+    low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
     anchor = quiet if quiet > 0.0 else high
     coldest = min(0, math.floor(math.log(low / anchor) / _STEP))
     hottest = max(1, math.ceil(math.log(high / anchor) / _STEP))
@@ -69,12 +68,19 @@ def _temperatures(medium: Medium) -> np.ndarray:
     return np.broadcast_to(np.float32(medium.temperature), cells) if given is None else given
 
 
-def _range(medium: Medium) -> tuple[float, float]:
-    """Lowest and highest temperature, K, of the cells of a medium's grid that hold gas."""
-    kelvin, density = _temperatures(medium), medium.grid.density
-    holds = True if density is None else density > 0.0
+def temperature_range(medium: Medium) -> tuple[float, float]:
+    """Lowest and highest temperature, K, of the cells of a medium's grid that hold gas, not below COLDEST."""
+    kelvin, holds = _temperatures(medium), medium.grid.holds
     low = np.min(kelvin, where=holds, initial=np.inf)
-    return (float(low), float(np.max(kelvin, where=holds, initial=0.0))) if low < np.inf else (COLDEST, COLDEST)
+    if low == np.inf:
+        return COLDEST, COLDEST
+    return max(float(low), COLDEST), max(float(np.max(kelvin, where=holds, initial=0.0)), COLDEST)
+
+
+@njit(**INLINED)
+def temperature_at(heat, steps):
+    """K, see steps_from_anchor."""
+    return heat.anchor * math.exp(_STEP * steps)
 
 
 @njit(**INLINED)

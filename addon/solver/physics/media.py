@@ -11,6 +11,7 @@ import numpy as np
 from ..sampling.warps import to_world, turn
 from ..scene import SOOT, Medium
 from ..system.kernels import FAST_INLINED, INLINED, njit
+from .mixtures import MixtureTable, empty_mixtures
 from .soot import soot_curve
 from .spectrum import band_radiance
 
@@ -24,13 +25,15 @@ _ISOTROPIC = 1e-3  # anisotropy below which Henyey and Greenstein's inverse is 0
 class MediumTable(NamedTuple):
     """m media in b bands. absorption, scattering, extinction (the sum of both): (m, b) float64, 1/m. anisotropy: (m, b)
     float64, or (m, 1) if none differs by band. excess: (m, b) float64, W m-2 sr-1, radiance of a blackbody at a
-    medium's temperature over that at T0."""
+    medium's temperature over that at T0. mixtures: of media whose spectrum changes over a grid; the absorption of these
+    is that of their typical gas."""
 
     absorption: np.ndarray
     scattering: np.ndarray
     extinction: np.ndarray
     anisotropy: np.ndarray
     excess: np.ndarray
+    mixtures: MixtureTable
 
 
 def build_medium_table(
@@ -44,8 +47,8 @@ def build_medium_table(
     )
     excess = np.zeros_like(absorption)
     for i, medium in enumerate(media):
-        if medium.gas.get(SOOT, 0.0) > 0.0:
-            absorption[i] += medium.metres * medium.gas[SOOT] * band_mean(*soot_curve(), medium.temperature, edges)
+        if medium.typical_gas.get(SOOT, 0.0) > 0.0:
+            absorption[i] += medium.typical_gas[SOOT] * _soot_coefficient(medium, medium.typical_temperature, edges)
         if medium.temperature != quiet:  # else light would carry the rounding of the reference and nothing else
             excess[i] = band_radiance(edges, medium.temperature) - reference
     anisotropy = np.array([band_anisotropy(medium, edges) for medium in media])
@@ -53,7 +56,26 @@ def build_medium_table(
         anisotropy = np.ascontiguousarray(anisotropy[:, :1])
     else:
         anisotropy = anisotropy.clip(-_SHARPEST, _SHARPEST)
-    return MediumTable(absorption, scattering, absorption + scattering, anisotropy, excess)
+    mixtures = _build_mixtures(media, edges)
+    return MediumTable(absorption, scattering, absorption + scattering, anisotropy, excess, mixtures)
+
+
+def _build_mixtures(media: tuple[Medium, ...], edges: np.ndarray) -> MixtureTable:
+    """The MixtureTable of media, but for their molecules."""
+    mixtures = empty_mixtures(media, len(edges) - 1)
+    for first, kelvin, medium in zip(mixtures.first[:-1], mixtures.kelvin, media, strict=True):
+        for c, component in enumerate(medium.components, first):
+            soot = medium.species_of(component).get(SOOT, 0.0)
+            if component == "density":
+                mixtures.absorption[c] = band_coefficient(medium, "absorption", edges)
+            if soot > 0.0:
+                mixtures.absorption[c] += soot * np.array([_soot_coefficient(medium, each, edges) for each in kelvin])
+    return mixtures
+
+
+def _soot_coefficient(medium: Medium, kelvin: float, edges: np.ndarray) -> np.ndarray:
+    """(b,) float64 absorption coefficient of a volume fraction of 1 of soot, one over a unit of the scene."""
+    return medium.metres * band_mean(*soot_curve(), kelvin, edges)
 
 
 def band_coefficient(medium: Medium, quantity: str, edges: np.ndarray) -> np.ndarray:

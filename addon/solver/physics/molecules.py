@@ -31,6 +31,7 @@ from ..sampling.rng import ALL_PASSES, GAS, pass_key, path_key
 from ..scene import ATMOSPHERE, MOLECULES, Medium
 from ..system.kernels import INLINED, KERNEL, njit
 from .continuum import water_continuum
+from .heat import temperature_range
 from .media import MediumTable
 from .narrow_bands import KELVIN, half_width, strength_and_density
 from .spectrum import apparent_temperature, band_radiance, faintest
@@ -45,7 +46,7 @@ _COLDEST = 200.0  # K: molecules do not get denser below
 _FAINT = 200.0  # K: behind media, colder things count as so warm; before 0 K any error is large in kelvin
 _LENGTHS = 8  # each half of the one before
 _PROBED, _SHARES = 3, (0.25, 1.0)  # media that noise looks through, at most, and over which shares of their extent
-_TYPICAL = 64  # draws behind the table of what is planned
+_TYPICAL, _FEW = 64, 16  # draws behind the table of what is planned, and of components at many temperatures
 _ROOT_PI = math.sqrt(math.pi)
 
 
@@ -178,15 +179,18 @@ class MolecularMedia:
 
     def table(self, index: int) -> MediumTable:
         """The MediumTable of an absolute pass number."""
-        return self._with(self._absorption(np.array([index]))[:, 0])
+        passes = np.array([index])
+        return self._with(self._absorption(passes)[:, 0], self._components(passes)[:, 0])
 
     def typical_table(self, length: float) -> MediumTable:
         """A table for what is planned: with coefficients that let through over a length (units of the scene) what
         passes do in the mean."""
-        depth = self._absorption(np.arange(_TYPICAL) + _FIRST) * length
-        thinnest = depth.min(axis=1, keepdims=True)  # taken out: a mean of exp(-1000) would be 0
-        beyond = np.log(np.mean(np.exp(thinnest - depth), axis=1))
-        return self._with((thinnest[:, 0] - beyond) / length)
+        passes = np.arange(_TYPICAL) + _FIRST
+        few = passes[:: _TYPICAL // _FEW]
+        every = [medium.typical_gas.get(name, 1.0) or 1.0 for medium in self.media for name in medium.components]
+        amount = np.array(every).reshape(-1, 1, 1)
+        components = _let_through(amount[:, None] * self._components(few), length) / amount
+        return self._with(_let_through(self._absorption(passes), length), components)
 
     def extinctions(self, count: int) -> np.ndarray:
         """(m, count, b) extinction of the media in draws that stand for endless ones, one over a unit of the scene."""
@@ -231,7 +235,7 @@ class MolecularMedia:
         lengths = length * 0.5 ** np.arange(_LENGTHS)
         edges, weights = sensor
         found, exact = self.transmittances(first, count, lengths), self.exact_transmittances(lengths)
-        own = band_radiance(edges, np.array([medium.temperature for medium in self.media]))
+        own = band_radiance(edges, np.array([medium.typical_temperature for medium in self.media]))
         worst = 0.0
         for behind in band_radiance(edges, np.maximum(extremes, _FAINT)):
             seen = [(own + (behind - own) * through) @ weights for through in (found, exact)]
@@ -240,19 +244,48 @@ class MolecularMedia:
         return worst
 
     def _absorption(self, passes: np.ndarray) -> np.ndarray:
-        """(m, n, b) absorption coefficients of molecules in passes (n,), one over a unit of the scene."""
+        """(m, n, b) absorption coefficients of typical molecules in passes (n,), one over a unit of the scene."""
         draws = self.sampler.draw(passes)
         absorption = np.zeros((len(self.media), *draws.wavenumber.shape))
         for i, medium in enumerate(self.media):
             mixture = medium.molecules
             if mixture:
-                parts = species_coefficients(draws, np.array([medium.temperature]), medium.pressure, mixture)
+                parts = species_coefficients(draws, np.array([medium.typical_temperature]), medium.pressure, mixture)
                 absorption[i] = medium.metres * sum(mixture[name] * part[0] for name, part in parts.items())
         return absorption
 
-    def _with(self, absorption: np.ndarray) -> MediumTable:
-        table = self._table
-        return table._replace(absorption=table.absorption + absorption, extinction=table.extinction + absorption)
+    def _components(self, passes: np.ndarray) -> np.ndarray:
+        """(c, n, t, b) absorption coefficients of the molecules in a unit of each component of MixtureTable, in passes
+        (n,), one over a unit of the scene."""
+        draws, mixtures = self.sampler.draw(passes), self._table.mixtures
+        count, nodes, bands = mixtures.absorption.shape
+        absorption = np.zeros((count, len(passes), nodes, bands))
+        for first, kelvin, medium in zip(mixtures.first[:-1], mixtures.kelvin, self.media, strict=True):
+            if medium.components:
+                known = kelvin[: np.argmax(kelvin) + 1]
+                parts = species_coefficients(draws, known, medium.pressure, medium.molecules)
+            for c, component in enumerate(medium.components, first):
+                for name, fraction in medium.species_of(component).items():
+                    if name in parts:
+                        absorption[c, :, : len(known)] += medium.metres * fraction * parts[name].swapaxes(0, 1)
+        return absorption
+
+    def _with(self, absorption: np.ndarray, components: np.ndarray) -> MediumTable:
+        """The table with molecules that absorb (m, b), and in components (c, t, b)."""
+        table, mixtures = self._table, self._table.mixtures
+        return table._replace(
+            absorption=table.absorption + absorption,
+            extinction=table.extinction + absorption,
+            mixtures=mixtures._replace(absorption=mixtures.absorption + components),
+        )
+
+
+def _let_through(absorption: np.ndarray, length: float) -> np.ndarray:
+    """Coefficients that let through over a length what those along axis 1 do in the mean."""
+    depth = absorption * length
+    thinnest = depth.min(axis=1, keepdims=True)  # taken out: a mean of exp(-1000) would be 0
+    beyond = np.log(np.mean(np.exp(thinnest - depth), axis=1))
+    return (thinnest[:, 0] - beyond) / length
 
 
 def _probed(media: tuple[Medium, ...]) -> list[int]:
@@ -281,11 +314,13 @@ def build_molecular_media(
     molecular = [medium for medium in media if medium.molecules]
     if not molecular:
         return None
-    for medium in molecular:
-        if not _WARM <= medium.temperature <= KELVIN[-1]:
+    ranges = [(medium.temperature,) if medium.grid is None else temperature_range(medium) for medium in molecular]
+    for medium, extremes in zip(molecular, ranges, strict=True):
+        outside = [each for each in extremes if not _WARM <= each <= KELVIN[-1]]
+        if outside:
             log.warning(
                 "Medium '%s': at %g K its molecules absorb as at the nearest of %g to %g K",
-                medium.name, medium.temperature, KELVIN[0], KELVIN[-1],
+                medium.name, outside[-1], KELVIN[0], KELVIN[-1],
             )  # fmt: skip
-    hottest = max(kelvin, *(medium.temperature for medium in molecular))
+    hottest = max(kelvin, *(extremes[-1] for extremes in ranges))
     return MolecularMedia(media, table, Sampler(edges, hottest, seed))
