@@ -29,7 +29,7 @@ from docs.examples.modelling import (
     turned,
 )
 
-ALONG_X = np.array([(0, 0, -1), (0, 1, 0), (1, 0, 0)])  # turns what stands on z to lie along x
+ALONG_X = np.array([(0, 0, 1), (0, 1, 0), (-1, 0, 0)])  # turns what stands on z to lie along x
 HEIGHT = 1.35  # m, of the engine's axis, which is along x; the nozzle ends at x = 0
 AIR = 286.0  # K
 LAYERS = {  # from the mixed air to the core: K, mole fractions, and the outline (x, radius) in m
@@ -56,13 +56,18 @@ def build() -> None:
     add_plume()
     add_surroundings(materials)
     fill(add_sky("Air under clouds", AIR), gas="Air, 20 C, 50 % humidity", depth=1000.0)
-    add_camera((1.2, -11.5, 2.3), (1.7, 0.0, 1.32), lens=37.0)
-    choose_settings(bands(), "INFERNO", (280.0, 900.0), passes=12)
+    add_camera((1.2, -11.5, 2.3), (1.75, 0.0, 1.42), lens=36.0)
+    choose_settings(bands(), "INFERNO", (273.15, 773.15), passes=4)
 
 
 def bands() -> str:
-    """Edges in um: steps of 0.1, and of 0.02 around the band of carbon dioxide."""
-    edges = [*np.arange(3.0, 3.95, 0.1), *np.arange(4.0, 4.69, 0.02), *np.arange(4.7, 5.05, 0.1)]
+    """Edges in um: steps of 0.5 to 0.04, and of 0.02 in the band of carbon dioxide."""
+    edges = [
+        *np.arange(3.0, 3.9, 0.5),
+        *np.arange(4.0, 4.17, 0.04),
+        *np.arange(4.18, 4.59, 0.02),
+        *np.arange(4.6, 5.1, 0.2),
+    ]
     return ", ".join(f"{edge:.2f}" for edge in edges)
 
 
@@ -114,7 +119,7 @@ def swirled(x, radius, seed):
 
 def casing_temperature(x):
     """K along the engine: cold at the inlet, hottest at the nozzle."""
-    return np.interp(x, [-3.6, -3.0, -2.2, -1.9, -1.4, -0.5, 0.0], [287, 292, 390, 520, 560, 680, 860])
+    return np.interp(x, [-3.6, -3.0, -2.2, -1.9, -1.4, -0.5, 0.0], [289, 325, 410, 520, 560, 680, 860])
 
 
 def add_engine(materials) -> None:
