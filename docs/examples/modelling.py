@@ -218,12 +218,12 @@ def add_sky(name, temperature):
     return world
 
 
-def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0):
+def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0, time_limit=60.0):
     """The engine, a picture of 640 x 480 pixels in true colours, and when to stop.
 
     bands: shortest and longest wavelength in um and the number of bands, or their edges as a text, um between commas.
-    temperatures: the ends of the palette, K. passes: at most; slow machines stop after a minute. target_noise: K, 0 for
-    none, which few passes do not look at.
+    temperatures: the ends of the palette, K. passes: at most; slow machines stop after time_limit (s). target_noise: K,
+    0 for none, which few passes do not look at.
     """
     scene = bpy.context.scene
     scene.render.engine = "INFRARED_PHOTONS"
@@ -241,7 +241,7 @@ def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0):
     infrared.range_mode = "FIXED"
     infrared.range_low, infrared.range_high = temperatures
     infrared.photons_per_pass = 100_000
-    infrared.passes, infrared.target_noise, infrared.time_limit = passes, target_noise, 60.0
+    infrared.passes, infrared.target_noise, infrared.time_limit = passes, target_noise, time_limit
 
 
 def forget_folders():

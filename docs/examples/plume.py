@@ -44,7 +44,7 @@ SHOCKS = (0.42, 1.0, 1.55, 2.05)  # m, behind the nozzle: where the core is sque
 def build() -> None:
     """Fill an empty scene; the add-on has to be registered."""
     materials = {
-        "casing": surface("Casing", "Steel, cold rolled", 0.7, 0.25, (0.6, 0.6, 0.62)),
+        "casing": surface("Casing", "Steel, galvanised, heavily oxidised", 0.7, 0.25, (0.6, 0.6, 0.62)),
         "oxide": surface("Oxidised steel", "Magnetite", 0.3, 0.4, (0.3, 0.2, 0.15)),
         "paint": surface("Paint", "Paint, lacquer on aluminium", 0.5, 0.2, (0.7, 0.6, 0.1)),
         "concrete": surface("Concrete", "Concrete, new", colour=(0.6, 0.6, 0.58)),
@@ -57,7 +57,7 @@ def build() -> None:
     add_surroundings(materials)
     fill(add_sky("Air under clouds", AIR), gas="Air, 20 C, 50 % humidity", depth=1000.0)
     add_camera((1.2, -11.5, 2.3), (1.75, 0.0, 1.42), lens=36.0)
-    choose_settings(bands(), "INFERNO", (273.15, 773.15), passes=4)
+    choose_settings(bands(), "INFERNO", (273.15, 773.15), passes=4, time_limit=110.0)
 
 
 def bands() -> str:
@@ -126,7 +126,7 @@ def add_engine(materials) -> None:
     """Inlet, compressor, combustion chamber, afterburner and nozzle, from the left to the right."""
     bodies = {
         "Inlet": ("paint", [(-3.5, 0.36), (-3.62, 0.4), (-3.62, 0.43), (-3.5, 0.46), (-3.05, 0.45), (-3.0, 0.4)]),
-        "Compressor": ("casing", [(-3.05, 0.43), (-2.7, 0.42), (-2.3, 0.37), (-2.1, 0.36)]),
+        "Compressor": ("paint", [(-3.05, 0.43), (-2.7, 0.42), (-2.3, 0.37), (-2.1, 0.36)]),
         "Chamber": ("casing", [(-2.15, 0.38), (-2.05, 0.42), (-1.7, 0.42), (-1.55, 0.38), (-1.4, 0.35)]),
         "Afterburner": ("oxide", [(-1.45, 0.36), (-1.3, 0.38), (-0.55, 0.38), (-0.5, 0.35)]),
     }

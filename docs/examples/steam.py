@@ -66,10 +66,10 @@ def build() -> None:
     cook = HEAD + TRUNK + STANDING_LEG + mirrored(STANDING_LEG) + HANGING_ARM + mirrored(HANGING_ARM)
     add_person("Cook", cook, materials, (0.19, 0.75, 0.0), np.radians(10))
     add("Steam", puffs(OUTER, 0), gas("Steam", **droplets(5.0, 6.0, 8.0, 12.0)), 309.0)
-    add("Hot steam", puffs(INNER, 1), gas("Hot steam", **droplets(5.0, 14.0, 8.0, 12.0)), 325.0)
+    add("Hot steam", puffs(INNER, 1), gas("Hot steam", **droplets(5.0, 14.0, 8.0, 12.0)), 322.0)
     add_sky("Room", 294.0)
     add_camera((-0.35, -2.2, 1.72), (0.02, 0.0, 1.36), lens=47.0)
-    choose_settings((8.0, 12.0, 4), "IRON", (290.15, 313.15), passes=16)
+    choose_settings((8.0, 12.0, 4), "IRON", (290.15, 313.15), passes=16, time_limit=110.0)
 
 
 def puffs(balls, seed):
@@ -93,12 +93,12 @@ def puffs(balls, seed):
 
 
 def add_pot(materials) -> None:
-    """A pot of boiling water on a stove, its handles, and a kettle beside it."""
+    """A pot of hot soup on a stove, its handles, and a kettle beside it."""
     profile = [(0.11, 0), (0.125, 0.01), (0.125, 0.21), (0.121, 0.21), (0.121, 0.15), (0.002, 0.15)]
     pot = turned(profile, 64)
-    add("Pot", (pot[0] + (0, 0, TOP + 0.002), pot[1][:-1]), materials["steel"], 368.0)
+    add("Pot", (pot[0] + (0, 0, TOP + 0.002), pot[1][:-1]), materials["steel"], 346.0)
     level = turned([(0.12, 0.14), (0.12, 0.16)], 48)
-    add("Boiling water", (level[0] + (0, 0, TOP), level[1]), materials["water"], 371.0)
+    add("Soup", (level[0] + (0, 0, TOP), level[1]), materials["water"], 348.0)
     loops = []
     for side in (-1, 1):
         path = [(side * 0.124, -0.04, 0.16), (side * 0.16, -0.035, 0.165), (side * 0.16, 0.035, 0.165)]
@@ -112,7 +112,7 @@ def add_kitchen(materials) -> None:
     """A stove whose plate is warm around the pot, the wall behind and the floor."""
     plate = grid((-1.2, -0.3, TOP), (2.4, 0, 0), (0, 0.6, 0), 0.04)
     x, y, _ = plate[0].T
-    warm = 50 * np.exp(-(((x**2 + y**2) / 0.17**2) ** 2))
+    warm = 35 * np.exp(-(((x**2 + y**2) / 0.17**2) ** 2))
     add("Plate", plate, materials["front"], 295.5 + warm)
     add("Stove", box((-1.2, -0.28, 0.0), (1.2, 0.28, TOP - 0.01)), materials["front"], 296.5)
     wall = grid((-3.0, 2.2, 0), (6, 0, 0), (0, 0, 2.8), 0.1)
