@@ -19,6 +19,7 @@ from ..reading.groups import read_group_temperatures
 from ..reading.ignored import ignored_scene_settings, ignored_settings
 from ..reading.lights import read_light
 from ..reading.materials import read_material
+from ..reading.media import is_medium, read_optics
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
 from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
@@ -66,8 +67,10 @@ def settings_checks(infrared) -> list[Check]:
 
 
 def material_checks(material, infrared) -> list[Check]:
-    """Checks of a material's emissivity, specular share and roughness."""
+    """Checks of a material's emissivity, specular share and roughness, or of the gas that it is."""
     owner = f"Material '{material.name}'"
+    if is_medium(material):
+        return problems(read_optics, material, owner, 1.0)
     try:
         wavelengths, _ = read_material(material, infrared.default_emissivity).curve
     except SceneError as error:

@@ -47,8 +47,8 @@ def build() -> None:
         "casing": surface("Casing", "Steel, galvanised, heavily oxidised", 0.7, 0.25, (0.6, 0.6, 0.62)),
         "oxide": surface("Oxidised steel", "Magnetite", 0.3, 0.4, (0.3, 0.2, 0.15)),
         "paint": surface("Paint", "Paint, lacquer on aluminium", 0.5, 0.2, (0.7, 0.6, 0.1)),
-        "concrete": surface("Concrete", "Concrete, new", colour=(0.6, 0.6, 0.58)),
-        "brick": surface("Brick", "Brick, weathered", colour=(0.5, 0.3, 0.25)),
+        "concrete": surface("Concrete", 0.93, colour=(0.6, 0.6, 0.58)),
+        "brick": surface("Brick", 0.92, colour=(0.5, 0.3, 0.25)),
         "rubber": surface("Rubber", "Silicone rubber (PDMS)", 0.2, 0.4, (0.1, 0.1, 0.1)),
     }
     add_engine(materials)

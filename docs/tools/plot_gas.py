@@ -51,7 +51,7 @@ def draw(name: str) -> None:
 def draw_street(folder: Path) -> None:
     """The street without fog and in fog, in both windows of the atmosphere."""
     parts = []
-    for bands, fog in (((8.0, 12.0), False), ((8.0, 12.0), True), ((3.0, 5.0), False), ((3.0, 5.0), True)):
+    for bands, fog in (((8.1, 11.9), False), ((8.1, 11.9), True), ((3.0, 5.0), False), ((3.0, 5.0), True)):
         scene = open_scene("street")
         scene.infrared.wavelength_min, scene.infrared.wavelength_max = bands
         scene.render.resolution_percentage = 75
@@ -80,8 +80,7 @@ def spectrum(path: Path, air: bool) -> tuple[np.ndarray, np.ndarray]:
     across, up, _ = world_to_camera_view(scene, scene.camera, Vector(SPOT))
     render(path)
     images = next(iter(finished_layers.values()))
-    edges = np.array([float(edge) for edge in scene.infrared.band_edges.split(",")])
-    return edges, images["bands"][int(48 * up), int(64 * across)]
+    return images["band_edges"], np.array([band[int(48 * up), int(64 * across)] for band in images["bands"]])
 
 
 def draw_spectrum(folder: Path) -> None:
@@ -90,7 +89,11 @@ def draw_spectrum(folder: Path) -> None:
     for air, label, colour in ((False, "without air", "0.6"), (True, "through 12 m of air", "tab:red")):
         edges, radiance = spectrum(folder / "spectrum.png", air)
         axis.stairs(radiance, edges, label=label, color=colour, fill=not air, linewidth=1.6)
-    axis.set(xlim=(3.9, 5.0), xlabel="wavelength, um", ylabel="spectral radiance, W/(m2 sr um)")
+    axis.set(
+        xlim=(3.9, 5.0),
+        xlabel="wavelength, \u00b5m",
+        ylabel="spectral radiance, W m\u207b\u00b2 sr\u207b\u00b9 \u00b5m\u207b\u00b9",
+    )
     axis.legend()
     figure.savefig(IMAGES / "plume-spectrum.png", dpi=90)
 
