@@ -218,8 +218,8 @@ def add_sky(name, temperature):
     return world
 
 
-def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0, time_limit=60.0):
-    """The engine, a picture of 640 x 480 pixels in true colours, and when to stop.
+def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0, time_limit=60.0, percentage=100):
+    """The engine, a picture of 640 x 480 pixels (or a percentage of that) in true colours, and when to stop.
 
     bands: shortest and longest wavelength in um and the number of bands, or their edges as a text, um between commas.
     temperatures: the ends of the palette, K. passes: at most; slow machines stop after time_limit (s). target_noise: K,
@@ -227,7 +227,7 @@ def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0, t
     """
     scene = bpy.context.scene
     scene.render.engine = "INFRARED_PHOTONS"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 640, 480, 100
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 640, 480, percentage
     scene.render.filepath = "//render/"
     scene.unit_settings.temperature_unit = "CELSIUS"
     scene.view_settings.view_transform = "Standard"  # shows the thermal palette as it is

@@ -57,7 +57,7 @@ def build() -> None:
     add_surroundings(materials)
     fill(add_sky("Air under clouds", AIR), gas="Air, 20 C, 50 % humidity", depth=1000.0)
     add_camera((1.2, -11.5, 2.3), (1.75, 0.0, 1.42), lens=36.0)
-    choose_settings(bands(), "INFERNO", (273.15, 773.15), passes=4, time_limit=110.0)
+    choose_settings(bands(), "INFERNO", (273.15, 773.15), passes=3, time_limit=110.0, percentage=75)
 
 
 def bands() -> str:

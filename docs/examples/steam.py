@@ -69,7 +69,7 @@ def build() -> None:
     add("Hot steam", puffs(INNER, 1), gas("Hot steam", **droplets(5.0, 14.0, 8.0, 12.0)), 322.0)
     add_sky("Room", 294.0)
     add_camera((-0.35, -2.2, 1.72), (0.02, 0.0, 1.36), lens=47.0)
-    choose_settings((8.0, 12.0, 4), "IRON", (290.15, 313.15), passes=16, time_limit=110.0)
+    choose_settings((8.0, 12.0, 4), "IRON", (290.15, 313.15), passes=6, time_limit=110.0, percentage=75)
 
 
 def puffs(balls, seed):

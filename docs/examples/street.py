@@ -61,7 +61,7 @@ def build() -> None:
     world = add_sky("Fog", AIR)
     fill(world, depth=150.0, **droplets(5.0, 0.1, 3.0, 14.0))
     add_camera((-0.7, 0.0, 2.3), (-0.2, 30.0, 2.6), lens=30.0)
-    choose_settings((8.1, 11.9, 4), "IRON", (275.15, 288.15), passes=4, time_limit=110.0)
+    choose_settings((8.1, 11.9, 4), "IRON", (275.15, 288.15), passes=3, time_limit=110.0, percentage=75)
 
 
 def add_ground(materials) -> None:
