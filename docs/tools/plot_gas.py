@@ -71,8 +71,8 @@ def spectrum(path: Path, air: bool) -> tuple[np.ndarray, np.ndarray]:
     from addon.rendering.last_render import finished_layers
 
     scene = open_scene("plume")
-    scene.render.resolution_x, scene.render.resolution_y = 64, 48
-    scene.infrared.passes, scene.infrared.photons_per_pass = 48, 2000
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    scene.infrared.passes, scene.infrared.photons_per_pass = 12, 1000
     if not air:
         for key in ("gas", "depth"):
             del scene.world[key]
