@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
-from docs.examples import engine, facade, people  # noqa: E402
+from docs.examples import engine, facade, people, plume, steam, street  # noqa: E402
 from docs.tools import make_template  # noqa: E402
 from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
@@ -19,6 +19,9 @@ SCENES = {  # the script and its file
     "facade": (facade, DOCS / "examples" / "facade.blend"),
     "engine": (engine, DOCS / "examples" / "engine.blend"),
     "people": (people, DOCS / "examples" / "people.blend"),
+    "plume": (plume, DOCS / "examples" / "plume.blend"),
+    "steam": (steam, DOCS / "examples" / "steam.blend"),
+    "street": (street, DOCS / "examples" / "street.blend"),
     "template": (make_template, TEMPLATE),
 }
 every_scene = pytest.mark.parametrize("name", SCENES)
@@ -59,7 +62,7 @@ def test_panels_show_the_units_of_all_numbers(path):
     bare = [
         (block.name, key)
         for block, key in numbers
-        if block.id_properties_ui(key).as_dict()["subtype"] != CUSTOM_PROPERTIES[key]["subtype"]
+        if block.id_properties_ui(key).as_dict()["subtype"] != CUSTOM_PROPERTIES[key].get("subtype", "NONE")
     ]
     assert bare == []
     paints = [paint for paint in bpy.data.materials if "emissivity" in paint]
@@ -75,8 +78,9 @@ def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_pa
     is beyond it by 3 standard errors once in 100. Most pixels are far inside, and exact where nothing is reflected.
     """
     scene = open_scene(name)
-    temperatures = read()[0].temperature  # K, of the triangles
-    coldest, hottest = min(temperatures.min(), scene.world["temperature"]), temperatures.max()
+    contents = read()[0]
+    temperatures = [*contents.temperature.flat, *(medium.temperature for medium in contents.media)]  # K
+    coldest, hottest = min(*temperatures, scene.world["temperature"]), max(temperatures)
     infrared, picture = scene.infrared, scene.render
     picture.resolution_x, picture.resolution_y = 64, 48
     infrared.passes, infrared.photons_per_pass, infrared.target_noise = 8, 20_000, 0.0
@@ -87,4 +91,4 @@ def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_pa
     assert np.mean((kelvin > coldest - slack) & (kelvin < hottest + slack)) > 0.99
     low, high = np.percentile(kelvin, [2, 98])
     assert infrared.range_mode == "AUTOMATIC" or infrared.range_low < high and low < infrared.range_high
-    assert high - low > 5  # K: there is something to see
+    assert high - low > 3  # K: there is something to see, in fog, too

@@ -266,27 +266,30 @@ def add_ground(materials) -> None:
     add("Tree", joined(*branches), materials["grass"], 272.6, (-7.2, 1.0, 0))
 
 
-def add_car(materials) -> None:
-    """A car that has just come home: bonnet, tyres and exhaust are warm. Its front is at +x before it is turned."""
-    place = {"location": (6.15, -2.0, 0), "rotation": (0, 0, np.radians(-96))}
+def add_car(materials, location=(6.15, -2.0, 0), turn=-96.0, warmer=0.0) -> None:
+    """A car that has just come home: bonnet, tyres and exhaust are warm. Its front is at +x before it is turned.
+
+    turn: degrees. warmer: K, than after a clear night.
+    """
+    place = {"location": location, "rotation": (0, 0, np.radians(turn))}
     back = [(-2.1, 0.32), (-2.12, 0.75), (-1.95, 0.92), (0.98, 0.92), (0.98, 0.31)]
-    add("Car body", prism(back, 1.7), materials["paint"], 270.8, bevel=0.06, **place)
+    add("Car body", prism(back, 1.7), materials["paint"], 270.8 + warmer, bevel=0.06, **place)
     front = [(0.97, 0.31), (0.97, 0.92), (1.9, 0.78), (2.08, 0.55), (2.05, 0.3)]
-    add("Car front", prism(front, 1.69), materials["paint"], 281.0, bevel=0.06, **place)
+    add("Car front", prism(front, 1.69), materials["paint"], 281.0 + warmer, bevel=0.06, **place)
     cabin = prism([(-1.85, 0.9), (-1.45, 1.42), (0.05, 1.45), (0.95, 0.9)], 1.5)
     cabin[0][:, 1] *= np.where(cabin[0][:, 2] > 1.2, 0.82, 1.0)
-    add("Car windows", cabin, materials["glass"], 272.6, bevel=0.04, **place)
+    add("Car windows", cabin, materials["glass"], 272.6 + warmer, bevel=0.04, **place)
     roof = box((-1.4, -0.62, 1.41), (0.02, 0.62, 1.47))
-    add("Car roof", roof, materials["paint"], 268.8, bevel=0.03, **place)
+    add("Car roof", roof, materials["paint"], 268.8 + warmer, bevel=0.03, **place)
     tyre = turned([(0.1, -0.1), (0.29, -0.1), (0.33, -0.06), (0.33, 0.06), (0.29, 0.1), (0.1, 0.1)], 40)
     disc = turned([(0.19, -0.105), (0.19, 0.105)], 40)
     for x in (-1.3, 1.3):
         for y in (-0.78, 0.78):
             centre = np.array((x, y, 0.33))
             stand = (tyre[0] @ np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)]) + centre, tyre[1])
-            add(f"Tyre {x} {y}", stand, materials["rubber"], 280.0 if x > 0 else 277.5, **place)
+            add(f"Tyre {x} {y}", stand, materials["rubber"], warmer + (280.0 if x > 0 else 277.5), **place)
             hub = (disc[0] @ np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)]) + centre, disc[1])
-            add(f"Brake {x} {y}", hub, materials["zinc"], 300.0 if x > 0 else 288.0, **place)
+            add(f"Brake {x} {y}", hub, materials["zinc"], warmer + (300.0 if x > 0 else 288.0), **place)
 
 
 def add_lamp(materials) -> None:

@@ -155,6 +155,23 @@ def surface(name, emissivity, specular=0.0, roughness=0.0, colour=(0.5, 0.5, 0.5
     return material
 
 
+def gas(name, colour=(0.8, 0.8, 0.85), **properties):
+    """A material that fills closed meshes. properties: see `fill`."""
+    material = bpy.data.materials.new(name)
+    material.diffuse_color = (*colour, 0.3)
+    fill(material, **properties)
+    return material
+
+
+def fill(block, **properties):
+    """Make a material or the world a gas: absorption, scattering (1/m, numbers or points over wavelength), gas, ..."""
+    for key, value in properties.items():
+        if isinstance(value, float):
+            add_custom_property(block, key, value)
+        else:
+            block[key] = value
+
+
 def add(name, shape, material, temperature, location=(0, 0, 0), rotation=(0, 0, 0), bevel=0.0):
     """An object of a shape. temperature: K, one for all, or one for each vertex. bevel: m, how round edges are."""
     vertices, faces = shape
@@ -194,32 +211,37 @@ def add_camera(location, target, lens):
 
 
 def add_sky(name, temperature):
-    """What rays that leave the scene see, in K."""
+    """The world: what rays that leave the scene see, in K."""
     world = bpy.data.worlds.new(name)
     add_custom_property(world, "temperature", temperature)
     bpy.context.scene.world = world
+    return world
 
 
-def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0):
-    """The engine, a picture of 640 x 480 pixels in true colours, and when to stop.
+def choose_settings(bands, palette, temperatures, passes=64, target_noise=0.0, time_limit=60.0, percentage=100):
+    """The engine, a picture of 640 x 480 pixels (or a percentage of that) in true colours, and when to stop.
 
-    bands: shortest and longest wavelength in um and the number of bands. temperatures: the ends of the palette, K.
-    passes: at most; slow machines stop after a minute. target_noise: K, 0 for none, which few passes do not look at.
+    bands: shortest and longest wavelength in um and the number of bands, or their edges as a text, um between commas.
+    temperatures: the ends of the palette, K. passes: at most; slow machines stop after time_limit (s). target_noise: K,
+    0 for none, which few passes do not look at.
     """
     scene = bpy.context.scene
     scene.render.engine = "INFRARED_PHOTONS"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 640, 480, 100
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 640, 480, percentage
     scene.render.filepath = "//render/"
     scene.unit_settings.temperature_unit = "CELSIUS"
     scene.view_settings.view_transform = "Standard"  # shows the thermal palette as it is
     infrared = scene.infrared
-    infrared.band_mode = "UNIFORM"
-    infrared.wavelength_min, infrared.wavelength_max, infrared.band_count = bands
+    if isinstance(bands, str):
+        infrared.band_mode, infrared.band_edges = "CUSTOM", bands
+    else:
+        infrared.band_mode = "UNIFORM"
+        infrared.wavelength_min, infrared.wavelength_max, infrared.band_count = bands
     infrared.palette = palette
     infrared.range_mode = "FIXED"
     infrared.range_low, infrared.range_high = temperatures
     infrared.photons_per_pass = 100_000
-    infrared.passes, infrared.target_noise, infrared.time_limit = passes, target_noise, 60.0
+    infrared.passes, infrared.target_noise, infrared.time_limit = passes, target_noise, time_limit
 
 
 def forget_folders():

@@ -121,8 +121,8 @@ def cone_distances(cones, points):
     return np.stack(result, axis=1)
 
 
-def add_person(name, cones, materials, location, turn) -> None:
-    """Cones that flow into each other; skin, clothes and hair where their cones are nearest, and their warmth."""
+def add_person(name, cones, materials, location, turn):
+    """A body: cones that flow into each other; skin, clothes and hair where their cones are nearest."""
     blend = 0.018  # m, over which neighbouring cones flow into each other
 
     def distance(points):
@@ -139,6 +139,7 @@ def add_person(name, cones, materials, location, turn) -> None:
     slots = np.array([cone[5] for cone in cones])[cone_distances(cones, middles).argmin(axis=1)]
     person.data.polygons.foreach_set("material_index", slots.astype(np.int32))
     person.modifiers.new("Smooth", "SUBSURF").render_levels = 1
+    return person
 
 
 def add_glasses(materials, location, turn) -> None:

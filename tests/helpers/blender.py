@@ -146,4 +146,9 @@ def plain(value):
 
 
 def custom_properties(block):
-    return {key: value.to_list() if hasattr(value, "to_list") else value for key, value in block.items()}
+    """Custom properties in plain values, with those of groups such as the species of a gas."""
+    plain_values = {}
+    for key, value in block.items():
+        convert = getattr(value, "to_list", None) or getattr(value, "to_dict", None)
+        plain_values[key] = convert() if convert else value
+    return plain_values
