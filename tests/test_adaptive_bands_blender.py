@@ -149,6 +149,22 @@ def test_what_decides():
     assert bands().error == found.error
 
 
+def test_bands_are_narrow_where_a_gas_absorbs():
+    """A plume of carbon dioxide, 3 to 5 um: more edges between 4.1 and 4.7 um, where its strong lines are, than in all
+    the rest, where uniform bands have 7 of 10. The world's air counts by its depth."""
+    infrared = bpy.context.scene.infrared
+    infrared.wavelength_min, infrared.wavelength_max, infrared.band_count = 3.0, 5.0, 10
+    plume = cube("Plume", 0.9, 900.0)
+    grey = bands().edges
+    plume.data.materials[0]["gas"] = {"CO2": 0.1}
+    edges = bands().edges
+    in_band = (edges > 4.1) & (edges < 4.7)
+    assert in_band.sum() > 6 > ((grey > 4.1) & (grey < 4.7)).sum()
+    world = bpy.context.scene.world
+    world["gas"], world["depth"] = {"CO2": 4e-4}, 500.0
+    assert not np.array_equal(bands().edges, edges)
+
+
 def test_grey_scenes_have_bands_of_equal_width():
     cube("Wall", 0.8, 300.0)
     np.testing.assert_allclose(bands().edges, np.linspace(7.5, 14.0, 6), atol=0.006)  # candidates are 0.01 um apart

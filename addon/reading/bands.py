@@ -10,14 +10,19 @@ import numpy as np
 
 from ..solver.physics.band_partition import Partition, choose_bands
 from ..solver.physics.spectrum import uniform_edges
+from ..solver.physics.transmission import transmittance
 from ..solver.scene import SceneError, check_band_edges
-from .lights import light_temperature
+from .custom_properties import read_number
+from .lights import light_temperature, metres_per_unit
 from .materials import read_material
+from .media import is_medium, read_gas_alone, read_pressure
 from .objects import SURFACE_TYPES, layers_objects
 from .sensor import read_response
 from .settings import as_typed
 from .surface_temperature import object_temperatures
 from .world import layer_world, world_temperature
+
+_WAVELENGTHS = 2048  # at which it is asked what gases absorb
 
 
 def read_band_edges(infrared) -> np.ndarray:
@@ -76,8 +81,9 @@ def read_adaptive_bands(infrared) -> Partition:
 
 
 def _scene_spectra(scene) -> tuple[tuple[bytes, ...], tuple[float, ...], tuple[float, ...]]:
-    """The emissivity curves in a scene ((2, n) float64 arrays as bytes), the temperatures of its surfaces and worlds
-    and those of its lights, K; each in ascending order.
+    """The emissivity curves in a scene ((2, n) float64 arrays as bytes), of gases that of all they absorb on a way
+    through them; the temperatures of its surfaces, gases and worlds, and those of its lights, K; each in ascending
+    order.
     """
     infrared = scene.infrared
     materials = {layer.material_override for layer in scene.view_layers}
@@ -85,17 +91,35 @@ def _scene_spectra(scene) -> tuple[tuple[bytes, ...], tuple[float, ...], tuple[f
     for world in {layer_world(scene, layer) for layer in scene.view_layers}:
         with suppress(SceneError):
             temperatures.append(world_temperature(world))
+            if is_medium(world):
+                depth = read_number(world, "depth", 0.0, "World", " in metres")
+                curves.add(_absorptance(infrared, world, world, temperatures[-1], depth))
     for obj in layers_objects(scene.view_layers):
         with suppress(SceneError):
             if obj.type in SURFACE_TYPES:
-                materials.update(slot.material for slot in obj.material_slots)
-                temperatures += object_temperatures(obj, infrared.ambient_temperature)
+                own = {slot.material for slot in obj.material_slots}
+                materials |= own
+                kelvin = object_temperatures(obj, infrared.ambient_temperature)
+                temperatures += kelvin
+                through = min(obj.dimensions) * metres_per_unit(scene)
+                curves |= {_absorptance(infrared, gas, obj, kelvin[-1], through) for gas in own if is_medium(gas)}
             elif obj.type == "LIGHT" and obj.data.energy > 0:
                 lights.add(light_temperature(obj))
     for material in materials - {None}:
         with suppress(SceneError):
-            curves.add(np.array(read_material(material, infrared.default_emissivity).curve).tobytes())
+            if not is_medium(material):
+                curves.add(np.array(read_material(material, infrared.default_emissivity).curve).tobytes())
     return tuple(sorted(curves)), tuple(sorted(temperatures or [0.0])), tuple(sorted(lights))
+
+
+def _absorptance(infrared, block, filled, kelvin: float, length: float) -> bytes:
+    """Curve of the share of light that a length (m) of the gas of a material or world takes, (2, n) float64 as bytes.
+
+    filled: the object or world whose pressure the gas has. kelvin: its temperature.
+    """
+    wavelengths = np.geomspace(*_typed_ends(infrared), _WAVELENGTHS)
+    gas = read_gas_alone(block, block.name, kelvin, read_pressure(filled, filled.name))
+    return np.array((wavelengths, 1.0 - transmittance(gas, wavelengths, length))).tobytes()
 
 
 @lru_cache(maxsize=8)
