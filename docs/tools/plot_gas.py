@@ -56,9 +56,9 @@ def draw_street(folder: Path) -> None:
         scene.infrared.wavelength_min, scene.infrared.wavelength_max = bands
         scene.render.resolution_percentage = 50
         if not fog:
-            for key in ("absorption", "scattering", "anisotropy", "depth"):
+            for key in ("gas", "depth"):
                 del scene.world[key]
-        title = f"{bands[0]:g} to {bands[1]:g} \u00b5m, {'fog' if fog else 'clear air'}"
+        title = f"{bands[0]:g} to {bands[1]:g} um, {'fog' if fog else 'clear air'}"
         path = folder / f"street-{len(parts)}.png"
         render(path)
         with Image.open(path) as picture:
