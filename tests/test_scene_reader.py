@@ -647,8 +647,9 @@ def test_unsupported_objects_are_named():
     link("Smoke", bpy.data.volumes.new("Smoke"))
     link("Dust", bpy.data.pointclouds.new("Dust"))
     _, warnings = read()
-    for name, kind in (("Fur", "hair curves are"), ("Smoke", "volumes are"), ("Dust", "point clouds are")):
+    for name, kind in (("Fur", "hair curves are"), ("Dust", "point clouds are")):
         assert any(f"'{name}'" in w and f"{kind} not rendered" in w for w in warnings)
+    assert any("'Smoke'" in w and "the volume is left out" in w for w in warnings)  # it has no grids
 
 
 def test_particle_hair_is_named():

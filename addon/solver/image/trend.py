@@ -24,6 +24,11 @@ _ALPHA = 2.0 / 3.0  # Knaus and Zwicker 2011: variance falls as m^-a, squared bi
 _BY_NOISE = 1.0 + 2.0 * math.sqrt(2.0) / (2 * REACH + 1)
 
 
+# Passes. In the demo (160 x 120 pixels, 100,000 photons a pass), where blur is stated, the true error is 0.4 of the
+# stated one after 8 passes, 0.7 after 16, 1.0 after 32 and 0.9 after 64; without the statement 1.8, 2.6, 3.3 and 3.0.
+_FEWEST = 16
+
+
 def shrink_factor(index: int) -> float:
     """Squared radius of disks in pass `index` (from 0) over that of the first: the product of (i + a) / (i + 1) for
     i = 1 .. index."""
@@ -37,7 +42,7 @@ def blur(areas: Regression, variance: np.ndarray) -> np.ndarray:
     areas: of the pixels' values on the area of disks, in any unit; without disks it is 0. variance: (height, width)
     float64 of the passes at each pixel.
     """
-    if areas.passes < 2:
+    if areas.passes < _FEWEST:
         return np.zeros(variance.shape)
     bias = areas.bias().reshape(variance.shape)
     beyond = sum_around(bias**2 - _BY_NOISE * areas.leverage() * variance, REACH)
