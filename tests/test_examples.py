@@ -15,6 +15,7 @@ from docs.tools import make_template  # noqa: E402
 from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
 
+CONTRAST = {"street": 3}  # K between dark and bright pixels, where fog leaves less than the 5 K of the others
 SCENES = {  # the script and its file
     "facade": (facade, DOCS / "examples" / "facade.blend"),
     "engine": (engine, DOCS / "examples" / "engine.blend"),
@@ -91,4 +92,4 @@ def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_pa
     assert np.mean((kelvin > coldest - slack) & (kelvin < hottest + slack)) > 0.99
     low, high = np.percentile(kelvin, [2, 98])
     assert infrared.range_mode == "AUTOMATIC" or infrared.range_low < high and low < infrared.range_high
-    assert high - low > 3  # K: there is something to see, in fog, too
+    assert high - low > CONTRAST.get(name, 5)  # K: there is something to see

@@ -30,6 +30,7 @@ from addon.solver.physics.spectrum import band_radiance, planck
 from addon.solver.physics.transmission import transmittance
 from addon.solver.planning.preparation import prepare
 from addon.solver.scene import MOLECULES
+from tests.helpers.grids import draws_of
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad, sphere
 
 MANY = 1 << 14  # draws
@@ -272,7 +273,7 @@ def test_light_of_other_temperatures_in_wide_bands():
 
 def test_coefficients_at_many_temperatures_are_those_at_each():
     """As a grid of temperatures asks for them."""
-    draws = Sampler(np.linspace(3.0, 5.0, 5), 900.0, 2).of_pass(3)
+    draws = draws_of(Sampler(np.linspace(3.0, 5.0, 5), 900.0, 2), 3)
     kelvin, mixture = np.array([300.0, 750.0, 1800.0]), {"H2O": 0.1, "CO": 0.01}
     together = species_coefficients(draws, kelvin, 2e5, mixture)
     for i, each in enumerate(kelvin):

@@ -22,6 +22,7 @@ from addon.solver.planning.preparation import prepare
 from tests.helpers.grids import (
     atmosphere,
     cells_on_ray,
+    draws_of,
     placed,
     random_grid,
     random_rays,
@@ -106,7 +107,7 @@ def gas_grid(seed, kelvin, names, reach=2):
 
 def coefficients(medium, molecular, index):
     """A function that tells the absorption and scattering coefficients (b,) of a cell of a medium in a pass."""
-    draws, known = molecular.sampler.of_pass(index), {}
+    draws, known = draws_of(molecular.sampler, index), {}
 
     def of(kelvin, density, fractions):
         if kelvin not in known:
@@ -244,7 +245,7 @@ def test_between_the_nodes():
     nodes, weights = (np.array(each) for each in zip(*(around(table.mixtures, 0, t) for t in kelvin), strict=True))
     off = {name: [] for name in mixture}
     for index in range(64):
-        exact = species_coefficients(molecular.sampler.of_pass(index), kelvin, medium.pressure, medium.molecules)
+        exact = species_coefficients(draws_of(molecular.sampler, index), kelvin, medium.pressure, medium.molecules)
         of = molecular.table(index).mixtures.absorption
         for c, name in enumerate(medium.components):
             if name in mixture:

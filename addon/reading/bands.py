@@ -11,7 +11,7 @@ import numpy as np
 from ..solver.physics.band_partition import Partition, choose_bands
 from ..solver.physics.spectrum import uniform_edges
 from ..solver.physics.transmission import transmittance
-from ..solver.scene import SceneError, check_band_edges
+from ..solver.scene import SceneError, check_band_edges, check_depth
 from .custom_properties import read_number
 from .lights import light_temperature, metres_per_unit
 from .materials import read_material
@@ -93,6 +93,7 @@ def _scene_spectra(scene) -> tuple[tuple[bytes, ...], tuple[float, ...], tuple[f
             temperatures.append(world_temperature(world))
             if is_medium(world):
                 depth = read_number(world, "depth", 0.0, "World", " in metres")
+                check_depth(depth)
                 curves.add(_absorptance(infrared, world, world, temperatures[-1], depth))
     for obj in layers_objects(scene.view_layers):
         with suppress(SceneError):

@@ -14,9 +14,14 @@ def read_number(id_block, key: str, default: float, owner: str, unit: str) -> fl
     value = id_block.get(key)
     if value is None:
         return default
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not is_number(value):
         raise SceneError(f"{owner}: {key} is {describe(value)}, expected a number{unit}")
     return float(value)
+
+
+def is_number(value) -> bool:
+    """Whether the value of a custom property is a number; True and False are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def driver_remark(id_block, key: str = "temperature", unit: str = "K") -> str:

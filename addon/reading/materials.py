@@ -7,7 +7,7 @@ import numpy as np
 
 from ..solver.physics import library
 from ..solver.scene import Material, SceneError
-from .custom_properties import describe, read_number
+from .custom_properties import describe, is_number, read_number
 
 
 def read_material(material, default_emissivity: float) -> Material:
@@ -26,7 +26,7 @@ def _emissivity(value, owner: str) -> float | np.ndarray:
     """A float, or an (n, 2) array of [um, emissivity] from a flat list or the name of a library material."""
     if isinstance(value, str):
         return _library_emissivity(value, owner)
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if is_number(value):
         return float(value)
     if getattr(value, "typecode", None) not in ("i", "f", "d"):  # an IDPropertyArray of numbers
         raise SceneError(

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..solver.geometry.closed import open_edge
+from ..solver.geometry.closed import leak_place
 from ..solver.physics.aerosols import mix_in
 from ..solver.physics.gases import find_gas
 from ..solver.scene import ATMOSPHERE, Medium, SceneError
-from .custom_properties import describe, read_number
+from .custom_properties import describe, is_number, read_number
 from .materials import pair_points
 from .warnings import Warnings
 
@@ -53,7 +53,7 @@ def _contents(block, owner: str) -> dict[str, float]:
         except KeyError as error:
             raise SceneError(f"{owner}: {error.args[0]}") from None
     fractions = value.to_dict() if hasattr(value, "to_dict") else {}
-    if not fractions or not all(_is_number(fraction) for fraction in fractions.values()):
+    if not fractions or not all(is_number(fraction) for fraction in fractions.values()):
         raise SceneError(
             f"{owner}: gas is {describe(value)}, expected the name of a gas of the library, or mole fractions such as "
             '{"H2O": 0.12, "CO2": 0.12}, and g/m3 of aerosols'
@@ -61,16 +61,12 @@ def _contents(block, owner: str) -> dict[str, float]:
     return {name: float(fraction) for name, fraction in fractions.items()}
 
 
-def _is_number(value) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def _coefficient(block, quantity: str, owner: str, metres: float) -> float | np.ndarray:
     """A float, or an (n, 2) array of [um, coefficient] from a flat list."""
     value = block.get(quantity)
     if value is None:
         return 0.0
-    if _is_number(value):
+    if is_number(value):
         return metres * float(value)
     if getattr(value, "typecode", None) not in ("i", "f", "d"):  # an IDPropertyArray of numbers
         raise SceneError(
@@ -99,11 +95,8 @@ def read_medium(
 def leak_message(vertices: np.ndarray, triangles: np.ndarray) -> str:
     """Where a mesh of vertices (n, 3) and triangles (m, 3) is open, and what that does; an empty text if it is
     closed."""
-    leak = open_edge(vertices, triangles)
-    if leak is None:
-        return ""
-    place = ", ".join(f"{value:.4g}" for value in leak)
-    return f"the mesh of a gas must be closed, but it is open at ({place}); the gas is left out"
+    place = leak_place(vertices, triangles)
+    return f"the mesh of a gas must be closed, but it is open at {place}; the gas is left out" if place else ""
 
 
 def read_gas_alone(block, owner: str, kelvin: float, pressure: float = ATMOSPHERE) -> Medium:

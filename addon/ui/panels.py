@@ -9,6 +9,7 @@ from bpy.types import Panel
 from ..heat_settings import in_scene_unit
 from ..interface import ENGINE
 from ..properties import initial_value, property_label
+from ..reading.custom_properties import is_number
 from ..reading.media import is_medium
 from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
@@ -327,7 +328,7 @@ def shown_label(id_block, key: str) -> str:
     Scripts set those. To give it Blender's unit is to change the file, which a panel must not do while it is drawn.
     """
     value = id_block[key]
-    plain = key == "temperature" and isinstance(value, float | int) and not isinstance(value, bool)
+    plain = key == "temperature" and is_number(value)
     if plain and id_block.id_properties_ui(key).as_dict().get("subtype") != "TEMPERATURE":
         return "Temperature (K)"
     return property_label(key)

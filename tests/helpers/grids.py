@@ -8,6 +8,7 @@ from addon.solver.geometry.media import Atmosphere
 from addon.solver.geometry.segments import Tracer, transmit, traverse
 from addon.solver.physics.heat import build_heat_table
 from addon.solver.physics.media import build_medium_table
+from addon.solver.physics.molecules import Draws
 from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.system.kernels import KERNEL, njit
 
@@ -90,3 +91,9 @@ def random_rays(count, seed=4):
     direction[axes] = np.sign(direction[axes]) * np.eye(3)[rng.integers(0, 3, len(axes))]
     origin[axes] = rng.normal(size=(len(axes), 3)) * 0.5
     return origin.astype(np.float32), direction.astype(np.float32)
+
+
+def draws_of(sampler, index):
+    """The Draws of one pass, of shape (b,)."""
+    several = sampler.draw(np.array([index]))
+    return Draws(several.wavenumber[0], several.g[:, 0])

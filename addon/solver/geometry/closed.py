@@ -32,6 +32,12 @@ def _parts(corners):
         part = spread
 
 
+def leak_place(vertices: np.ndarray, triangles: np.ndarray) -> str:
+    """Where a mesh is open, as messages tell it; an empty text if it is closed. Arguments as in open_edge."""
+    leak = open_edge(vertices, triangles)
+    return "" if leak is None else f"({', '.join(f'{value:.4g}' for value in leak)})"
+
+
 def open_edge(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:
     """(3,) middle of an edge through which a mesh is open, None if it is closed: each edge then is crossed as often in
     one direction as in the other. vertices: (n, 3) m; those at the same place count as one. triangles: (m, 3)."""

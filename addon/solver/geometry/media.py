@@ -17,7 +17,7 @@ from ..physics.heat import HeatTable
 from ..physics.media import MediumTable
 from ..scene import Medium, SceneError
 from ..system.kernels import KERNEL, njit
-from .closed import open_edge, outward
+from .closed import leak_place, outward
 from .grids import cross_boxes, empty_march, fill_cells, place_grids
 from .segments import Air, RayBatch, Tracer, empty_bands
 from .triangles import CLEAR
@@ -42,10 +42,9 @@ class _Body:
 
     def __init__(self, medium: Medium, centre: np.ndarray):
         """centre: see Atmosphere. Raises SceneError, naming the medium, if its mesh is open."""
-        leak = open_edge(medium.vertices, medium.triangles)
-        if leak is not None:
-            place = ", ".join(f"{value:.4g}" for value in leak)
-            raise SceneError(f"Medium '{medium.name}': its mesh is open at ({place}); a gas fills closed meshes")
+        place = leak_place(medium.vertices, medium.triangles)
+        if place:
+            raise SceneError(f"Medium '{medium.name}': its mesh is open at {place}; a gas fills closed meshes")
         corners = outward(np.asarray(medium.vertices, np.float64)[medium.triangles] - centre)
         points = np.ascontiguousarray(corners.reshape(-1, 3), np.float32)
         self.tracer = Tracer(points, np.arange(len(points), dtype=np.int32).reshape(-1, 3))

@@ -17,7 +17,6 @@ add-on sets it to a file among Blender's data files of the user):
 from __future__ import annotations
 
 import csv
-import difflib
 import logging
 import os
 import shutil
@@ -30,6 +29,7 @@ import numpy as np
 
 from ..scene import Material
 from ..system.files import replacing
+from .names import close_names, find_name
 
 log = logging.getLogger(__name__)
 
@@ -153,15 +153,13 @@ def get(name: str) -> LibraryMaterial:
 
     Raises KeyError if there is none; its one argument is a message that suggests close names.
     """
-    by_folded_name = {known.casefold(): material for known, material in materials().items()}
-    folded = name.strip().casefold()
-    if folded not in by_folded_name:
-        close = difflib.get_close_matches(folded, by_folded_name, n=3, cutoff=0.4)
-        hint = "; close names: " + ", ".join(f"'{by_folded_name[match].name}'" for match in close) if close else ""
+    known = materials()
+    found = find_name(name, known)
+    if found is None:
         problem = user_problem()
         damage = f"; my materials cannot be read: {problem}" if problem else ""
-        raise KeyError(f"the library has no material '{name}'{hint}{damage}")
-    return by_folded_name[folded]
+        raise KeyError(f"the library has no material '{name}'{close_names(name, known)}{damage}")
+    return known[found]
 
 
 def find(name: str) -> np.ndarray:

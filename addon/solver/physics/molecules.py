@@ -33,7 +33,7 @@ from ..system.kernels import INLINED, KERNEL, njit
 from .continuum import water_continuum
 from .heat import temperature_range
 from .media import MediumTable
-from .narrow_bands import KELVIN, half_width, strength_and_density
+from .narrow_bands import COLDEST, KELVIN, coefficient_and_overlap
 from .spectrum import apparent_temperature, band_radiance, faintest
 
 log = logging.getLogger(__name__)
@@ -42,7 +42,6 @@ _CELLS = 128  # parts of a band, in whose proportion wavenumbers are drawn
 _FIRST = 1 << 30  # pass from which on draws stand for endless ones; no render has so many passes
 _DRAWS = 1 << 16  # of all bands together, that stand for endless ones
 _WARM = 250.0  # K, below which the data, from 300 K on, may be far from the truth
-_COLDEST = 200.0  # K: molecules do not get denser below
 _FAINT = 200.0  # K: behind media, colder things count as so warm; before 0 K any error is large in kelvin
 _LENGTHS = 8  # each half of the one before
 _PROBED, _SHARES = 3, (0.25, 1.0)  # media that noise looks through, at most, and over which shares of their extent
@@ -77,11 +76,6 @@ class Sampler:
         wavelength = np.array([np.interp(each, below, points) for each, below, points in columns]).T
         return Draws(1e4 / wavelength, u[1:])
 
-    def of_pass(self, index: int) -> Draws:
-        """Draws of shape (b,) of an absolute pass number."""
-        several = self.draw(np.array([index]))
-        return Draws(several.wavenumber[0], several.g[:, 0])
-
 
 @njit(**KERNEL)
 def _draw(key, passes, u):
@@ -101,17 +95,15 @@ def species_coefficients(
     draws: of shape s. kelvin: (t,) temperatures. pressure: Pa. mixture: typical mole fractions, by which lines are
     broadened, and by which water vapour's continuum is more than proportional to its fraction.
     """
-    kelvin, atm = np.maximum(kelvin, _COLDEST), pressure / ATMOSPHERE
+    kelvin, atm = np.maximum(kelvin, COLDEST), pressure / ATMOSPHERE
     coefficients = {}
     for name, g in zip(MOLECULES, draws.g, strict=True):
         if name not in mixture:
             continue
-        strength, density = strength_and_density(name, draws.wavenumber, kelvin)
-        column = kelvin.reshape(-1, *[1] * draws.wavenumber.ndim)
-        mean = 100.0 * strength * (273.0 / column) * atm  # 1/m for 1/cm
-        overlap = half_width(name, draws.wavenumber, kelvin, atm, mixture) * density
+        mean, overlap = coefficient_and_overlap(name, draws.wavenumber, kelvin, atm, mixture)
         coefficients[name] = mean * inverse_gaussian(np.broadcast_to(g, overlap.shape), 2.0 * overlap)
         if name == "H2O":
+            column = kelvin.reshape(-1, *[1] * draws.wavenumber.ndim)
             coefficients[name] += water_continuum(draws.wavenumber, column, atm, mixture[name])
     return coefficients
 

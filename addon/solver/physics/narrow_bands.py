@@ -31,6 +31,7 @@ KELVIN = np.arange(300.0, 2501.0, 25.0)  # temperatures of the data; the nearest
 _C2 = 1.4388  # cm K, as RADCAL has it
 _COLD = 300.0  # K, at which strengths of whole bands are given
 _STP = 273.0  # K, at whose density coefficients are given
+COLDEST = 200.0  # K: molecules do not get denser below
 
 # Half-widths of lines at 273 K and 1 atm, cm-1, by what they collide with; "itself" is the resonant part, which falls
 # as 1 / T, the others as T^-1/2 (NASA SP-3080, table 5-18). CH4's is a mean of its air-broadened lines.
@@ -97,6 +98,17 @@ def half_width(
     collision = atm * (foreign * np.sqrt(ratio) + of["itself"] * mixture.get(species, 0.0) * ratio)
     doppler = 5.94e-6 * wavenumber / np.sqrt(ratio * _MASSES[species])
     return 0.5346 * collision + np.sqrt(0.2166 * collision**2 + doppler**2)
+
+
+def coefficient_and_overlap(
+    species: str, wavenumber: np.ndarray, kelvin: np.ndarray, atm: float, mixture: Mapping[str, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What Malkmus' law asks of a narrow band, (t,) + s each: mean absorption coefficient per unit of mole fraction,
+    1/m, and the half-width of lines over their spacing. kelvin: (t,), at least COLDEST. Others: see half_width."""
+    strength, density = strength_and_density(species, wavenumber, kelvin)
+    column = np.reshape(kelvin, (-1, *[1] * np.ndim(wavenumber)))
+    mean = 100.0 * strength * (_STP / column) * atm  # 1/m for 1/cm
+    return mean, half_width(species, wavenumber, kelvin, atm, mixture) * density
 
 
 def _position(x: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,10 +10,8 @@ import numpy as np
 
 from ..scene import ATMOSPHERE, SOOT, Medium
 from .continuum import water_continuum
-from .narrow_bands import half_width, strength_and_density
+from .narrow_bands import COLDEST, coefficient_and_overlap
 from .soot import soot_curve
-
-_COLDEST = 200.0  # K: molecules do not get denser below, as in molecules
 
 
 def transmittance(medium: Medium, wavelengths: np.ndarray, length: float) -> np.ndarray:
@@ -31,10 +29,9 @@ def _molecule(medium: Medium, name: str, wavenumber: np.ndarray, length: float) 
     """(n,) share of the light at wavenumbers (n,), cm-1, that a length (m) of one molecule of a mixture lets through:
     exp(-2 a (sqrt(1 + k s / a) - 1)), a the half-width of lines over their distance, k s the mean optical depth."""
     mixture, atm = medium.molecules, medium.pressure / ATMOSPHERE
-    kelvin = np.array([max(medium.temperature, _COLDEST)])
-    strength, density = strength_and_density(name, wavenumber, kelvin)
-    overlap = (half_width(name, wavenumber, kelvin, atm, mixture) * density)[0]
-    depth = 100.0 * strength[0] * 273.0 / kelvin * atm * mixture[name] * length
+    kelvin = np.array([max(medium.temperature, COLDEST)])
+    (mean,), (overlap,) = coefficient_and_overlap(name, wavenumber, kelvin, atm, mixture)
+    depth = mean * mixture[name] * length
     # the same without the difference of two numbers that are nearly equal
     through = np.exp(-2.0 * depth / (1.0 + np.sqrt(1.0 + depth / np.maximum(overlap, 1e-12))))
     if name == "H2O":
