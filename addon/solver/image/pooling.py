@@ -39,7 +39,17 @@ def _events(squares, fourths):
 
 def sum_around(values: np.ndarray, reach: int) -> np.ndarray:
     """(h, w) float64 sums of values (h, w) over the square of so many pixels on each side around each pixel."""
-    height, width = values.shape
     padded = np.pad(values.astype(np.float64), reach)
-    rows = sum(padded[y : y + height] for y in range(2 * reach + 1))
-    return sum(rows[:, x : x + width] for x in range(2 * reach + 1))
+    return _window_sums(_window_sums(padded, 2 * reach + 1).T, 2 * reach + 1).T
+
+
+def _window_sums(values: np.ndarray, length: int) -> np.ndarray:
+    """Sums of so many rows of values (n, m), from each row on. Of sums of 1, 2, 4, ... rows those are added that make
+    up the length: few additions, and no differences of large sums."""
+    count, total, first, size = len(values) - length + 1, 0.0, 0, 1
+    while True:
+        if length & size:
+            total, first = total + values[first : first + count], first + size
+        if 2 * size > length:
+            return total
+        values, size = values[:-size] + values[size:], 2 * size
