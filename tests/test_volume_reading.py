@@ -11,7 +11,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.reading import volumes  # noqa: E402
 from addon.reading.warnings import Warnings  # noqa: E402
-from addon.solver import SceneError, Settings, render  # noqa: E402
+from addon.solver import SceneError, Settings, memory, render  # noqa: E402
 from addon.solver.physics.spectrum import band_radiance  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
 
@@ -241,6 +241,23 @@ def test_what_a_volume_lacks_is_named(scene, tmp_path, monkeypatch, what, warnin
     found, warnings = read()
     assert len(warnings) == 1 and warning in warnings[0]
     assert len(found.media) == (1 if what in ("no temperature", "apart", "negative") else 0)
+
+
+def test_a_volume_that_does_not_fit_into_memory_is_named(scene, tmp_path, monkeypatch):
+    """1024 x 1024 x 1024 cells that one tile of the file holds, and a temperature, of 4 bytes each, twice."""
+    module, grids = volumes.openvdb(), []
+    for name in ("density", "temperature"):
+        grid = module.FloatGrid()
+        grid.name = name
+        grid.fill((0, 0, 0), (1023, 1023, 1023), 1.0)
+        grids.append(grid)
+    module.write(str(tmp_path / "large.vdb"), grids=grids)
+    volume(tmp_path / "large.vdb")
+    monkeypatch.setattr(memory, "available_memory", lambda: 15e9)
+    with pytest.raises(
+        SceneError, match="Object 'Plume' needs about 17.2 GB of memory, 15.0 GB are available. The cel"
+    ):
+        read()
 
 
 @pytest.mark.parametrize("values, message", [

@@ -132,6 +132,7 @@ class VolumeReader:
             # so Blender reads a file that ends in the middle
             self.warnings.add(obj.name, f"its grids {', '.join(map(repr, grids))} hold no numbers, {_LEFT_OUT}")
             return None
+        _check_memory(numbers, f"Object '{obj.name}'")
         leaves, values = _read_leaves(numbers, f"Object '{obj.name}'")
         if "density" in values:
             density = _or_none(values["density"])
@@ -198,6 +199,16 @@ def _or_none(values: np.ndarray) -> np.ndarray:
 def _hold_any(several: Iterable[np.ndarray]) -> np.ndarray:
     """Where any of several arrays has values that are not NaN, bool."""
     return reduce(np.logical_or, (~np.isnan(values) for values in several))
+
+
+def _check_memory(grids: dict, owner: str) -> None:
+    """Raise SceneError, naming the owner, if there is not enough memory to read grids by name: at least all cells of
+    the largest that says where there is gas, once in blocks and once as a whole."""
+    from ..solver.memory import check_memory  # here, as it loads numba, which checks have no need of
+
+    several = [grids[name] for name in _gas(grids)]
+    cells = (LEAF**3 * g.leafCount() + g.activeVoxelCount() - g.activeLeafVoxelCount() for g in several)
+    check_memory({"grids": 8.0 * len(grids) * max(cells)}, owner)
 
 
 def _read_leaves(grids: dict, owner: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -103,7 +103,8 @@ def render_view_layer(engine, depsgraph) -> None:
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
     surfaces = render_reader(depsgraph)
     solver_scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
-    check_memory(foreseen | memory_beforehand(solver_scene, copies), name)  # before Blender takes room for the images
+    needed = foreseen | memory_beforehand(solver_scene, copies)
+    check_memory(needed, name, solver_scene.media)  # before Blender takes room for the images
     detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
     effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
     if scene.infrared.group_exr_path and not solver_scene.groups:

@@ -17,6 +17,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
+    grids      max(20, 8 + 8 c) v + 4 p       of v cells with c components, in p places for leaves (see geometry.grids)
 
 Trial photons tell how many hits a photon stores (see preparation): 1 / (1 - rho) in a closed room of reflectance rho,
 and far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
@@ -28,11 +29,12 @@ from pathlib import Path
 
 import numpy as np
 
+from .geometry.grids import memory_of_grids
 from .image.tiles import TILE
 from .physics.layers import scene_layers
 from .physics.molecules import probe_count
 from .physics.radiometry import emission_range, table_rows
-from .scene import Scene, SceneError
+from .scene import Medium, Scene, SceneError
 from .settings import Settings
 
 _GIGABYTE = 1e9
@@ -46,6 +48,7 @@ _PARTS = {
     "rays": ("the rays under way", "the number of threads or of bands"),
     "geometry": ("the triangles", "the subdivision of the meshes"),
     "tables": ("the tables of what materials emit", "the number of materials or of bands"),
+    "grids": ("the cells of volumes", "the resolution of the volumes"),
 }
 
 
@@ -69,6 +72,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     return _images_of(scene, copies) | {
         "geometry": 560.0 * len(scene.triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count,
+        "grids": sum(memory_of_grids(scene.media).values()),
     }
 
 
@@ -96,19 +100,23 @@ def _images_of(scene: Scene, copies: float) -> dict[str, float]:
     return parts | ({"film": parts["film"] + _pixels(scene) * (16 + 24 * numbers)} if numbers else {})
 
 
-def check_memory(required: dict[str, float], render: str = "This render") -> None:
+def check_memory(required: dict[str, float], render: str = "This render", media: tuple[Medium, ...] = ()) -> None:
     """Raise SceneError, naming the largest part, if more bytes are required than available.
 
-    required: by part. render: what the message calls the render.
+    required: by part. render: what the message calls what needs them. media: of the scene; if grids need most, the
+    message names the one with the largest of these.
     """
     total, available = sum(required.values()), available_memory()
     if available is None or total <= available:
         return
     name = max(required, key=required.get)
     what, remedy = _PARTS[name]
+    of_grids = memory_of_grids(media)
+    if name == "grids" and of_grids:
+        what += f", '{max(of_grids, key=of_grids.get)}' above all,"
     raise SceneError(
         f"{render} needs about {total / _GIGABYTE:,.1f} GB of memory, {available / _GIGABYTE:.1f} GB are available. "
-        f"{what.capitalize()} need most, {required[name] / _GIGABYTE:,.1f} GB: lower {remedy}"
+        f"{what[0].upper()}{what[1:]} need most, {required[name] / _GIGABYTE:,.1f} GB: lower {remedy}"
     )
 
 

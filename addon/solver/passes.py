@@ -67,7 +67,7 @@ def render(
     Raises SceneError if the scene cannot be rendered or needs more memory than there is, ValueError if the film is not
     of this render.
     """
-    check_memory(memory_beforehand(scene, image_copies))
+    check_memory(memory_beforehand(scene, image_copies), media=scene.media)
     model = prepare(scene, settings, geometry, cancelled)
     x0, y0, x1, y1 = scene.camera.pixels
     size, numbers = (x1 - x0, y1 - y0), (settings.seed, settings.pass_offset)

@@ -3,10 +3,18 @@
 
 import numpy as np
 
-from addon.solver import Material, PointLight, Settings
+from addon.solver import Grid, Material, Medium, PointLight, Settings
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
 QUICK = Settings(passes=4, photons_per_pass=20_000, threads=2)  # two pieces of photons
+
+
+def plume(cells, **fractions):
+    """Hot gas in a grid of cells^3 cells in the room, with even fractions of species."""
+    shape = cells, cells, cells
+    ones, transform = np.ones(shape, np.float32), np.diag([1.0 / cells, 1.0 / cells, 1.0 / cells, 1.0])
+    several = {name: value * ones for name, value in fractions.items()}
+    return Medium("Plume", 0.5, 400.0, grid=Grid.from_arrays(transform, ones, 400.0 * ones, several))
 
 
 def room(radiator=340.0, width=24, bands=3, emissivity=0.6, subdivisions=1, **options):

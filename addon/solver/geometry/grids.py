@@ -138,6 +138,24 @@ def fill_cells(grids: GridTable, media: tuple[Medium, ...], heat: HeatTable) -> 
     return grids._replace(cells=cells, heat=heat, amounts=amounts, begin=begin)
 
 
+def memory_of_grids(media: tuple[Medium, ...]) -> dict[str, float]:
+    """Bytes that fill_cells takes at its peak for the cells of each medium with a grid, by name, beyond the grids
+    themselves. Media that share the cells of another have no more than an index of leaves of their own.
+
+    Density and temperature of a cell take 8, and 12 more while the temperature is converted. Later each component takes
+    4, and as much again while those of all grids are joined.
+    """
+    needed, filled = {}, set()
+    for medium in media:
+        if medium.grid is not None:
+            needed[medium.name] = needed.get(medium.name, 0.0) + 4.0 * float(medium.grid.box[1].prod())
+            if _content(medium) not in filled:
+                filled.add(_content(medium))
+                each = max(20.0, 8.0 + 8.0 * len(medium.components))
+                needed[medium.name] += each * LEAF**3 * len(medium.grid.leaves)
+    return needed
+
+
 def _amounts(media: tuple[Medium, ...]) -> tuple[np.ndarray, np.ndarray]:
     """`amounts` and `begin` of GridTable; grids that share an array share what is made of it."""
     found, parts, begin, count = {}, [np.empty(0, np.float32)], [], 0

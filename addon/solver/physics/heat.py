@@ -58,8 +58,10 @@ def steps_from_anchor(heat: HeatTable, medium: Medium) -> np.ndarray:
     """(n, 8, 8, 8) float32, how far the cells of a medium's grid are from the anchor, in steps of ln T. Colder than
     COLDEST counts as that, where no band holds radiance to speak of."""
     steps = np.maximum(_temperatures(medium), COLDEST, dtype=np.float64)  # float32 would be too coarse near the anchor
-    np.log(steps / heat.anchor, out=steps)
-    return (steps / _STEP).astype(np.float32)
+    steps /= heat.anchor  # in place, as grids may be large
+    np.log(steps, out=steps)
+    steps /= _STEP
+    return steps.astype(np.float32)
 
 
 def _temperatures(medium: Medium) -> np.ndarray:
