@@ -3,17 +3,19 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.rendering.checks import material_checks, scene_checks, world_gas_checks  # noqa: E402
+from addon.rendering.checks import material_checks, object_checks, scene_checks, world_gas_checks  # noqa: E402
 from addon.solver.physics.aerosols import aerosols  # noqa: E402
 from addon.solver.physics.gases import find_gas, gases  # noqa: E402
 from addon.solver.physics.transmission import transmittance  # noqa: E402
 from addon.solver.scene import MOLECULES, SOOT, Medium  # noqa: E402
+from addon.ui import panels  # noqa: E402
 from addon.ui.gases import pictures, species  # noqa: E402
 from addon.ui.materials import curve_image, curve_previews  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
@@ -31,6 +33,45 @@ def block(request):
         found = material("Gas")
     with bpy.context.temp_override(**{request.param.lower(): found}):
         yield found, request.param
+
+
+# Pressure
+
+
+def rows(monkeypatch, obj):
+    """Keys of the custom properties that the panel of an object has a row for."""
+    shown = []
+    monkeypatch.setattr(panels, "draw_custom_property", lambda *args: shown.append(args[3]))
+    monkeypatch.setattr(panels, "draw_object_checks", lambda *_: None)  # which need a window
+
+    class Layout:
+        def __getattr__(self, _name):
+            return lambda *_, **__: Layout()
+
+    nothing = dict.fromkeys(("draw_surface", "draw_heat_map"), lambda *_: None)
+    context = SimpleNamespace(scene=bpy.context.scene, view_layer=bpy.context.view_layer, object=obj)
+    panels.INFRARED_PT_object.draw(SimpleNamespace(layout=Layout(), column=Layout, **nothing), context)
+    return shown
+
+
+@pytest.mark.parametrize("paint", [None, "Gas"])
+def test_the_pressure_of_a_volume_has_a_row(monkeypatch, paint):
+    """As a mesh of gas has; a volume with species in its grids needs no material."""
+    volume = link("Volume", bpy.data.volumes.new("Volume"))
+    if paint:
+        volume.data.materials.append(material(paint, absorption=0.1))
+    assert rows(monkeypatch, volume) == ["temperature", "pressure"]
+    bpy.context.view_layer.objects.active = volume
+    operators.property_add(owner="OBJECT", key="pressure")
+    assert volume["pressure"] == 101325.0
+    volume["pressure"] = -5.0
+    assert [each.text for each in object_checks(volume, bpy.context.scene.infrared, bpy.context.view_layer)] == [
+        "Medium 'Volume': pressure -5 Pa; it is finite and above 0"
+    ]
+
+
+def test_a_surface_has_no_row_of_pressure(monkeypatch):
+    assert rows(monkeypatch, link("Cube", cube_mesh("Cube"))) == ["temperature"]
 
 
 # Species

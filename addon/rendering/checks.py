@@ -182,10 +182,11 @@ def object_checks(obj, infrared, view_layer) -> list[Check]:
 
 
 def holds_gas(obj, view_layer) -> bool:
-    """Whether a material of an object, or the view layer's in its place, is a gas."""
+    """Whether an object is a volume, or its material, or the view layer's in its place, is a gas."""
     override = view_layer.material_override
     slots = [slot.material for slot in obj.material_slots]
-    return obj.type in SURFACE_TYPES and any(map(is_medium, [override] if override else slots))
+    filled = any(map(is_medium, [override] if override else slots))
+    return obj.type == "VOLUME" or (obj.type in SURFACE_TYPES and filled)
 
 
 def _medium_checks(obj, infrared, view_layer) -> list[Check]:
