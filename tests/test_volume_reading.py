@@ -11,6 +11,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.reading import volumes  # noqa: E402
 from addon.reading.warnings import Warnings  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.solver import SceneError, Settings, memory, render  # noqa: E402
 from addon.solver.physics.spectrum import band_radiance  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
@@ -260,9 +261,62 @@ def test_a_volume_that_does_not_fit_into_memory_is_named(scene, tmp_path, monkey
         read()
 
 
+def write_cells(path, background=0.0, **several):
+    """An OpenVDB file of grids by name that have these values in cells (0, 0, i), NaN and infinity among them."""
+    module, grids = volumes.openvdb(), []
+    for name, values in several.items():
+        grid = module.FloatGrid(background)
+        grid.name, accessor = name, grid.getAccessor()
+        for i, value in enumerate(values):
+            accessor.setValueOn((0, 0, i), value)
+        grids.append(grid)
+    module.write(str(path), grids=grids)
+    return str(path)
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize("background, fallback", [(0.0, 400.0), (350.0, 350.0), (INF, 400.0), (NAN, 400.0)])
+def test_values_that_are_no_numbers_are_told_and_left_out(scene, tmp_path, background, fallback):
+    """In the render's report and in the checks, by grid; cells without a value are none of them."""
+    density, kelvin, water = (1.0, NAN, INF, 2.0), (NAN, 500.0, INF, -INF, 600.0), (NAN, 0.2, 0.3, 0.4)
+    path = write_cells(tmp_path / "a.vdb", background, density=density, temperature=kelvin, H2O=water)
+    volume(path, temperature=400.0)
+    (medium,), warnings = read()[0].media, read()[1]
+    expected = [
+        "cells of its grid 'density' that are NaN or infinite: 2; they count as empty",
+        "cells of its grid 'temperature' that are NaN or infinite: 3; they have the temperature of cells without one",
+        "cells of its grid 'H2O' that are NaN or infinite: 1; they count as empty",
+    ]
+    assert warnings == [f"'Plume': {each}" for each in expected]
+    checks = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    assert [each.text for each in checks if each.level == "WARNING"] == [f"Object 'Plume': {each}" for each in expected]
+    leaf, *cell = np.nonzero(medium.grid.holds)
+    k = cell[2][np.argsort(cell[2])]
+    np.testing.assert_array_equal(medium.grid.density[0, 0, 0, k], (1.0, 0.0, 0.0, 2.0))
+    np.testing.assert_array_equal(medium.grid.temperature[0, 0, 0, k], (fallback, 500.0, fallback, fallback))
+    np.testing.assert_array_equal(medium.grid.fractions["H2O"][0, 0, 0, k], np.float32((0.0, 0.2, 0.3, 0.4)))
+
+
+def test_a_volume_of_no_numbers_is_left_out(scene, tmp_path):
+    """A temperature alone says where there is gas: without one a cell is empty."""
+    volume(write_cells(tmp_path / "a.vdb", temperature=(NAN, INF)), temperature=400.0)
+    found, warnings = read()
+    assert found.media == () and warnings == [
+        "'Plume': cells of its grid 'temperature' that are NaN or infinite: 2; they count as empty",
+        "'Plume': its grids 'temperature' hold no numbers, the volume is left out",
+    ]
+
+
+def test_a_background_is_the_temperature_of_cells_without_a_value(scene, tmp_path):
+    volume(write_cells(tmp_path / "a.vdb", 350.0, density=(1.0, 1.0), temperature=(500.0,)), temperature=400.0)
+    (medium,), warnings = read()[0].media, read()[1]
+    assert warnings == [] and sorted(medium.grid.temperature[medium.grid.density > 0.0]) == [350.0, 500.0]
+
+
 @pytest.mark.parametrize("values, message", [
     ({"temperature": -KELVIN}, "Medium 'Plume: Gas': temperature -"),
-    ({"density": np.inf * DENSITY}, "Medium 'Plume: Gas': density inf in a cell"),
     ({"density": DENSITY, "CO2": 2.0 * np.ones_like(DENSITY)}, "Medium 'Plume: Gas': fraction of CO2 2 in a cell"),
 ])  # fmt: skip
 def test_values_that_make_no_sense_are_errors(scene, tmp_path, values, message):

@@ -13,14 +13,14 @@ import itertools
 import sys
 import tempfile
 from collections.abc import Iterable
-from functools import reduce
+from functools import lru_cache, reduce
 from pathlib import Path
 from types import ModuleType
 
 import bpy
 import numpy as np
 
-from ..solver.scene import LEAF, SPECIES, Grid, Medium, check_spread, in_leaves
+from ..solver.scene import LEAF, SPECIES, Grid, Medium, SceneError, check_spread, in_leaves
 from .custom_properties import read_temperature
 from .media import build_medium, is_medium, read_optics, read_pressure
 from .warnings import Warnings
@@ -30,6 +30,7 @@ _KNOWN = "density", "temperature", *SPECIES
 _BLOCK = 256  # cells along an edge of the dense arrays through which grids are read
 _SMOKE_KELVIN = 1000.0  # K, what 1 stands for in the temperatures of smoke
 _LEFT_OUT = "the volume is left out"
+_NO_VALUE = -(2.0**127)  # while a grid is read; no quantity has such a value. OpenVDB gives some cells its negative
 
 
 class VolumeReader:
@@ -117,23 +118,22 @@ class VolumeReader:
     def _assemble(self, obj, grids: dict, kelvin: float) -> Grid | None:
         """The Grid of grids of OpenVDB by name: those that lie as the first one does. Where density or a species has
         cells there is gas, without these where the temperature has."""
-        numbers = {name: grid for name, grid in grids.items() if grid.valueTypeName in ("float", "double")}
-        first = next((numbers[name] for name in _KNOWN if name in numbers), None)
-        matrix = None if first is None else _index_to_object(first)
-        if first is not None and matrix is None:
-            self.warnings.add(obj.name, f"the cells of its grid '{first.name}' are no parallelepipeds, {_LEFT_OUT}")
+        matrix, first, numbers = _lie_alike(grids)
+        if first and matrix is None:
+            self.warnings.add(obj.name, f"the cells of its grid '{first}' are no parallelepipeds, {_LEFT_OUT}")
             return None
-        for name, grid in list(numbers.items()):
-            other = _index_to_object(grid)
-            if other is None or not np.allclose(other, matrix, rtol=1e-6, atol=1e-6 * np.abs(matrix).max()):
-                self.warnings.add(obj.name, f"its grid '{name}' does not lie as '{first.name}' does, and is left out")
-                del numbers[name]
-        if not any(grid.activeVoxelCount() for name, grid in numbers.items() if name in _gas(numbers)):
-            # so Blender reads a file that ends in the middle
+        for name in _of_numbers(grids).keys() - numbers.keys():
+            self.warnings.add(obj.name, f"its grid '{name}' does not lie as '{first}' does, and is left out")
+        leaves, values, background = np.empty((0, 3), np.int32), {}, 0.0
+        if _hold_cells(numbers):
+            _check_memory(numbers, f"Object '{obj.name}'")
+            background = numbers["temperature"].background if "temperature" in numbers else 0.0
+            leaves, values, bad = _read_leaves(numbers, f"Object '{obj.name}'")
+            for message in _describe_bad(bad):
+                self.warnings.add(obj.name, message)
+        if not len(leaves):  # so Blender reads a file that ends in the middle
             self.warnings.add(obj.name, f"its grids {', '.join(map(repr, grids))} hold no numbers, {_LEFT_OUT}")
             return None
-        _check_memory(numbers, f"Object '{obj.name}'")
-        leaves, values = _read_leaves(numbers, f"Object '{obj.name}'")
         if "density" in values:
             density = _or_none(values["density"])
         else:
@@ -143,10 +143,35 @@ class VolumeReader:
             np.maximum(density, 0.0, out=density)
         temperature = values.pop("temperature", None)
         if temperature is not None:
-            background = grids["temperature"].background
-            temperature[np.isnan(temperature)] = background if background > 0.0 else kelvin
+            temperature[np.isnan(temperature)] = background if 0.0 < background < np.inf else kelvin
         fractions = {name: _or_none(values[name]) for name in SPECIES if name in values}
         return Grid(leaves, matrix, density, temperature, fractions)
+
+
+@lru_cache(maxsize=16)
+def bad_values(path: str, stamp: tuple) -> list[str]:
+    """What a render will say of values in an OpenVDB file that are NaN or infinite. It is read once; nothing is said of
+    one that cannot be read. stamp: size and time of the file, so that a new one is read anew."""
+    module = openvdb()
+    if module is None:
+        return []
+    try:
+        grids = {grid.name: grid for grid in module.readAll(path)[0] if grid.name in _KNOWN}
+        numbers = _lie_alike(grids)[-1]
+        return _describe_bad(_read_leaves(numbers, path)[-1]) if _hold_cells(numbers) else []
+    except (RuntimeError, SceneError):
+        return []
+
+
+def _describe_bad(bad: dict[str, int]) -> list[str]:
+    """What a render does with values that are NaN or infinite. bad: number of cells by grid."""
+    instead = dict.fromkeys(_gas(bad), "they count as empty")
+    there = "they have the temperature of cells without one"
+    return [
+        f"cells of its grid '{name}' that are NaN or infinite: {count}; {instead.get(name, there)}"
+        for name, count in sorted(bad.items(), key=lambda item: _KNOWN.index(item[0]))
+        if count
+    ]
 
 
 def openvdb() -> ModuleType | None:
@@ -186,6 +211,29 @@ def _index_to_object(grid) -> np.ndarray | None:
     return matrix
 
 
+def _of_numbers(grids: dict) -> dict:
+    """Of grids of OpenVDB by name those of numbers."""
+    return {name: grid for name, grid in grids.items() if grid.valueTypeName in ("float", "double")}
+
+
+def _lie_alike(grids: dict) -> tuple[np.ndarray | None, str, dict]:
+    """Of grids of OpenVDB by name those of numbers that lie as the first of them does; before them how that lies, see
+    _index_to_object, and its name, empty if there is none."""
+    numbers = _of_numbers(grids)
+    first = next((name for name in _KNOWN if name in numbers), "")
+    matrix = _index_to_object(numbers[first]) if first else None
+    if matrix is None:
+        return None, first, {}
+    near = {"rtol": 1e-6, "atol": 1e-6 * np.abs(matrix).max()}
+    others = ((name, grid, _index_to_object(grid)) for name, grid in numbers.items())
+    return matrix, first, {n: g for n, g, other in others if other is not None and np.allclose(other, matrix, **near)}
+
+
+def _hold_cells(grids: dict) -> bool:
+    """Whether any grid that says where there is gas has cells."""
+    return any(grid.activeVoxelCount() for name, grid in grids.items() if name in _gas(grids))
+
+
 def _gas(names: Iterable[str]) -> list[str]:
     """Of names of grids, those that say where there is gas."""
     return [name for name in _GAS if name in names] or ["temperature"]
@@ -211,25 +259,28 @@ def _check_memory(grids: dict, owner: str) -> None:
     check_memory({"grids": 8.0 * len(grids) * max(cells)}, owner)
 
 
-def _read_leaves(grids: dict, owner: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Leaves (n, 3) int32 in which a grid has values that says where there is gas, and the values (n, 8, 8, 8) float32
-    of all grids by name, NaN where they have none. Block by block, so that a sparse grid is never dense as a whole."""
+def _read_leaves(grids: dict, owner: str) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, int]]:
+    """Leaves (n, 3) int32 in which a grid has values that says where there is gas; the values (n, 8, 8, 8) float32 of
+    all grids by name, NaN where they have none; and how many cells around there were NaN or infinite, which count as
+    without a value. Block by block, so that a sparse grid is never dense as a whole."""
     gas = _gas(grids)
     boxes = np.array([grids[name].evalActiveVoxelBoundingBox() for name in gas if grids[name].activeVoxelCount()])
     for grid in grids.values():
-        grid.background = np.nan  # inactive cells then are NaN, too
+        grid.background = _NO_VALUE  # inactive cells then have it, too
     low, high = boxes[:, 0].min(axis=0) // LEAF * LEAF, (boxes[:, 1].max(axis=0) // LEAF + 1) * LEAF
     check_spread((high - low) // LEAF, owner)
-    found = {name: [] for name in grids} | {"": []}
+    found, bad = {name: [] for name in grids} | {"": []}, dict.fromkeys(grids, 0)
     for start in itertools.product(*(range(a, b, _BLOCK) for a, b in zip(low.tolist(), high.tolist(), strict=True))):
         size = np.minimum(high - start, _BLOCK)
         values = {name: _dense(grid, start, size) for name, grid in grids.items()}
+        for name, each in values.items():
+            bad[name] += _drop_bad(each)
         used = _hold_any(values[name] for name in gas).any(axis=(1, 2, 3))
         for name, each in values.items():
             found[name].append(each[used])
         found[""].append(np.argwhere(used.reshape(size // LEAF)) + np.array(start) // LEAF)
     leaves = np.concatenate(found.pop("")).astype(np.int32)
-    return leaves, {name: np.concatenate(each) for name, each in found.items()}
+    return leaves, {name: np.concatenate(each) for name, each in found.items()}, bad
 
 
 def _dense(grid, start: tuple[int, int, int], size: np.ndarray) -> np.ndarray:
@@ -237,6 +288,13 @@ def _dense(grid, start: tuple[int, int, int], size: np.ndarray) -> np.ndarray:
     values = np.empty(size, np.float32)
     grid.copyToArray(values, ijk=start)
     return in_leaves(values, start)
+
+
+def _drop_bad(values: np.ndarray) -> int:
+    """Write NaN where there is no value, and where it is infinite; returns how many were NaN or infinite."""
+    bad = ~np.isfinite(values)
+    values[bad | (np.abs(values) == -_NO_VALUE)] = np.nan
+    return int(np.count_nonzero(bad))
 
 
 def _moved(grid: Grid, matrix: np.ndarray) -> Grid:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -35,6 +36,7 @@ from ..reading.scene_reader import check_faces
 from ..reading.sensor import read_response
 from ..reading.settings import read_defaults, read_settings
 from ..reading.surface_temperature import object_temperatures, temperature_source
+from ..reading.volumes import bad_values
 from ..reading.warnings import Warnings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings, world_temperature
 from ..solver.physics import library
@@ -48,6 +50,7 @@ from .render_passes import render_passes
 LEVELS = ("ERROR", "WARNING", "HINT")  # in the order of their weight
 LOST = 0.02  # share of a sensor's signal outside the bands that is worth a warning
 MOST_FACES = 50_000  # of the mesh of a gas; whether a larger one is closed, only the render finds out
+LARGEST_FILE = 16e6  # bytes of a volume; what a larger one holds, only the render finds out
 TYPICAL = 300.0  # K, at which a gas without a mesh is looked at
 WAVELENGTHS = 512  # in the bands, at which a gas is looked at
 SLACK = 1e-4  # um: settings are float32, so 14 um may be 14.0000001
@@ -196,7 +199,8 @@ def _medium_checks(obj, infrared, view_layer) -> list[Check]:
     if infrared.group_exr_path and obj.get("temperature_group"):
         found.append(Check("WARNING", f"{owner}: {NO_GROUP}"))
     leak = _leak(obj, view_layer)
-    return found + ([Check("WARNING", f"{owner}: {leak}")] if leak else [])
+    told = [leak] if leak else _bad_values(obj, view_layer)
+    return found + [Check("WARNING", f"{owner}: {each}") for each in told]
 
 
 def _read_medium_pressure(obj, owner: str) -> None:
@@ -217,6 +221,18 @@ def _leak(obj, view_layer) -> str:
     slots = np.clip(mesh.slot, 0, len(materials) - 1)
     parts = (mesh.triangles[slots == i] for i, material in enumerate(materials) if is_medium(material))
     return next(filter(None, (leak_message(mesh.vertices, part) for part in parts)), "")
+
+
+def _bad_values(obj, view_layer) -> list[str]:
+    """What is NaN or infinite in the file of a Volume object, unless it is large."""
+    if obj.type != "VOLUME":
+        return []
+    grids = obj.evaluated_get(_evaluated(view_layer)).data.grids
+    path = Path(bpy.path.abspath(grids.frame_filepath)) if grids.load() else Path()
+    if not path.is_file():  # the render tells of files that cannot be read; geometry nodes have none
+        return []
+    about = path.stat()
+    return bad_values(str(path), (about.st_size, about.st_mtime_ns)) if about.st_size <= LARGEST_FILE else []
 
 
 def _ignored_checks(obj, view_layer) -> list[Check]:
