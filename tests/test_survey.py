@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the survey tells before the first pass, of all that the camera sees, in mirrors too."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from addon.solver import Camera, Material, Settings
+from addon.solver import Camera, Material, Medium, Settings
+from addon.solver.physics.spectrum import band_radiance
+from addon.solver.planning import preparation
+from addon.solver.planning import survey as survey_module
 from addon.solver.planning.antialiasing import FEWEST, UNKNOWN
 from addon.solver.planning.preparation import prepare
-from addon.solver.planning.survey import Cells
+from addon.solver.planning.survey import Cells, survey_pixels
 from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
 EDGES = np.linspace(8.0, 12.0, 3)
@@ -120,3 +124,48 @@ def test_rough_lobes_send_as_many_rays_as_what_they_show_differs():
     far = samples[:, -6:]
     print(f"{beside.mean():.0f} rays near it, {far.mean():.1f} far off")
     assert beside.mean() > 4 * far.mean() and np.all(far >= UNKNOWN)
+
+
+def survey_of(scene, settings, monkeypatch):
+    """The Survey that prepare makes of a scene."""
+    kept = []
+    monkeypatch.setattr(preparation, "survey_pixels", lambda *args: kept.append(survey(*args)) or kept[0])
+    survey = survey_pixels
+    prepare(scene, settings)
+    return kept[0]
+
+
+def test_what_clear_gas_dims_varies_less(monkeypatch):
+    """An edge seen through a clear gas of optical depth 1: its variance is exp(-2) of that in a vacuum, to float32's
+    rounding of the radiance of lens samples; the gas itself adds the same everywhere."""
+    pane = quad((0.3, 0.1, 0), (1, 0.2, 0), (-0.2, 1, 0))
+    camera = Camera(SIZE, SIZE, above(4.0), "ORTHOGRAPHIC", frame=(-2, 2, -2, 2))
+    scene = make_scene(*pane, 400.0, [Material("black", 1.0)], camera, EDGES, world_temperature=250.0)
+    gas = Medium("gas", 0.25, 320.0)  # 4 m to the pane; and to what is behind it
+    settings = Settings(reference_subtraction=False)
+    monkeypatch.setattr(survey_module, "_AROUND", 0.0)  # each pixel's own variance
+    clear = survey_of(scene, settings, monkeypatch)
+    dimmed = survey_of(dataclasses.replace(scene, media=(gas,), world_depth=4.0), settings, monkeypatch)
+    edge = clear.variance > 0.1 * clear.variance.max()
+    assert edge.sum() > 20
+    ratio = (dimmed.variance / dimmed.sensitivity**2)[edge] / (clear.variance / clear.sensitivity**2)[edge]
+    np.testing.assert_allclose(ratio, math.exp(-2.0), rtol=1e-3)
+
+
+def test_fog_shows_what_is_around_it(monkeypatch):
+    """Fog that only scatters is as bright as the even surroundings, on whichever way light comes: what varies is
+    roulette alone, which ends 1 of 4096 walks at each scattering, and what is left after 8 of them. Of fog the samples
+    do not tell all, and no pixel sends fewer rays than that takes."""
+    plate = quad((0, 0, 9), (0.1, 0, 0), (0, 0.1, 0))  # behind the camera
+    camera = Camera(SIZE, SIZE, above(4.0), "ORTHOGRAPHIC", frame=(-2, 2, -2, 2))
+    scene = make_scene(*plate, 300.0, [Material("black", 1.0)], camera, EDGES, world_temperature=300.0)
+    vertices, triangles = sphere(2, 1.0)
+    fog = Medium("fog", 0.0, 0.0, 0.5, vertices=vertices, triangles=triangles)
+    settings = Settings(reference_subtraction=False)
+    survey = survey_of(dataclasses.replace(scene, media=(fog,)), settings, monkeypatch)
+    radiance = band_radiance(EDGES, 300.0).sum()
+    relative = np.sqrt(survey.variance / survey.sensitivity**2) / radiance
+    assert np.median(relative) < 1e-6 and np.sqrt(np.mean(relative**2)) < 2.0 * np.sqrt(1.0 / 4096.0)
+    x, y = np.meshgrid(*2 * [(np.arange(SIZE) + 0.5) / SIZE * 4.0 - 2.0])
+    unknown, inside = survey.unknown.reshape(SIZE, SIZE), np.hypot(x, y)
+    assert unknown[inside < 0.8].mean() > 0.99 and not unknown[inside > 1.1].any()  # exp(-16 * .6) see no scattering

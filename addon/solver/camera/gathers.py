@@ -11,11 +11,11 @@ from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, r
 from ..geometry.surfaces import sheet_of
 from ..physics.radiometry import NONE
 from ..planning.lamps import share_of_ray
-from ..sampling.heuristics import shared_part
+from ..sampling.heuristics import ALONE, shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
-from .rays import ALONE, BLIND, largest_throughput, shares_by_lobe
+from .rays import BLIND, largest_throughput, shares_by_lobe
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather

@@ -15,12 +15,12 @@ from ..physics.lobes import (
     sample_diffuse,
     sample_specular,
 )
-from ..sampling.heuristics import SINGLE_RAY
+from ..sampling.heuristics import ALONE, SINGLE_RAY
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .rays import ALONE, ASTRAY, BLIND, largest_throughput, shares_by_lobe
+from .rays import ASTRAY, BLIND, largest_throughput, shares_by_lobe
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it

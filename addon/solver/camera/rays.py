@@ -9,10 +9,11 @@ from ..geometry.segments import Hits
 from ..physics.lobes import is_glossy, is_wide
 from ..planning.antialiasing import MOST
 from ..planning.splitting import Splitting
+from ..sampling.heuristics import ALONE
 from ..sampling.rng import path_key
 from ..system.kernels import FAST_INLINED, INLINED, KERNEL, njit
 
-ALONE, BLIND, ASTRAY = np.float32(1e30), np.float32(2e30), np.float32(3e30)  # see Rays.density
+BLIND, ASTRAY = np.float32(2e30), np.float32(3e30)  # see Rays.density
 
 
 class Estimate(NamedTuple):

@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the light in the image comes from media, as far as the choice of T0 has to know."""
+"""What media do to light, as far as the plan has to know: how much of the light in the image is theirs, and what they
+emit, take and scatter of rays that survey the image."""
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
+from ..geometry.flight import ARRIVED, walk
 from ..geometry.media import Atmosphere
-from ..geometry.segments import empty_ray_batch, ways
+from ..geometry.segments import Hits, RayBatch, empty_ray_batch, glow, traverse, ways
 from ..geometry.surfaces import Surfaces
 from ..photons.irradiance_cache import LOOKS, start_looks
+from ..physics.media import mean_phase
 from ..physics.spectrum import band_radiance
+from ..sampling.heuristics import SINGLE_RAY
 from ..sampling.rng import PILOT, THROUGH_MEDIA, pass_key
+from ..sampling.vectors import difference, dot, vector
 from ..scene import Medium
+from ..system.kernels import KERNEL, njit
 from .pilot import Pilot
 from .reference import Sources
 
@@ -54,3 +63,62 @@ def absorbed_shares(
     taken = -np.expm1(-metres[:, None] * mean[air.medium])
     np.add.at(shares, air.medium, taken * np.repeat(weight / weight.sum() / LOOKS, LOOKS)[ray, None])
     return shares / np.maximum(shares.sum(axis=0), 1.0)
+
+
+class Scattered(NamedTuple):
+    """n rays that media scattered, and how they go on.
+
+    ray: int64, index of the ray. origin, direction: (n, 3) float32. throughput: float64, of the path. flown: float64,
+    m, from the ray's origin. density: float32, see Rays.
+    """
+
+    ray: np.ndarray
+    origin: np.ndarray
+    direction: np.ndarray
+    throughput: np.ndarray
+    flown: np.ndarray
+    density: np.ndarray
+
+
+def cross_samples(
+    tracer: Atmosphere, hits: Hits, rays: RayBatch, throughput: np.ndarray, numbers: tuple, seen: np.ndarray
+) -> Scattered:
+    """Add to seen (n,) what media emit along rays, in all bands together, and take from the rays' throughput (n,), the
+    mean over the bands, what media take. Rays that are scattered or lost meet nothing any more.
+
+    numbers: keys (n,) of random numbers, and the first dimension, see flight.walk.
+    """
+    count, air = len(throughput), tracer.cross(*rays, ways(hits))
+    scattered = Scattered(
+        np.empty(count, np.int64), *empty_ray_batch(count), *np.empty((2, count)), np.empty(count, np.float32)
+    )
+    room = np.empty((3, air.share.shape[1]))
+    found = _cross_samples(air, tracer.scatters, hits, (throughput, *numbers), seen, scattered, room)
+    return Scattered(*(column[:found] for column in scattered))
+
+
+@njit(**KERNEL)
+def _cross_samples(air, scatters, hits, paths, seen, scattered, room):
+    """room: (3, b), of weights before and after, and of radiance."""
+    throughput, path, first = paths
+    found, (weight, onward, radiance) = np.int64(0), (room[0], room[1], room[2])
+    for i in range(throughput.size):
+        weight[:], radiance[:] = throughput[i], 0.0
+        if scatters:
+            glow(air, i, weight, radiance)
+            out = scattered.origin, scattered.direction, found, onward
+            end = walk(air, i, air.rays, weight, (path[i], first), out)
+            if end >= 0:
+                flown = difference(vector(scattered.origin, found), vector(air.rays.origin, i))
+                cosine = dot(vector(air.rays.direction, i), vector(scattered.direction, found)) / air.length[i]
+                scattered.ray[found], scattered.throughput[found] = i, onward.mean()
+                scattered.flown[found] = math.sqrt(dot(flown, flown))
+                scattered.density[found] = SINGLE_RAY * mean_phase(air.table.anisotropy[end], weight, cosine)
+                found += 1
+            if end != ARRIVED:
+                hits.triangle[i], weight[:] = -1, 0.0
+        else:
+            traverse(air, i, weight, radiance)
+        seen[i] += radiance.sum()
+        throughput[i] = weight.mean()
+    return found

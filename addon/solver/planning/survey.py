@@ -15,17 +15,19 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
+from ..geometry.flight import NUMBERS
 from ..geometry.interaction import emit_at, interact, leave
-from ..geometry.segments import Tracer, empty_ray_batch
+from ..geometry.segments import RayBatch, Tracer
 from ..geometry.stage import Stage, emission_at, lobes_at, nothing_emitted, reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..image.pooling import sum_around
 from ..physics.lobes import diffuse_density, diffuse_share, is_glossy, is_specular, sample_diffuse, sample_specular
 from ..physics.spectrum import apparent_temperature
-from ..sampling.heuristics import TYPICAL_RAYS
+from ..sampling.heuristics import ALONE, TYPICAL_RAYS
 from ..sampling.rng import PILOT, SURVEY, pass_key, path_key, uniform
 from ..system.kernels import INLINED, KERNEL, njit
 from .lamps import share_of_ray
+from .media import Scattered, cross_samples
 from .sheets import Excess, Sheets
 
 _SAMPLES = 16  # samples of a pixel: camera rays that survey it
@@ -39,6 +41,8 @@ _FAINTEST = 0.05  # least radiance of a pixel, over the mean of the image, in th
 _AROUND = 1.0 / 16.0  # share of the variance of a pixel's neighbourhood that its own variance is taken to have at least
 _PRIOR = 32.0  # trial rays that the mean over the whole sheet counts as in a cell: few rays of its own may miss much
 _DIMENSION = 1 << 16  # first dimension of a sample's random numbers on surfaces, four for each bounce
+_WALKING = _DIMENSION + 4 * (_BOUNCES + 1)  # of those in media; and those of trial rays:
+_TRIAL_WALKING = _WALKING + NUMBERS * (_BOUNCES + 1)
 _HEAD_ON = 1.0  # cosine at which emission is evaluated: the additional emission at grazing angles is left out
 
 
@@ -86,12 +90,13 @@ class Survey(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Rays of samples, from the camera or after specular reflections, the rays of a pixel one behind the other.
+    """Rays of samples, from the camera, after specular reflections or scattered by media, or trial rays of gathers.
 
     origin, direction: (n, 3) float32. number: (n,) int64, number of the sample in its chunk. path: (n,) uint64, key of
     the sample's random numbers. throughput: (n,) float64, share of the radiance along the ray that reaches the camera.
     way: (n,) float64, m, length of the path from the camera to the origin. angle: (n,) float64, solid angle of the
-    pixel, sr; for parallel rays its area, m2.
+    pixel, sr; for parallel rays its area, m2. density: (n,) float32, see Rays: rays of final gathers, and those that
+    media scattered, leave a part of the light of lamps to shadow rays.
     """
 
     origin: np.ndarray
@@ -101,6 +106,7 @@ class _Samples(NamedTuple):
     throughput: np.ndarray
     way: np.ndarray
     angle: np.ndarray
+    density: np.ndarray
 
 
 class _Shown(NamedTuple):
@@ -228,6 +234,7 @@ class _Surveyor:
         gathers, tried = [], []
         for bounce in range(_BOUNCES + 1):
             hits = self.tracer.trace(samples.origin, samples.direction, reach)
+            scattered = self._cross(hits, samples, _WALKING + NUMBERS * bounce, seen)
             seen[samples.number] += samples.throughput * self._see(hits, samples)
             shown = self._shown(hits, samples)
             tried.append(self._try_gathers(pixels, bounce, hits, samples, shown))
@@ -235,30 +242,42 @@ class _Surveyor:
             onward = _Samples(*map(np.empty_like, samples))
             sent = _follow(self.stage, bounce, hits, samples, unclear, onward)
             samples = _Samples(*(column[:sent] for column in onward))
-            if sent == 0:
+            if scattered is not None:
+                unclear[scattered.number] = True
+                samples = _Samples(*map(np.concatenate, zip(samples, scattered, strict=True)))
+            if len(samples.number) == 0:
                 break
-            reach = np.full(sent, 1e37, np.float32)
+            reach = np.full(len(samples.number), 1e37, np.float32)
         shape = (len(pixels), _SAMPLES)
         return _Chunk(pixels, seen.reshape(shape), unclear.reshape(shape).any(axis=1), gathers, tried)
 
-    def _see(self, hits, rays, density=None) -> np.ndarray:
-        """(n,) excess radiance of all bands, W m-2 sr-1, that rays see. density: (n,) float32, see Rays, of rays of
-        final gathers, which leave a part of the light of lamps to shadow rays; None for rays that see all."""
-        lamps = self.excess.lamps
-        density = np.empty(0, np.float32) if density is None else density
-        radiance = self.excess.surroundings.radiance
+    def _cross(self, hits, rays, dimension, seen) -> _Samples | None:
+        """What media scatter of rays, None without media; see cross_samples. seen: by number of the sample."""
+        if not self.tracer.holds_media:
+            return None
+        glow = np.zeros(len(rays.number))
+        batch, numbers = RayBatch(rays.origin, rays.direction), (rays.path, dimension)
+        scattered = cross_samples(self.tracer, hits, batch, rays.throughput, numbers, glow)
+        np.add.at(seen, rays.number, glow)
+        return _go_astray(rays, scattered)
+
+    def _see(self, hits, rays) -> np.ndarray:
+        """(n,) excess radiance of all bands, W m-2 sr-1, that rays see."""
+        lamps, radiance = self.excess.lamps, self.excess.surroundings.radiance
         seen, emitted = np.empty(len(rays.origin)), nothing_emitted(len(radiance), np.float64)
-        _see(
-            self.stage,
-            hits,
-            rays.direction,
-            self.sheets.reflected,
-            float(radiance.sum()),
-            (lamps, density),
-            seen,
-            emitted,
-        )
+        around = self.sheets.reflected, float(radiance.sum()), lamps
+        _see(self.stage, hits, (rays.direction, rays.density), around, seen, emitted)
         return seen
+
+    def _follow_through_media(self, met, rays) -> None:
+        """Add to met, by number, what rays see that media scattered. rays: None without media."""
+        for bounce in range(1, _BOUNCES + 1):
+            if rays is None or len(rays.number) == 0:
+                return
+            hits = self.tracer.trace(rays.origin, rays.direction)
+            scattered = self._cross(hits, rays, _TRIAL_WALKING + NUMBERS * bounce, met)
+            np.add.at(met, rays.number, rays.throughput * self._see(hits, rays))
+            rays = scattered
 
     def _shown(self, hits, samples) -> _Shown:
         """The surfaces that the samples show."""
@@ -272,13 +291,14 @@ class _Surveyor:
         stage, first = self.stage, _SAMPLES * int(pixels[0]) if len(pixels) else 0
         chosen = np.flatnonzero(shown.sheet >= 0)
         chosen = chosen[(first + samples.number[chosen]) % self.stride == 0]
-        rays = empty_ray_batch(len(chosen))
-        density = np.empty(len(chosen), np.float32)
-        _start_gathers(stage.surfaces, bounce, hits, samples, chosen, rays, density)
-        ends = self.tracer.trace(*rays)
+        rays = _Samples(*(np.empty((len(chosen), *column.shape[1:]), column.dtype) for column in samples))
+        _start_gathers(stage.surfaces, bounce, hits, samples, chosen, rays)
+        ends, met = self.tracer.trace(rays.origin, rays.direction), np.zeros(len(chosen))
+        scattered = self._cross(ends, rays, _TRIAL_WALKING, met)
         noise, closeness, rest = np.zeros((3, len(chosen)))
         _measure(stage, self.sheets, ends, rays, closeness, noise, rest)
-        met = self._see(ends, rays, density)
+        met += rays.throughput * self._see(ends, rays)
+        self._follow_through_media(met, scattered)
         sheet = shown.sheet[chosen]
         stored = (ends.triangle >= 0) | ~self._open_sheets[sheet]
         return _Tried(
@@ -298,6 +318,21 @@ class _Surveyor:
         is_open = np.zeros(len(self.sheets.lit), np.bool_)
         is_open[self.stage.surfaces.sheet[self.excess.surroundings.open]] = True
         return is_open
+
+
+def _go_astray(rays: _Samples, scattered: Scattered) -> _Samples:
+    """The rays that go on where media scattered some. They look everywhere, so no pixels share what they see."""
+    of = scattered.ray
+    return _Samples(
+        scattered.origin,
+        scattered.direction,
+        rays.number[of],
+        rays.path[of],
+        scattered.throughput,
+        rays.way[of] + scattered.flown,
+        np.full(len(of), 4.0 * np.pi),
+        scattered.density,
+    )
 
 
 def _join_gathers(pixels: np.ndarray, samples: _Samples, shown: _Shown) -> _Gathers:
@@ -321,6 +356,7 @@ def _straight(eye: Eye, key: np.uint64, pixels: np.ndarray) -> tuple[_Samples, n
         np.ones(count),
         np.empty(count),
         np.empty(count),
+        np.full(count, ALONE),
     )
     _start_samples(eye, key, pixels, samples)
     return samples, reach
@@ -410,14 +446,14 @@ def _diffuse_reflectance(stage, at):
 
 
 @njit(**KERNEL)
-def _see(stage, hits, direction, reflected, surroundings, sharing, seen, emitted):
+def _see(stage, hits, rays, around, seen, emitted):
     """Fill seen (n,) with the excess radiance of all bands, W m-2 sr-1, that rays see: the emission, and the mean
     diffuse reflection of the sheet. Specular reflection is left out.
 
-    reflected: (labels,) see Sheets. surroundings: W m-2 sr-1. sharing: Lamps, and density of the rays, (0,)
-    where all emission counts.
+    rays: direction and density, see _Samples. around: (labels,) radiance reflected, see Sheets; that of the
+    surroundings, W m-2 sr-1; and Lamps.
     """
-    lamps, density = sharing
+    (direction, density), (reflected, surroundings, lamps) = rays, around
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
             seen[i] = surroundings
@@ -425,7 +461,7 @@ def _see(stage, hits, direction, reflected, surroundings, sharing, seen, emitted
         at = interact(stage.surfaces, hits, i, direction)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
         radiance = emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _HEAD_ON), emitted)
-        seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, at) if density.size else 1.0)
+        seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, at) if density[i] < ALONE else 1.0)
 
 
 @njit(**KERNEL)
@@ -470,20 +506,23 @@ def _follow(stage, bounce, hits, samples, unclear, onward):
         leave(stage.surfaces, at.side_id, at.point, lobe.direction, onward, sent)
         onward.number[sent], onward.path[sent] = samples.number[i], path
         onward.throughput[sent], onward.angle[sent] = throughput, samples.angle[i]
+        onward.density[sent] = ALONE
         onward.way[sent] = samples.way[i] + at.distance
         sent += 1
     return sent
 
 
 @njit(**KERNEL)
-def _start_gathers(surfaces, bounce, hits, samples, chosen, rays, density):
-    """Start a ray of a final gather from each of the chosen samples (n,). density: (n,), see Rays."""
+def _start_gathers(surfaces, bounce, hits, samples, chosen, rays):
+    """Start a ray of a final gather from each of the chosen samples (n,). Its number is its row."""
     for row in range(chosen.size):
         i, dimension = chosen[row], _DIMENSION + 4 * bounce
         at, path = interact(surfaces, hits, i, samples.direction), samples.path[i]
         direction = sample_diffuse(at.normal, uniform(path, dimension), uniform(path, dimension + 1))
         leave(surfaces, at.side_id, at.point, direction, rays, row)
-        density[row] = TYPICAL_RAYS * diffuse_density(at.normal, direction)
+        rays.number[row], rays.path[row], rays.throughput[row] = row, path, 1.0
+        rays.way[row], rays.angle[row] = 0.0, 4.0 * np.pi
+        rays.density[row] = TYPICAL_RAYS * diffuse_density(at.normal, direction)
 
 
 @njit(**KERNEL)
@@ -501,7 +540,7 @@ def _measure(stage, sheets, hits, rays, closeness, noise, rest):
         sheet, diffuse = sheet_of(stage.surfaces, at.side_id), _diffuse_reflectance(stage, at)
         disk = sheets.disk[sheet]
         if disk > 0.0:
-            photons = diffuse * diffuse * sheets.photon_noise[sheet]
+            photons = (rays.throughput[i] * diffuse) ** 2 * sheets.photon_noise[sheet]
             noise[i] = photons / disk
             rest[i] = photons * min(at.cosine * closeness[i] * closeness[i] / np.pi, 1.0 / disk)
 

@@ -35,6 +35,7 @@ BEST = 256.0  # rays that a shadow ray to a lamp which nothing hides is worth, w
 # Single rays, of rough lobes and continued ones, count as so many: where the light varies much over the lamps, as in a
 # narrow lobe, a shadow ray is worth no more than its candidates, and a larger share would make it noisy beyond bounds.
 SINGLE_RAY = BEST / CANDIDATES
+ALONE = np.float32(1e30)  # density, sr-1, of rays that share what they find with no shadow ray: beyond any other
 
 
 @njit(**INLINED)
