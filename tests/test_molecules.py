@@ -477,7 +477,8 @@ def test_extreme_gases_are_finite(medium):
 def test_temperatures_outside_the_data_are_told(caplog):
     with caplog.at_level("WARNING"):
         prepare(slab(EDGES, temperature=3000.0, gas=EXHAUST), Settings())
-    assert "Medium 'gas': at 3000 K its molecules absorb as at the nearest of 300 to 2500 K" in caplog.text
+    told = [record.getMessage() for record in caplog.records]
+    assert told == ["Medium 'gas': at 3000 K its molecules absorb as at the nearest of 300 to 2500 K"]
     assert KELVIN[0] == 300.0 and KELVIN[-1] == 2500.0
 
 

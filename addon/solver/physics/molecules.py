@@ -306,13 +306,21 @@ def build_molecular_media(
     molecular = [medium for medium in media if medium.molecules]
     if not molecular:
         return None
-    ranges = [(medium.temperature,) if medium.grid is None else temperature_range(medium) for medium in molecular]
-    for medium, extremes in zip(molecular, ranges, strict=True):
-        outside = [each for each in extremes if not _WARM <= each <= KELVIN[-1]]
+    hottest = max(kelvin, *(_extremes(medium)[-1] for medium in molecular))
+    return MolecularMedia(media, table, Sampler(edges, hottest, seed))
+
+
+def warn_of_temperatures(media: tuple[Medium, ...]) -> None:
+    """Log which media with molecules are colder or hotter than the data are good for."""
+    for medium in media:
+        outside = [each for each in _extremes(medium) if not _WARM <= each <= KELVIN[-1]] if medium.molecules else []
         if outside:
             log.warning(
                 "Medium '%s': at %g K its molecules absorb as at the nearest of %g to %g K",
                 medium.name, outside[-1], KELVIN[0], KELVIN[-1],
             )  # fmt: skip
-    hottest = max(kelvin, *(extremes[-1] for extremes in ranges))
-    return MolecularMedia(media, table, Sampler(edges, hottest, seed))
+
+
+def _extremes(medium: Medium) -> tuple[float, ...]:
+    """Lowest and highest temperature in a medium, K."""
+    return (medium.temperature,) if medium.grid is None else temperature_range(medium)

@@ -31,7 +31,7 @@ from ..physics.heat import build_heat_table
 from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
 from ..physics.lobes import GLOSSY, SPECULAR, WIDE
 from ..physics.media import build_medium_table
-from ..physics.molecules import MolecularMedia, build_molecular_media
+from ..physics.molecules import MolecularMedia, build_molecular_media, warn_of_temperatures
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
 from ..sampling.heuristics import Looking, typical_looking
@@ -112,6 +112,7 @@ def prepare(
     pilot = explore(grey, tracer, eye, area)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
     if scene.media:
+        warn_of_temperatures(scene.media)
         sources = _with_media(scene, settings, sources, (tracer, surfaces, pilot), 2.0 * radius)
     reference = _reference_temperature(settings, sources)
     layers = trace_apart(layers, reference)
@@ -189,7 +190,11 @@ def prepare(
 
 
 def _with_media(scene: Scene, settings: Settings, sources: Sources, seen: tuple, length: float) -> Sources:
-    """The Sources of a scene with media. seen: tracer, surfaces and pilot. length: m, typical way through media."""
+    """The Sources of a scene with media. seen: tracer, surfaces and pilot. length: m, typical way through media.
+
+    The table of molecules here is not that of the passes: at which wavenumbers these draw depends on what lights the
+    scene, and that on what media take. It costs a few hundredths of a second.
+    """
     edges, nothing = scene.band_edges, np.zeros(scene.band_count)
     table = build_medium_table(scene.media, edges, 0.0, nothing)
     weighting = typical_source(sources, edges, _reference_temperature(settings, sources))
