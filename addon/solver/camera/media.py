@@ -12,20 +12,19 @@ from ..geometry.segments import Tracer, glow, traverse, ways
 from ..geometry.stage import Stage
 from ..physics.media import mean_phase, weigh_phase
 from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, balance
-from ..sampling.rng import path_key, uniform
+from ..sampling.rng import path_key
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import KERNEL, njit
 from .rays import ASTRAY, Bounce, Rays, Rows, empty_rays
 from .shadow_rays import (
-    POINTS,
     LampRoom,
     Lighting,
     Shadows,
     add_unshadowed,
+    choose_point,
     competing,
     empty_shadows,
     light_of,
-    pick,
     towards_from,
 )
 from .streams import WALK_NUMBERS, WALKING
@@ -102,22 +101,10 @@ def _send_shadow(lighting, stage, vertex, room, shadows, n):
     """Fill shadow ray n, to a point on a lamp or light, from where a path is scattered; returns 1, or 0 if none shines
     there. As from surfaces, see shadow_rays.send_shadow, with the phase function for the BRDF and its cosine; the
     scattered ray shares what it finds."""
-    points, stride, total, path = lighting.points, POINTS // CANDIDATES, 0.0, vertex.rays.path[vertex.i]
-    throughput = vertex.rays.throughput[vertex.i]
-    offset = int(stride * uniform(path, vertex.dimension))
-    for c in range(CANDIDATES):
-        i = offset + stride * c
-        way, received, distance = towards_from(lighting, i, vertex.point)
-        if received > 0.0:
-            scattered = mean_phase(vertex.anisotropy, throughput, dot(vertex.along, way) / distance)
-            share = (
-                balance(competing(points, i, way, distance), SINGLE_RAY * scattered) if points.density[i] > 0.0 else 1.0
-            )
-            total += received * points.strength[i] * scattered * share
-        room.weight[c] = total
+    throughput, numbers = vertex.rays.throughput[vertex.i], (vertex.rays.path[vertex.i], vertex.dimension)
+    i, total = choose_point(_brought_to_vertex, lighting, vertex, numbers, room.weight)
     if not total > 0.0:
         return 0
-    i = offset + stride * pick(room.weight, total * uniform(path, vertex.dimension + 1))
     way, shadows.reach[n], shadows.layer[n] = light_of(lighting, stage, i, vertex.point, total, room.value)
     put_vector(vertex.point, shadows.origin, n)
     put_vector(way, shadows.direction, n)
@@ -128,6 +115,18 @@ def _send_shadow(lighting, stage, vertex, room, shadows, n):
         cosine = dot(vertex.along, way) / math.sqrt(dot(way, way))
         weigh_phase(vertex.anisotropy, mean_phase(vertex.anisotropy, throughput, cosine), cosine, shadows.radiance[n])
     return 1
+
+
+@njit(inline="always")
+def _brought_to_vertex(lighting, vertex, i):
+    """Scattered light that lamp point i is expected to bring to a _Vertex, as if visible."""
+    points, (way, received, distance) = lighting.points, towards_from(lighting, i, vertex.point)
+    if not received > 0.0:
+        return 0.0
+    cosine = dot(vertex.along, way) / distance
+    scattered = mean_phase(vertex.anisotropy, vertex.rays.throughput[vertex.i], cosine)
+    share = balance(competing(points, i, way, distance), SINGLE_RAY * scattered) if points.density[i] > 0.0 else 1.0
+    return received * points.strength[i] * scattered * share
 
 
 def join(onward: Rays, count: int, scattered: Rays) -> tuple[Rays, int]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.interaction import LEAST_COSINE, Interaction, emit_at, leave, stand_at
+from ..geometry.interaction import LEAST_COSINE, Interaction, emit_at, emit_towards, leave, stand_at
 from ..geometry.segments import transmit
 from ..geometry.stage import fill_emission, layer_at
 from ..geometry.surfaces import clear_of
@@ -21,7 +21,7 @@ from ..photons.lights import (
     area_light_point,
     spot_brightness,
 )
-from ..physics.lobes import DIFFUSE, Lobes, diffuse_share, evaluate_glossy, glossy_density
+from ..physics.lobes import DIFFUSE, Lobes, diffuse_share, evaluate_diffuse, evaluate_glossy, glossy_density
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
 from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, rays_to
@@ -172,14 +172,13 @@ def _shared_brdf(receiver, way, distance, aimed):
     """BRDF of the receiver's lobes between its ray and the way to a lamp, sr-1, each lobe times the share of the light
     from there that is left to shadow rays, see share_of_ray. aimed: lamp points that compete, sr-1; 0 for lights, which
     no ray meets."""
-    at, lobes, brdf = receiver.at, receiver.lobes, 0.0
+    at, lobes, brdf, direction = receiver.at, receiver.lobes, 0.0, scaled(way, 1.0 / distance)
     if receiver.looking.together > 0.0:
-        cosine = max(0.0, dot(way, at.shading_normal)) / distance
+        cosine = max(0.0, dot(way, at.normal)) / distance
         met = rays_to(receiver.looking, distance) * cosine / math.pi if aimed > 0.0 else 0.0
-        brdf += diffuse_share(lobes) / math.pi * balance(aimed, met)
+        brdf += diffuse_share(lobes) / math.pi * evaluate_diffuse(at, direction) * balance(aimed, met)
     rays, weight = receiver.in_lobe
     if rays > 0.0:
-        direction = scaled(way, 1.0 / distance)
         met = rays * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
         brdf += weight * lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
     return brdf
@@ -248,7 +247,8 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
     the point.
     """
     at, value = receiver.at, room.value
-    i, total = _choose_point(lighting, receiver, room.weight)
+    numbers = receiver.path, receiver.dimension
+    i, total = choose_point(_brought_to_surface, lighting, receiver, numbers, room.weight)
     if total <= 0.0:
         return 0
     start = clear_of(stage.surfaces, at.side_id, at.point)
@@ -271,7 +271,8 @@ def light_of(lighting, stage, i, start, total, value):
     factor, light, layer = total / (CANDIDATES * lamps.strength[chosen]), chosen - lamps.side_id.size, 0
     if light < 0:
         cosine = abs(dot(way, vector(points.normal, i))) / distance
-        lamp = emit_at(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], cosine)
+        back = scaled(way, -1.0 / distance)
+        lamp = emit_towards(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], back, cosine)
         layer = layer_at(stage, lamp)
         fill_emission(stage, lamp, value)
         factor *= 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] * math.pi
@@ -290,30 +291,33 @@ def light_of(lighting, stage, i, start, total, value):
 
 
 @njit(inline="always")
-def _choose_point(lighting, receiver, weight):
+def choose_point(brought, lighting, receiver, numbers, weight):
     """The lamp point that is chosen for a receiver, and the sum of the light that all candidates are expected to
-    bring."""
-    points, stride = lighting.points, POINTS // CANDIDATES
-    offset = int(stride * uniform(receiver.path, receiver.dimension))
-    total = 0.0
-    for c in range(CANDIDATES):
-        i = offset + stride * c
-        way, received = _towards(lighting, i, receiver.at)
-        if received > 0.0:
-            distance = math.sqrt(dot(way, way))
-            aimed = competing(points, i, way, distance)
-            total += received * points.strength[i] * _shared_brdf(receiver, way, distance, aimed)
-        weight[c] = total
-    return offset + stride * pick(weight, total * uniform(receiver.path, receiver.dimension + 1)), total
+    bring.
+
+    brought: a kernel of lighting, receiver and number of a point, the light that this is expected to bring. numbers:
+    key and first dimension of two random numbers. weight: room for (CANDIDATES,).
+    """
+    (path, dimension), stride, total, c = numbers, POINTS // CANDIDATES, 0.0, 0
+    offset = int(stride * uniform(path, dimension))
+    for candidate in range(CANDIDATES):
+        total += brought(lighting, receiver, offset + stride * candidate)
+        weight[candidate] = total
+    chosen = total * uniform(path, dimension + 1)
+    while c < CANDIDATES - 1 and weight[c] <= chosen:
+        c += 1
+    return offset + stride * c, total
 
 
 @njit(inline="always")
-def pick(weight, value):
-    """The candidate whose cumulative weight (CANDIDATES,) is the first above a value."""
-    c = 0
-    while c < CANDIDATES - 1 and weight[c] <= value:
-        c += 1
-    return c
+def _brought_to_surface(lighting, receiver, i):
+    """Reflected light that lamp point i is expected to bring to a Receiver, as if visible."""
+    way, received = _towards(lighting, i, receiver.at)
+    if not received > 0.0:
+        return 0.0
+    distance = math.sqrt(dot(way, way))
+    aimed = competing(lighting.points, i, way, distance)
+    return received * lighting.points.strength[i] * _shared_brdf(receiver, way, distance, aimed)
 
 
 @njit(inline="always")
@@ -324,10 +328,11 @@ def send_sky(surroundings, stage, receiver, shadows, count):
     for stratum in range(SKY_RAYS):
         dimension = receiver.dimension + 2 + 2 * stratum
         local = cosine_stratum(stratum, _SIDE, uniform(path, dimension), uniform(path, dimension + 1))
-        direction = to_world(local, at.shading_normal)
+        direction = to_world(local, at.normal)
         _start(stage.surfaces, receiver, direction, 1e37, surroundings.layer, shadows, count + stratum)
+        received = scale * evaluate_diffuse(at, direction)
         for b in range(rho.size):
-            radiance = surroundings.radiance[b] * scale
+            radiance = surroundings.radiance[b] * received
             shadows.radiance[count + stratum, b] = receiver.throughput[b] * rho[b] * radiance
 
 
