@@ -46,6 +46,64 @@ def strip_mesh():
 # Geometry -------------------------------------------------------------------------------------------------------------
 
 
+def smooth_ball(**values):
+    """A linked ball of radius 1 that is shaded smooth."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
+    ball = bpy.context.object
+    ball.data.shade_smooth()
+    ball["temperature"] = 300.0
+    return ball
+
+
+def test_flat_meshes_have_no_normals():
+    link("Cube", cube_mesh(), temperature=300.0)
+    assert read()[0].corner_normals is None
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2, 1, 0.5), (-2, 1, 0.5), (-1, -1, 1)])
+def test_smooth_normals_follow_the_object(scale):
+    """A ball becomes an ellipsoid: its normals at the corners are the gradient of its equation, to what Blender's mean
+    over faces of unequal shape differs from that, and point outwards if the object is mirrored, too. A flat object
+    beside it stays flat."""
+    ball = smooth_ball()
+    ball.scale, ball.rotation_euler, ball.location = scale, (0.3, 0.5, -0.2), (1.0, 2.0, 3.0)
+    link("Cube", cube_mesh(), temperature=300.0)
+    scene = read()[0]
+    smooth = np.any(scene.corner_normals != 0.0, axis=(1, 2))
+    assert smooth.sum() == 16 * 2 * 7 and len(smooth) == 16 * 2 * 7 + 12
+    matrix = np.array(ball.matrix_world)
+    local = (corners(scene)[smooth] - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
+    expected = local @ np.linalg.inv(matrix[:3, :3])
+    expected /= np.linalg.norm(expected, axis=2, keepdims=True)
+    given = scene.corner_normals[smooth]
+    np.testing.assert_allclose(np.linalg.norm(given, axis=2), 1.0, atol=1e-6)
+    assert np.sum(given * expected, axis=2).min() > 0.99
+    a, b, c = np.moveaxis(corners(scene)[smooth].astype(np.float64), 1, 0)
+    assert np.all(np.einsum("mi,mji->mj", np.cross(b - a, c - a), given) > 0.0)
+
+
+def test_sharp_edges_stay_sharp():
+    """A cube that is shaded smooth, with all edges sharp, has the normals of its faces; without, those of corners."""
+    cube = link("Cube", cube_mesh(), temperature=300.0)
+    cube.data.shade_smooth()
+    rounded = read()[0].corner_normals
+    np.testing.assert_allclose(np.abs(rounded), 3**-0.5, atol=1e-3)
+    for edge in cube.data.edges:
+        edge.use_edge_sharp = True
+    assert read()[0].corner_normals is None
+
+
+def test_custom_normals_count():
+    cube = link("Cube", cube_mesh(), temperature=300.0)
+    cube.data.normals_split_custom_set([(0.0, 0.6, 0.8)] * len(cube.data.loops))
+    np.testing.assert_allclose(read()[0].corner_normals, np.broadcast_to((0.0, 0.6, 0.8), (12, 3, 3)), atol=1e-3)
+
+
+def test_an_object_without_extent_has_no_normals():
+    smooth_ball().scale = (1.0, 1.0, 0.0)
+    assert read()[0].corner_normals is None
+
+
 def test_cube_geometry_and_world_transform():
     obj = link("Cube", cube_mesh(), temperature=300.0)
     obj.location, obj.scale = (1.0, 2.0, 3.0), (1.0, 2.0, 4.0)

@@ -17,17 +17,19 @@ class MeshData:
     """A mesh in its own space, read once however often it is instanced.
 
     vertices: (n, 3) float64. triangles: (m, 3) int32. slot: (m,) int32, material slot of each triangle.
-    temperature: (m,) or (m, 3) float32 K from the mesh attribute, or None.
+    temperature: (m,) or (m, 3) float32 K from the mesh attribute, or None. normals: (m, 3, 3) float32, unit normals at
+    the corners of triangles; None if all faces are flat.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
     slot: np.ndarray
     temperature: np.ndarray | None
+    normals: np.ndarray | None = None
 
 
 def read_mesh(mesh, owner: str, warnings: Warnings) -> MeshData:
-    """Positions, triangles, slots and the `temperature` attribute of an evaluated mesh, one bulk read for each."""
+    """Positions, triangles, slots, normals and the `temperature` attribute of an evaluated mesh, one bulk read each."""
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
     if count == 0:
@@ -43,7 +45,16 @@ def read_mesh(mesh, owner: str, warnings: Warnings) -> MeshData:
         triangles=corner_vertices[corners].reshape(-1, 3),
         slot=np.zeros(count, np.int32) if slots is None else read_values(slots.data, "value", np.int32)[faces],
         temperature=_triangle_temperatures(mesh, corner_vertices, corners, faces, owner, warnings),
+        normals=_corner_normals(mesh, corners),
     )
+
+
+def _corner_normals(mesh, corners: np.ndarray) -> np.ndarray | None:
+    """(m, 3, 3) float32 normals at corners of triangles as Blender shades them, by sharp edges and custom normals. None
+    if all faces are flat."""
+    if mesh.normals_domain == "FACE":
+        return None
+    return read_values(mesh.corner_normals, "vector", np.float32, 3)[corners].reshape(-1, 3, 3)
 
 
 def _triangle_temperatures(mesh, corner_vertices, corners, faces, owner, warnings) -> np.ndarray | None:

@@ -37,6 +37,7 @@ class SurfaceReader:
         self.indices = {}  # Blender's material (None: no material) -> index into materials
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
+        self.normals = []  # (m, 3, 3) float32 of each object, None of flat ones
         self.metres, self.media = 1.0, []  # length of a unit, which scene_reader sets
         self.volumes = VolumeReader(warnings)
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
@@ -61,12 +62,16 @@ class SurfaceReader:
             self._add_media(obj, vertices, mesh.triangles, (materials, np.where(filled, slot, -1)), temperature)
             if filled.all():
                 return
-            mesh = MeshData(vertices, mesh.triangles[~filled], slot[~filled], None)
+            normals = None if mesh.normals is None else mesh.normals[~filled]
+            mesh = MeshData(vertices, mesh.triangles[~filled], slot[~filled], None, normals)
             temperature, slot = temperature[~filled], slot[~filled]
         triangles = mesh.triangles + np.int32(self.vertex_count)
+        normals = _normals_in_world_space(mesh.normals, matrix)
         if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored object keeps its front sides outside
             triangles = triangles[:, ::-1]
             temperature = temperature[:, ::-1] if temperature.ndim == 2 else temperature
+            normals = None if normals is None else normals[:, ::-1]
+        self.normals.append(normals)
         self.vertices.append(vertices)
         self.triangles.append(triangles)
         self.slots.append(self._materials(obj, materials, slot))
@@ -126,9 +131,18 @@ class SurfaceReader:
             "material": np.concatenate(self.slots),
             "temperature": np.concatenate(temperatures),
             "materials": tuple(self.materials),
+            "corner_normals": self._corner_normals(),
             **self._media(world),
             **self._groups(world),
         }
+
+    def _corner_normals(self) -> np.ndarray | None:
+        """(m, 3, 3) float32 of all triangles, 0 on flat ones; None if all are flat."""
+        if all(normals is None for normals in self.normals):
+            return None
+        of_objects = zip(self.triangles, self.normals, strict=True)
+        flat = [np.zeros((len(t), 3, 3), np.float32) if normals is None else normals for t, normals in of_objects]
+        return np.concatenate(flat)
 
     def labels(self, name: str) -> np.ndarray:
         """(m,) int32 Blender's 'object_index' or 'material_index' of each triangle."""
@@ -204,6 +218,19 @@ def _in_world_space(vertices: np.ndarray, matrix: np.ndarray, owner: str) -> np.
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         raise SceneError(f"Object '{owner}': vertex {bad} is not finite: {vertices[bad]}")
     return vertices
+
+
+def _normals_in_world_space(normals: np.ndarray | None, matrix: np.ndarray) -> np.ndarray | None:
+    """(m, 3, 3) float32 corner normals in world space. An object that a scale of 0 makes flat has none; a triangle with
+    a corner whose normal has no direction is flat."""
+    if normals is None or np.linalg.det(matrix[:3, :3]) == 0.0:
+        return None
+    turned = normals @ np.linalg.inv(matrix[:3, :3]).astype(np.float32)
+    length = np.linalg.norm(turned, axis=2, keepdims=True)
+    known = np.isfinite(length) & (length > 0.0)
+    np.divide(turned, length, out=turned, where=known)
+    turned[~known.all(axis=(1, 2))] = 0.0
+    return turned
 
 
 def _has_particle_hair(obj) -> bool:

@@ -519,6 +519,8 @@ class Scene:
     group: (m,) int16, the group of each triangle, -1 for none; required with groups. world_group: of the surroundings.
     media: gases between the surfaces. world_depth: m, how far those without a mesh reach along rays that leave the
         scene.
+    corner_normals: (m, 3, 3) float32, normals at the corners of triangles, on their front side, of a surface that is
+        shaded smooth; zero, or the triangle's own, where it is flat. None if all are.
 
     Raises SceneError if a value cannot be rendered.
     """
@@ -538,6 +540,7 @@ class Scene:
     world_group: int = -1
     media: tuple[Medium, ...] = ()
     world_depth: float = 0.0
+    corner_normals: np.ndarray | None = None
 
     def __post_init__(self):
         check_band_edges(self.band_edges)
@@ -564,6 +567,8 @@ class Scene:
             _check_light(light)
         if self.groups:
             self._check_groups()
+        if self.corner_normals is not None:
+            _check_corner_normals(self.corner_normals, count)
 
     @property
     def band_count(self) -> int:
@@ -672,3 +677,14 @@ def check_band_edges(edges: np.ndarray) -> None:
     if np.any(np.diff(edges) <= 0):
         at = int(np.flatnonzero(np.diff(edges) <= 0)[0])
         raise SceneError(f"Band edges must ascend: {edges[at]:g} um is followed by {edges[at + 1]:g} um")
+
+
+def _check_corner_normals(normals: np.ndarray, count: int) -> None:
+    """Raises SceneError if normals are not (count, 3, 3), or if a triangle has some without a direction."""
+    if normals.shape != (count, 3, 3):
+        raise SceneError(f"corner_normals has shape {normals.shape}, expected ({count}, 3, 3)")
+    square = np.einsum("mij,mij->mi", normals, normals)
+    bad = ~((square > 0.0) & (square < np.inf)).all(axis=1) & (square != 0.0).any(axis=1)  # also true for NaN
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise SceneError(f"Triangle {first}: a normal of its corners has no direction: {normals[first].tolist()}")

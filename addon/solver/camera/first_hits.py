@@ -100,11 +100,11 @@ def first_hit_images(
 
 @njit(**KERNEL)
 def _meet(surfaces, hits, rays, normal, cosine):
-    """Fill in, for n rays that meet triangles, the normal (n, 3) that faces the ray, and the cosine (n,) between normal
-    and ray."""
+    """Fill in, for n rays that meet triangles, the shading normal (n, 3) of the side that faces the ray, and the cosine
+    (n,) between that and the ray."""
     for i in range(cosine.size):
         at = interact(surfaces, hits, i, rays.direction)
-        put_vector(at.normal, normal, i)
+        put_vector(at.shading_normal, normal, i)
         cosine[i] = at.cosine
 
 

@@ -10,6 +10,7 @@ from ..photons.transport import MAX_SURVIVAL
 from ..physics.lobes import (
     diffuse_density,
     diffuse_share,
+    evaluate_diffuse,
     glossy_density,
     is_specular,
     sample_diffuse,
@@ -89,12 +90,12 @@ def _split(surfaces, at, gathers, g, group, first, onward):
     for ray in range(_resampled(part[0], count, start), _resampled(part[1], count, start)):
         u, v = lattice_point(ray, count, shift_u, shift_v)
         put_vector(origin, onward.origin, first + ray)
-        direction = sample_diffuse(at.shading_normal, u, v)
+        direction = sample_diffuse(at.normal, u, v)
         put_vector(direction, onward.direction, first + ray)
-        onward.density[first + ray] = together * diffuse_density(at.shading_normal, direction)
+        onward.density[first + ray] = together * diffuse_density(at.normal, direction)
         onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
-        onward.throughput[first + ray, :] = throughput
+        onward.throughput[first + ray, :] = throughput * np.float32(evaluate_diffuse(at, direction))
 
 
 @njit(inline="always")
@@ -112,7 +113,9 @@ def _doubt(stage, bounce, gather, pixels, onward, sent):
     if number >= chance:
         return 0
     at, ray = interact(stage.surfaces, bounce.hits, i, rays.direction), first + int(number / chance * count)
-    rho, scale = reflectance_at(stage, at), np.float32(gathers.weight[g] * diffuse_share(lobes_at(stage, at)) / chance)
+    received = evaluate_diffuse(at, vector(onward.direction, ray))
+    weight = gathers.weight[g] * diffuse_share(lobes_at(stage, at)) * received
+    rho, scale = reflectance_at(stage, at), np.float32(weight / chance)
     for twin in range(2):
         put_vector(vector(onward.origin, ray), onward.origin, sent + twin)
         put_vector(vector(onward.direction, ray), onward.direction, sent + twin)
@@ -141,11 +144,11 @@ def _leave(surfaces, at, direction, pixel, path, onward, row):
 def _go_on(stage, at, bounce, i, onward, sent):
     """Continue ray i of a final gather in one diffuse direction, as ray `sent` of onward."""
     rays, rho, path = bounce.rays, reflectance_at(stage, at), path_key(bounce.rays.path[i], CONTINUING + bounce.number)
-    direction = sample_diffuse(at.shading_normal, uniform(path, 0), uniform(path, 1))
+    direction = sample_diffuse(at.normal, uniform(path, 0), uniform(path, 1))
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent] = onward.continued[sent] = True
-    onward.density[sent] = SINGLE_RAY * diffuse_density(at.shading_normal, direction)
-    scale = np.float32(diffuse_share(lobes_at(stage, at)) * bounce.goes_on[i])
+    onward.density[sent] = SINGLE_RAY * diffuse_density(at.normal, direction)
+    scale = np.float32(diffuse_share(lobes_at(stage, at)) * evaluate_diffuse(at, direction) * bounce.goes_on[i])
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * scale
 

@@ -14,7 +14,7 @@ from ..geometry.stage import lobes_at, reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
-from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_glossy, is_glossy
+from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_diffuse, evaluate_glossy, is_glossy
 from ..planning.pilot import SKY_RAYS
 from ..planning.splitting import recall_chance
 from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, Looking, looking_from
@@ -81,13 +81,14 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
 
 @njit(inline="always")
 def _add_straight(stage, photons, index, at, scale, throughput, out):
-    """Add the reflection, in a rough lobe, of photons straight from lights, as no camera path can hit a light."""
+    """Add the reflection, in a rough lobe, of photons straight from lights, as no camera path can hit a light. Photons
+    were stored with what they are worth to a diffuse lobe (see evaluate_diffuse): here they count as they are."""
     lobes, rho = lobes_at(stage, at), reflectance_at(stage, at)
     for j in range(index.size):
         photon = index[j]
         towards = vector(photons.incoming, photon)
         if dot(towards, at.normal) > 0.0:
-            f = evaluate_glossy(lobes, at, towards) * scale
+            f = evaluate_glossy(lobes, at, towards) * scale / max(evaluate_diffuse(at, towards), 1e-3)
             for b in range(rho.size):  # lights add to the first layer
                 out[b] += throughput[b] * rho[b] * f * photons.power[photon, b]
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
-from .surfaces import clear_of, facing_side, unit_normal
-from .triangles import point
+from .surfaces import clear_of, facing_side, shading_normal, unit_normal
+from .triangles import barycentric, point
 
 LEAST_COSINE = 1e-6  # least cosine of an Interaction, so that nothing is divided by 0 at grazing rays
 
@@ -20,10 +20,11 @@ class Interaction(NamedTuple):
     """Where a ray met what. All kernels use it: those of photons, of the camera, and of the planning.
 
     triangle: index. side_id: 2 triangle + side, the side from which the ray came. point: m. normal: geometric unit
-    normal of that side. shading_normal: unit normal around which lobes are turned, for now the same as normal.
-    material: index, at that side. u, v: barycentric coordinates of corners 1 and 2. incoming: unit direction of the
-    ray, towards the surface. cosine: of the angle between the reversed ray and the shading normal, at least
-    LEAST_COSINE. distance: m, length of the ray from its origin to the point.
+    normal of that side. shading_normal: unit normal around which lobes are turned; another one where the surface is
+    shaded smooth. lean: cosine between the two normals, 1 exactly where they are the same. material: index, at that
+    side. u, v: barycentric coordinates of corners 1 and 2. incoming: unit direction of the ray, towards the surface.
+    cosine: of the angle between the reversed ray and the shading normal; geometric_cosine: and the normal, which solid
+    angles and areas go by; both at least LEAST_COSINE. distance: m, length of the ray from its origin to the point.
     """
 
     triangle: int
@@ -31,11 +32,13 @@ class Interaction(NamedTuple):
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
     shading_normal: tuple[float, float, float]
+    lean: float
     material: int
     u: float
     v: float
     incoming: tuple[float, float, float]
     cosine: float
+    geometric_cosine: float
     distance: float
 
 
@@ -54,27 +57,55 @@ def interact_at(surfaces, triangle, u, v, direction, length):
     incoming = scaled(direction, 1.0 / norm)
     side_id = facing_side(surfaces, triangle, direction)
     n = unit_normal(surfaces, side_id)
-    cosine = max(LEAST_COSINE, -dot(incoming, n))
+    geometric_cosine = max(LEAST_COSINE, -dot(incoming, n))
+    ns, lean, cosine = _shaded(surfaces, side_id, (u, v), scaled(incoming, -1.0), n, geometric_cosine)
     at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
-    return Interaction(triangle, side_id, at, n, n, material, u, v, incoming, cosine, length * norm)
+    return Interaction(
+        triangle, side_id, at, n, ns, lean, material, u, v, incoming, cosine, geometric_cosine, length * norm
+    )
+
+
+@njit(**INLINED)
+def _shaded(surfaces, side_id, at, direction, n, cosine):
+    """Shading normal at (u, v) of a side, its cosine with the normal n, and with a direction whose cosine with n is
+    this."""
+    if surfaces.smooth.size == 0 or surfaces.smooth[side_id >> 1] < 0:
+        return n, 1.0, cosine
+    ns = shading_normal(surfaces, side_id, at[0], at[1])
+    return ns, min(1.0, dot(ns, n)), max(LEAST_COSINE, dot(ns, direction))
 
 
 @njit(**INLINED)
 def emit_at(surfaces, side_id, u, v, cosine):
-    """The Interaction at (u, v) of a side that emits in a direction with this cosine. There is no ray that arrives, so
-    incoming is the reversed normal and distance is 0."""
+    """The Interaction at (u, v) of a side that emits in any direction with this cosine, where it does not matter which
+    one it is. There is no ray that arrives, so incoming is the reversed normal and distance is 0."""
     n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
     at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
-    return Interaction(triangle, np.int32(side_id), at, n, n, material, u, v, scaled(n, -1.0), cosine, 0.0)
+    return Interaction(triangle, np.int32(side_id), at, n, n, 1.0, material, u, v, scaled(n, -1.0), cosine, cosine, 0.0)
+
+
+@njit(**INLINED)
+def emit_towards(surfaces, side_id, u, v, direction, cosine):
+    """The Interaction at (u, v) of a side that emits in a unit direction, with this cosine; see emit_at."""
+    n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
+    ns, lean, shaded = _shaded(surfaces, side_id, (u, v), direction, n, cosine)
+    at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
+    incoming = scaled(direction, -1.0)
+    return Interaction(triangle, np.int32(side_id), at, n, ns, lean, material, u, v, incoming, shaded, cosine, 0.0)
 
 
 @njit(**INLINED)
 def stand_at(surfaces, side_id, point):
     """The Interaction at a point of a side, seen from straight above: for light that arrives there, whichever way it
-    goes on. u, v and distance are 0."""
-    n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
+    goes on. distance is 0."""
+    n, triangle, u, v = unit_normal(surfaces, side_id), np.int64(side_id >> 1), 0.0, 0.0
+    if surfaces.smooth.size > 0:
+        u, v = barycentric(surfaces.corners, triangle, point)
+    ns, lean, cosine = _shaded(surfaces, side_id, (u, v), n, n, 1.0)
     material = np.int32(surfaces.material[triangle])
-    return Interaction(triangle, np.int32(side_id), point, n, n, material, 0.0, 0.0, scaled(n, -1.0), 1.0, 0.0)
+    return Interaction(
+        triangle, np.int32(side_id), point, n, ns, lean, material, u, v, scaled(n, -1.0), cosine, 1.0, 0.0
+    )
 
 
 @njit(inline="always")  # as rays are tuples of many types

@@ -2,20 +2,26 @@
 """Surfaces: the triangles of a scene for the kernels, how they are connected, and the tracer for rays."""
 
 import logging
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ..physics.radiometry import stored_photons
+from ..sampling.vectors import dot, scaled
 from ..scene import Scene, SceneError
 from ..system.kernels import INLINED, KERNEL, njit
 from .mesh import distinct, find_neighbours, first_at_point, label_sheets
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order
 from .segments import Tracer
-from .triangles import areas, centroid, centroids, longest_edge, normal, planes
+from .triangles import areas, centroid, centroids, longest_edge, normal, planes, point
 
 log = logging.getLogger(__name__)
 
+_FLAT = 1.0 - 1e-6  # cosine from which on a normal is the triangle's own: 0.08 degrees, beyond float32's rounding
+# Least cosine between normal and shading normal. Where normals lean more, as custom ones may, they tell nothing of the
+# surface: it is shaded flat.
+LEAST_LEAN = 0.1
 LONGEST = 9  # row of a leaf of triangles that holds the length of the longest edge
 
 
@@ -29,6 +35,8 @@ class Surfaces(NamedTuple):
         from 0, without gaps.
     plane: (m, 4) float32, unit normal and clearance (m, see `offset`), side by side as every hit needs both.
     layer: (m,) uint8, the layer of the image to which emission adds (see layers); (0,) if there is but one layer.
+    smooth: (m,) int32, row of corner_normal (s, 3, 3) float32, unit normals at the corners of the front of triangles
+        that are shaded smooth; -1 for flat ones; (0,) if all are flat.
     mesh: tree over the triangles; the leaves hold centroid, normal, area, the sheets of both sides and the length of
         the longest edge. leaf_triangle: (m,) int32, the triangle in each slot of the leaves.
 
@@ -44,6 +52,8 @@ class Surfaces(NamedTuple):
     leaf_triangle: np.ndarray
     plane: np.ndarray
     layer: np.ndarray
+    smooth: np.ndarray
+    corner_normal: np.ndarray
 
 
 class Geometry(NamedTuple):
@@ -149,8 +159,24 @@ def build_surfaces(
         leaf_triangle=geometry.leaf_triangle,
         plane=geometry.plane,
         layer=np.empty(0, np.uint8) if layer is None else np.ascontiguousarray(layer[kept], np.uint8),
+        **_smooth(scene, geometry),
     )
     return surfaces, geometry.tracer, geometry.centre
+
+
+def _smooth(scene: Scene, geometry: Geometry) -> dict:
+    """smooth and corner_normal of Surfaces: without the rows of triangles whose normals are all their own."""
+    if scene.corner_normals is None:
+        return {"smooth": np.empty(0, np.int32), "corner_normal": np.empty((0, 3, 3), np.float32)}
+    normals = scene.corner_normals[geometry.kept]
+    length = np.linalg.norm(normals, axis=2, keepdims=True)
+    normals = np.divide(
+        normals, length, out=np.broadcast_to(geometry.plane[:, None, :3], normals.shape).copy(), where=length > 0.0
+    )
+    curved = np.flatnonzero(np.einsum("mij,mj->mi", normals, geometry.plane[:, :3]).min(axis=1) < _FLAT)
+    smooth = np.full(len(normals) if len(curved) else 0, -1, np.int32)
+    smooth[curved] = np.arange(len(curved))
+    return {"smooth": smooth, "corner_normal": np.ascontiguousarray(normals[curved], np.float32)}
 
 
 @njit(**KERNEL)
@@ -179,6 +205,19 @@ def unit_normal(surfaces, side_id):
     sign = 1.0 - 2.0 * (side_id & 1)
     plane, t = surfaces.plane, side_id >> 1
     return sign * plane[t, 0], sign * plane[t, 1], sign * plane[t, 2]
+
+
+@njit(**INLINED)
+def shading_normal(surfaces, side_id, u, v):
+    """Unit shading normal at (u, v) of a side of a triangle that is shaded smooth: between the normals at its corners
+    (Phong 1975)."""
+    n, row = unit_normal(surfaces, side_id), surfaces.smooth[side_id >> 1]
+    between = point(surfaces.corner_normal, row, u, v)
+    sign = 1.0 - 2.0 * (side_id & 1)
+    length = math.sqrt(dot(between, between))
+    if not sign * dot(between, n) >= LEAST_LEAN * length or length == 0.0:
+        return n
+    return scaled(between, sign / length)
 
 
 @njit(inline="always")

@@ -32,6 +32,18 @@ def point(corners, t, u, v):
 
 
 @njit(**INLINED)
+def barycentric(corners, t, at):
+    """Barycentric coordinates u, v of corners 1 and 2 of a point in the plane of triangle t; 0 without an area."""
+    a = vector(corners[t], 0)
+    e, f, way = difference(vector(corners[t], 1), a), difference(vector(corners[t], 2), a), difference(at, a)
+    n = cross(e, f)
+    square = dot(n, n)
+    if not square > 0.0:
+        return 0.0, 0.0
+    return dot(cross(way, f), n) / square, dot(cross(e, way), n) / square
+
+
+@njit(**INLINED)
 def centroid(corners, t):
     """Centroid of triangle t, m, float64."""
     third = 1.0 / 3.0

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.interaction import LEAST_COSINE, emit_at, leave
+from ..geometry.interaction import LEAST_COSINE, emit_at, emit_towards, leave
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
+from ..geometry.surfaces import unit_normal
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
@@ -218,7 +219,8 @@ def _emit(emitters, stage, batch, wave, emitted):
             side_id = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]
             u, v = triangle_point(s0, s1)
             local = cosine_direction(s2, s3)
-            at = emit_at(stage.surfaces, side_id, u, v, local[2])
+            direction = to_world(local, unit_normal(stage.surfaces, side_id))
+            at = emit_towards(stage.surfaces, side_id, u, v, direction, local[2])
             scale = math.pi * emitters.area[at.triangle] * share
             if entry < surface_end:
                 layer = layer_at(stage, at)
@@ -229,7 +231,7 @@ def _emit(emitters, stage, batch, wave, emitted):
                 wave.arrival[i], wave.u[i], wave.v[i] = side_id, u, v
                 wave.aimed[i] = np.inf if surroundings.open[at.triangle, side_id & 1] else 0.0
                 _set_power(wave, i, surroundings.sent, scale)
-            leave(stage.surfaces, side_id, at.point, to_world(local, at.shading_normal), wave, i)
+            leave(stage.surfaces, side_id, at.point, direction, wave, i)
         if wave.layer.size:
             wave.layer[i] = layer
 

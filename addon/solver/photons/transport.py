@@ -9,7 +9,7 @@ import numpy as np
 from ..geometry.interaction import leave
 from ..geometry.segments import Hits, Tracer
 from ..geometry.stage import Stage, lobes_at, reflectance_at, stored_at
-from ..physics.lobes import is_glossy, is_wide, sample_diffuse, sample_specular
+from ..physics.lobes import evaluate_diffuse, is_glossy, is_wide, sample_diffuse, sample_specular_of_photon
 from ..physics.radiometry import ALL, STRAIGHT
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector, scaled
@@ -92,6 +92,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
         share = _reflected_share(optics, wave.power[i], rho)
         if not share > 0.0:
             continue
+        diffuse = evaluate_diffuse(at, scaled(at.incoming, -1.0))
         straight, stores = wave.chain[i] == STRAIGHT_FROM_LIGHT and is_glossy(lobes), stored_at(stage, at)
         path = path_key(key, wave.photon[i])
         if stores == ALL:
@@ -100,7 +101,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
         else:
             is_stored = straight and stores == STRAIGHT and wave.aimed[i] == 0.0
         if is_stored:
-            _store(optics, at, straight, wave, i, stored, kept)
+            _store(optics, at, straight, diffuse, wave, i, stored, kept)
             if optics.keep_caustic:
                 stored.caustic[kept] = bounce > 0 and wave.chain[i] != 0
             kept += 1
@@ -111,7 +112,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
         s, w = uniform(path, _DIMENSIONS * bounce + _LOBE), uniform(path, _DIMENSIONS * bounce + _LOBE + 1)
         scale, chain = 1.0 / survival, 0
         if choice < survival * lobes.specular:
-            direction, weight = sample_specular(lobes, at, s, w)
+            direction, weight = sample_specular_of_photon(lobes, at, s, w)
             if weight <= 0.0:
                 continue
             scale *= weight
@@ -121,7 +122,8 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
             if chain != 0 and is_glossy(lobes):
                 chain = 0 if is_wide(lobes) and bounce == 0 else CAUSTIC
         else:
-            direction = sample_diffuse(at.shading_normal, s, w)
+            direction = sample_diffuse(at.normal, s, w)
+            scale *= diffuse
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)
         factor = np.float32(scale)
         for b in range(rho.size):
@@ -151,12 +153,13 @@ def _reflected_share(optics, power, rho):
 
 
 @njit(**FAST_INLINED)
-def _store(optics, at, straight, wave, i, stored, kept):
-    """Store photon i of the wave at an Interaction as number `kept`. straight: whether straight from a light."""
+def _store(optics, at, straight, diffuse, wave, i, stored, kept):
+    """Store photon i of the wave at an Interaction as number `kept`, with its power times `diffuse`, see
+    evaluate_diffuse. straight: whether straight from a light."""
     put_vector(at.point, stored.position, kept)
     stored.surface[kept] = at.side_id
     for b in range(stored.power.shape[1]):
-        stored.power[kept, b] = wave.power[i, b]
+        stored.power[kept, b] = wave.power[i, b] * np.float32(diffuse)
     if optics.keep_incoming:
         put_vector(scaled(at.incoming, -1.0 if straight else 0.0), stored.incoming, kept)
     if optics.keep_layer:

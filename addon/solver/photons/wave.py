@@ -75,4 +75,4 @@ def arrive(surfaces, hits, i, wave):
 @njit(**INLINED)
 def stored_share(wave, i, at):
     """Share of the light of photon i that is left to photons at an Interaction, and not to shadow rays."""
-    return balance(TYPICAL_RAYS * at.cosine / math.pi, wave.aimed[i] * at.distance * at.distance)
+    return balance(TYPICAL_RAYS * at.geometric_cosine / math.pi, wave.aimed[i] * at.distance * at.distance)

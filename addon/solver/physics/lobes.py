@@ -6,6 +6,10 @@ module draws directions, gives the density of these directions, evaluates the BR
 gives the albedo: how much of rho the lobe reflects in all. What a lobe loses at grazing angles is emitted instead, so
 that an enclosure of one temperature is exactly black (docs/method.md).
 
+Where a surface is shaded smooth, lobes are turned around the shading normal, but light falls on the triangle. So BRDFs
+are given with respect to the geometric normal: what they reflect of irradiance on the triangle (Veach 1997, section
+5.3). Then photons and camera paths see the same BRDF, and only densities of directions tell the two normals apart.
+
 A new lobe gets a flag, a property of scene.Material, a column of LobeTable, and a branch in each kernel below.
 """
 
@@ -17,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..sampling.vectors import dot
+from ..sampling.vectors import dot, moved, scaled
 from ..sampling.warps import cosine_direction, to_local, to_world, turn
 from ..scene import Material
 from ..system.kernels import INLINED, njit
@@ -32,6 +36,7 @@ DIFFUSE, GLOSSY, SPECULAR, WIDE = 1, 2, 4, 8
 _WIDE = 0.02
 ALBEDO_NODES = 64
 _ALBEDO_SAMPLES = 128  # per axis; quadrature error of the lobe's albedo about 1e-4
+_LEAN_NODES, _KEPT_STEPS = 256, 128  # cosines between the normals, and steps per axis, of evaluate_diffuse's q
 
 
 class LobeTable(NamedTuple):
@@ -74,6 +79,21 @@ def build_lobe_table(materials: tuple[Material, ...]) -> LobeTable:
     return LobeTable(flags.astype(np.uint8), specular, alpha.astype(np.float32), np.array(albedo))
 
 
+def _kept(lean: np.ndarray) -> np.ndarray:
+    """(n,) q of evaluate_diffuse, at cosines (n,) between the normals: by the midpoint rule, to 1e-4."""
+    steps = (np.arange(_KEPT_STEPS) + 0.5) / _KEPT_STEPS
+    received, around = np.sqrt(steps)[:, None], np.cos(np.pi * steps)  # even in received^2: cosine-distributed light
+    mean = []
+    for cosine in lean:
+        shaded = np.maximum(cosine * received + np.sqrt((1.0 - cosine**2) * (1.0 - received**2)) * around, 1e-12)
+        g = np.minimum(1.0, received / (shaded * max(cosine, 1e-12)))
+        mean.append(np.mean(shaded / received * (g + g**2 - g**3)))
+    return np.array(mean)
+
+
+_KEPT = _kept(1.0 - (np.arange(_LEAN_NODES) / (_LEAN_NODES - 1.0)) ** 2)  # linear between nodes
+
+
 @njit(**INLINED)
 def lobes_of(table, material):
     """The Lobes of a material."""
@@ -105,6 +125,29 @@ def is_specular(lobes):
 
 
 @njit(**INLINED)
+def evaluate_diffuse(at, direction):
+    """The diffuse BRDF at an Interaction for light from a unit direction, over that of a flat surface, 1 / pi.
+
+    With n the normal, s the shading normal and w the direction it is s.w / n.w, as if the surface were turned, but
+    less where this grows beyond bounds, at the edge of what the triangle can receive:
+
+        s.w / n.w * (g + g^2 - g^3) / q,    g = min(1, n.w / (s.w s.n))
+
+    (Chiang et al. 2019, "Taming the shadow terminator"). q makes up for what is taken: the mean over even light is 1.
+    """
+    if at.lean == 1.0:
+        return 1.0
+    received, shaded = dot(direction, at.normal), dot(direction, at.shading_normal)
+    if received <= 0.0 or shaded <= 0.0:
+        return 0.0
+    position = math.sqrt(1.0 - at.lean) * (_LEAN_NODES - 1.0)
+    i = min(int(position), _LEAN_NODES - 2)
+    kept = _KEPT[i] + (position - i) * (_KEPT[i + 1] - _KEPT[i])
+    g = min(1.0, received / (shaded * at.lean))
+    return shaded / received * (g + g * g - g * g * g) / kept
+
+
+@njit(**INLINED)
 def sample_diffuse(normal, s, w):
     """Unit direction with density cos / pi around the normal, from two numbers in [0, 1)."""
     return to_world(cosine_direction(s, w), normal)
@@ -118,12 +161,50 @@ def diffuse_density(normal, direction):
 
 @njit(**INLINED)
 def sample_specular(lobes, at, s, w):
-    """The LobeSample of the specular or glossy lobe at an Interaction, from two numbers in [0, 1)."""
+    """The LobeSample of the specular or glossy lobe at an Interaction, from two numbers in [0, 1). What a smooth-shaded
+    surface would reflect through its triangle goes along the triangle, or in a rough lobe back from it."""
     if lobes.alpha == 0.0:
-        return LobeSample(mirrored(at.incoming, at.shading_normal, at.cosine), 1.0)
+        direction = mirrored(at.incoming, at.shading_normal, at.cosine)
+        return LobeSample(direction if at.lean == 1.0 else _along(direction, at.normal), 1.0)
+    local, weight = sample_ggx(_viewer(at), lobes.alpha, s, w)
+    direction = to_world(local, at.shading_normal)
+    below = dot(direction, at.normal)
+    if at.lean < 1.0 and below < 0.0:
+        direction = moved(direction, -2.0 * below, at.normal)
+    return LobeSample(direction, weight)
+
+
+@njit(**INLINED)
+def sample_specular_of_photon(lobes, at, s, w):
+    """As sample_specular, for a photon: light goes the other way, so on a smooth-shaded surface the weight has the
+    factor (s.i n.o) / (n.i s.o), with i and o the directions, n and s the normals (Veach 1997, eq. 5.19)."""
+    sample = sample_specular(lobes, at, s, w)
+    if at.lean == 1.0:
+        return sample
+    out, shaded = dot(sample.direction, at.normal), dot(sample.direction, at.shading_normal)
+    if out <= 0.0 or shaded <= 0.0:
+        return LobeSample(sample.direction, 0.0)
+    return LobeSample(sample.direction, sample.weight * (at.cosine * out) / (at.geometric_cosine * shaded))
+
+
+@njit(**INLINED)
+def _along(direction, normal):
+    """A unit direction, turned into the plane across the normal if it points below."""
+    below = dot(direction, normal)
+    if below >= 0.0:
+        return direction
+    flat = moved(direction, -below, normal)
+    return scaled(flat, 1.0 / math.sqrt(max(dot(flat, flat), 1e-30)))
+
+
+@njit(**INLINED)
+def _viewer(at):
+    """Local unit direction back along the ray of an Interaction, above the shading normal's horizon."""
     x, y, _ = to_local(at.incoming, at.shading_normal)
-    local, weight = sample_ggx((-x, -y, at.cosine), lobes.alpha, s, w)
-    return LobeSample(to_world(local, at.shading_normal), weight)
+    if at.lean < 1.0:
+        stretch = math.sqrt((1.0 - at.cosine * at.cosine) / max(x * x + y * y, 1e-30))
+        x, y = stretch * x, stretch * y
+    return -x, -y, at.cosine
 
 
 @njit(**INLINED)
@@ -132,8 +213,15 @@ def evaluate_glossy(lobes, at, direction):
     direction never is exactly the mirrored one."""
     if lobes.alpha == 0.0:
         return 0.0
-    x, y, _ = to_local(at.incoming, at.shading_normal)
-    return evaluate_ggx(to_local(direction, at.shading_normal), (-x, -y, at.cosine), lobes.alpha)
+    local, viewer = to_local(direction, at.shading_normal), _viewer(at)
+    if at.lean == 1.0:
+        return evaluate_ggx(local, viewer, lobes.alpha)
+    received = dot(direction, at.normal)
+    if received <= 0.0:
+        return 0.0
+    back = to_local(moved(direction, -2.0 * received, at.normal), at.shading_normal)
+    brdf = local[2] * evaluate_ggx(local, viewer, lobes.alpha) + back[2] * evaluate_ggx(back, viewer, lobes.alpha)
+    return brdf / received
 
 
 @njit(**INLINED)
@@ -141,8 +229,14 @@ def glossy_density(lobes, at, direction):
     """Density, sr^-1, with which sample_specular draws a unit direction from the glossy lobe; 0 for mirrors."""
     if lobes.alpha == 0.0:
         return 0.0
-    x, y, _ = to_local(at.incoming, at.shading_normal)
-    return ggx_density((-x, -y, at.cosine), to_local(direction, at.shading_normal), lobes.alpha)
+    local, viewer = to_local(direction, at.shading_normal), _viewer(at)
+    if at.lean == 1.0:
+        return ggx_density(viewer, local, lobes.alpha)
+    received = dot(direction, at.normal)
+    if received <= 0.0:
+        return 0.0
+    back = to_local(moved(direction, -2.0 * received, at.normal), at.shading_normal)
+    return ggx_density(viewer, local, lobes.alpha) + ggx_density(viewer, back, lobes.alpha)
 
 
 @njit(**INLINED)

@@ -394,4 +394,6 @@ def share_of_ray(density, lamps, at):
 
     density: sr-1, of the rays. at: the Interaction of the ray with the lamp.
     """
-    return balance(density * at.cosine, lamps.density[at.triangle, at.side_id & 1] * at.distance * at.distance)
+    return balance(
+        density * at.geometric_cosine, lamps.density[at.triangle, at.side_id & 1] * at.distance * at.distance
+    )

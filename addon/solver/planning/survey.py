@@ -478,7 +478,7 @@ def _locate(stage, hits, samples, is_parallel, shown):
         shown.sheet[i] = sheet_of(stage.surfaces, at.side_id)
         shown.throughput[i] = samples.throughput[i] * reflectance / _SAMPLES
         way = 1.0 if is_parallel else samples.way[i] + at.distance
-        shown.footprint[i] = max(samples.angle[i] * way * way / max(at.cosine, 1e-3), 1e-30)
+        shown.footprint[i] = max(samples.angle[i] * way * way / max(at.geometric_cosine, 1e-3), 1e-30)
 
 
 @njit(**KERNEL)
@@ -542,7 +542,7 @@ def _measure(stage, sheets, hits, rays, closeness, noise, rest):
         if disk > 0.0:
             photons = (rays.throughput[i] * diffuse) ** 2 * sheets.photon_noise[sheet]
             noise[i] = photons / disk
-            rest[i] = photons * min(at.cosine * closeness[i] * closeness[i] / np.pi, 1.0 / disk)
+            rest[i] = photons * min(at.geometric_cosine * closeness[i] * closeness[i] / np.pi, 1.0 / disk)
 
 
 @njit(**KERNEL)
