@@ -16,6 +16,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                                               and those of final gathers, as many as where most are planned
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
+               76 m                           where some are shaded smooth: normals at corners, given, normalised
+                                              and kept
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
     grids      max(20, 8 + 8 c) v + 4 p       of v cells with c components, in p places for leaves (see geometry.grids)
 
@@ -70,7 +72,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     """
     rows = table_rows(emission_range(scene.temperature.reshape(len(scene.triangles), -1)))
     return _images_of(scene, copies) | {
-        "geometry": 560.0 * len(scene.triangles),
+        "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count,
         "grids": sum(memory_of_grids(scene.media).values()),
     }

@@ -51,7 +51,7 @@ def first_hit_images(
         emissivity: 0..1, towards the camera: radiance of the surface over that of a blackbody at its temperature, of
             all bands through the sensor's response.
         depth: m, along the view axis; in a panorama the distance.
-        normal: unit normal of the triangle, on the side that is seen, in world space.
+        normal: unit shading normal, on the side that is seen, in world space.
         position: m, world space.
         transmittance: 0..1, of the media on the way to the surface, or to the end of the world's medium where the
             surroundings are seen: see Transmittance. 1 without media.
