@@ -141,6 +141,24 @@ def test_passes_equal_those_of_cycles(tmp_path, kind):
         assert (error <= 0.01 * change + 1e-5)[seen].all()  # a hundredth of a pixel; roundings of some metres
 
 
+def test_smooth_normals_equal_those_of_cycles(tmp_path):
+    """Of a stretched and mirrored ball that is shaded smooth: within a hundredth of a pixel, the width of Cycles'
+    filter, and float32's rounding of a sum of three normals."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8, radius=0.6, location=(0.3, 0.0, 0.9))
+    ball = bpy.context.object
+    ball.data.shade_smooth()
+    ball.scale, ball.rotation_euler, ball.pass_index = (-1.0, 0.7, 1.3), (0.3, 0.2, 0.4), 21
+    ask_for("object_index", "normal")
+    ours = images_of(render_to_exr(tmp_path)["ViewLayer"], ("object_index", "normal"))
+    cycles = images_of(passes_of_cycles(tmp_path), ("object_index", "normal"))
+    on_ball = (neighbours(ours["object_index"]) == 21.0).all(axis=0)
+    assert on_ball.sum() > 50
+    change = np.abs(neighbours(ours["normal"]) - ours["normal"]).max(axis=(0, -1))
+    error = np.abs(ours["normal"] - cycles["normal"]).max(axis=-1)
+    assert (error <= 0.01 * change + 2e-6)[on_ball].all()
+    assert np.unique(np.round(ours["normal"][on_ball], 3), axis=0).shape[0] > 0.8 * on_ball.sum()  # not by facets
+
+
 # What is asked for ----------------------------------------------------------------------------------------------------
 
 
