@@ -58,7 +58,7 @@ def test_noise_alone_is_hardly_blur(areas):
     independent pixels; 8 films of 576 pixels are 250 such windows, of which few count: known to a third."""
     states = [film_of(white(seed), areas) for seed in range(8)]
     even = [film_of(white(seed), np.ones(PASSES)) for seed in range(8)]
-    ratio = np.array([a.noise() ** 2 / b.noise() ** 2 for a, b in zip(states, even)])[:, 2:-2, 2:-2]
+    ratio = np.array([a.noise() ** 2 / b.noise() ** 2 for a, b in zip(states, even, strict=True)])[:, 2:-2, 2:-2]
     squares = np.random.default_rng(9).chisquare(INDEPENDENT, 1_000_000) / INDEPENDENT
     beyond = np.maximum(squares - 1.0 - 2.0 * np.sqrt(2.0 / INDEPENDENT), 0.0).mean()
     expected = beyond * areas.mean() ** 2 / np.sum((areas - areas.mean()) ** 2) * PASSES

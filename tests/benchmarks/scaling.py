@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cost against size: how time and memory of a render grow with triangles, pixels, bands, photons and threads.
 
-    python -m tests.benchmarks.scaling [--only SERIES ...] [--passes N]
+    python -m tests.benchmarks.scaling [--only "SERIES" ...] [--passes N]
 
 Prints the Markdown of docs/benchmarks.md and draws docs/images/scaling.png (needs matplotlib; not with --only). Takes
 about ten minutes on two cores, and 7 GB of memory for the largest mesh. Linux only, as it reads /proc.
@@ -21,6 +21,7 @@ import sys
 import textwrap
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +29,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from addon.solver import Material, Settings, render
+from addon.solver import Material, Medium, Settings, render
 from addon.solver import passes as pass_loop
 from addon.solver.memory import memory_beforehand, memory_of_passes
 from docs.tools.pages import MADE_AT
@@ -43,16 +44,19 @@ PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "pyluxcore", "bp
 
 
 class Size(NamedTuple):
-    """What a row measures. subdivisions: of the icospheres, s of them make 20 * 4^s triangles a ball."""
+    """What a row measures. subdivisions: of the icospheres, s of them make 20 * 4^s triangles a ball. fog: its
+    scattering coefficient, 1/m, with a tenth of that in absorption."""
 
     subdivisions: int = 4
     width: int = 128  # pixels, at 4 : 3
     bands: int = 16
     photons: int = 100_000
     threads: int = CORES
+    fog: float = 0.0
 
 
 BASE = Size()
+FOGGY = {"photons in fog": {"fog": 0.3}}  # what else differs from BASE in a series
 SMALL = Size(subdivisions=1, width=32)  # loads the kernels
 # The field of Size that changes, its values, and the number that it stands for in the tables.
 SERIES = {
@@ -60,6 +64,7 @@ SERIES = {
     "pixels": ("width", (32, 64, 128, 256, 512), lambda width: width * width * 3 // 4),
     "bands": ("bands", (1, 2, 4, 8, 16, 32, 64, 128, 256), int),
     "photons": ("photons", (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000), int),
+    "photons in fog": ("photons", (30_000, 100_000, 300_000, 1_000_000), int),
     "threads": ("threads", sorted({2**i for i in range(CORES.bit_length())} | {CORES}), int),
 }
 
@@ -90,7 +95,10 @@ def room(size):
     for i, place in enumerate(itertools.product((1.5, 4.5), (1.4, 3.6), (0.8, 2.1))):
         parts.add(ball, 300.0 + 4 * i, mirror if i == 2 else paint, place)
     camera = look((0.4, 0.5, 1.6), (4, 3.2, 1.2), size.width, size.width * 3 // 4, 0.9)
-    return parts.scene(camera, np.linspace(7.5, 14.0, size.bands + 1), 285.0)
+    scene = parts.scene(camera, np.linspace(7.5, 14.0, size.bands + 1), 285.0)
+    if size.fog == 0.0:
+        return scene
+    return replace(scene, media=(Medium("fog", 0.1 * size.fog, 290.0, size.fog, 0.8),), world_depth=5.0)
 
 
 def settings_of(size, passes):
@@ -99,7 +107,7 @@ def settings_of(size, passes):
 
 def measure(size, passes):
     """Cost of a render in this process."""
-    render(room(SMALL), settings_of(SMALL, 1))
+    render(room(SMALL._replace(fog=size.fog)), settings_of(SMALL, 1))
     scene, settings = room(size), settings_of(size, passes)
     before = resident("VmRSS") / 1e6
     marks = []  # processor and wall time: at the start, after the preparation, after each pass
@@ -135,7 +143,7 @@ def measure_series(name, passes):
     field, values, count = SERIES[name]
     costs = []
     for value in values:
-        costs.append(in_own_process(measure, BASE._replace(**{field: value}), passes))
+        costs.append(in_own_process(measure, BASE._replace(**{field: value}, **FOGGY.get(name, {})), passes))
         print(f"{name} {count(value)}: {costs[-1].one_pass:.3f} s a pass", file=sys.stderr, flush=True)
     return np.array([count(value) for value in values]), costs
 
