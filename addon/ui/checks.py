@@ -59,6 +59,7 @@ class INFRARED_PT_checks(InfraredPanel, Panel):
                 self.layout.label(text=f"and {len(of_level) - LISTED} more", icon=ICONS[level])
         if not checks:
             self.layout.label(text="Nothing to report", icon="CHECKMARK")
+        self.layout.operator("infrared.thermal_from_shaders", text="Thermal from Shaders...", icon="SHADING_RENDERED")
 
 
 def draw_object_checks(layout, context) -> None:
