@@ -17,7 +17,8 @@ UNKNOWN = 0.5  # the same of a mix by something else that varies, such as a text
 
 
 class Feed(NamedTuple):
-    """What gives an input its value: the output `socket` of a node, or, with node None, `socket` by a value of its own.
+    """What gives an input its value: the output `socket` of a node, or, with node None, `socket` by a value of its own,
+    which is 0 if there is no socket.
 
     groups: those that the node, or the socket, is inside of.
     """
@@ -51,27 +52,37 @@ def uses_nodes(material) -> bool:
 
 def feed(socket, groups: Groups = ()) -> Feed:
     """What gives an input its value. Muted nodes hand on what Blender's inner links say, muted links do nothing."""
+    own = socket  # whose value counts if nothing comes
     while True:
         link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
         if link is None:
-            return Feed(None, socket, groups)
+            return Feed(None, own, groups)
         node, output = link.from_node, link.from_socket
-        if node.mute:
-            inner = next((each.from_socket for each in node.internal_links if each.to_socket == output), None)
-        elif node.bl_idname == "NodeReroute":
-            inner = node.inputs[0]
-        elif node.bl_idname == "NodeGroupInput" and groups:
-            inner, groups = _same(groups[-1].inputs, output), groups[:-1]
+        if node.mute or node.bl_idname == "NodeReroute":  # they have no value of their own
+            socket = _inner_end(node, output)
+            if socket is None:
+                return Feed(None, own, groups)
+            if bpy.app.version < (5, 0):  # where nothing comes to such an input, earlier Blenders make it 0
+                own = None
+            continue
+        if node.bl_idname == "NodeGroupInput" and groups:
+            socket, groups = _same(groups[-1].inputs, output), groups[:-1]
         elif node.bl_idname == "ShaderNodeGroup":
             ends = node.node_tree.nodes if node.node_tree else ()
             end = next((each for each in ends if each.bl_idname == "NodeGroupOutput" and each.is_active_output), None)
-            inner = _same(end.inputs, output) if end else None
-            groups = (*groups, node) if inner else groups
+            socket, groups = _same(end.inputs if end else (), output), (*groups, node)
         else:
             return Feed(node, output, groups)
-        if inner is None:  # nothing comes through: the input's own value counts
-            return Feed(None, socket, groups)
-        socket = inner
+        own = socket
+        if socket is None:  # a group without this input or output gives 0, or no shader
+            return Feed(None, None, groups)
+
+
+def _inner_end(node, output):
+    """The input of a reroute, or of a muted node, that comes out of an output; None if none does."""
+    if node.bl_idname == "NodeReroute":
+        return node.inputs[0]
+    return next((each.from_socket for each in node.internal_links if each.to_socket == output), None)
 
 
 def _same(sockets, wanted):
@@ -81,13 +92,13 @@ def _same(sockets, wanted):
 def constant(node, name: str, groups: Groups, missing: float = 0.0) -> float | None:
     """The value of a node's input, the mean of a colour; None if it varies, `missing` if there is no such input."""
     socket = next((each for each in node.inputs if each.identifier == name), None)
-    return missing if socket is None else _value(feed(socket, groups), missing)
+    return missing if socket is None else _value(feed(socket, groups))
 
 
-def _value(fed: Feed, missing: float = 0.0) -> float | None:
+def _value(fed: Feed) -> float | None:
     if fed.node is not None and fed.node.bl_idname not in ("ShaderNodeValue", "ShaderNodeRGB"):
         return None
-    value = getattr(fed.socket, "default_value", missing)
+    value = getattr(fed.socket, "default_value", 0.0)
     if hasattr(value, "__len__"):
         value = sum(value[:3]) / 3.0
     return float(value)
