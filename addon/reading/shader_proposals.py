@@ -40,7 +40,7 @@ COMMON_METAL = "Steel, cold rolled"  # of a metal whose name does not say which
 COMMON_GLASS = "Glass, window"
 USUAL_ROUGHNESS = 0.5  # a new shader's, where a texture has it
 BARE = 0.5  # emissivity up to which a metal is bare, and not covered by its oxide or something else
-KEYS = ("emissivity", "specular", "roughness")
+FORGOTTEN = "Blender forgets new properties of a library override when the file is opened again: make it local"
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,15 @@ class Proposal:
         return f"{self.block.bl_rna.identifier} {self.block.name_full}"
 
 
+def _proposal(block, values: dict[str, float | str], reason: str) -> Proposal:
+    """Of what can be changed; of a block that cannot, one without values that says so."""
+    if not block.is_editable:
+        return Proposal(block, {}, "Linked from another file: set its values there, or make it local")
+    if block.override_library is not None:
+        reason += f". {FORGOTTEN}"
+    return Proposal(block, values, reason)
+
+
 # Materials ------------------------------------------------------------------------------------------------------------
 
 
@@ -73,12 +82,10 @@ def propose_material(material) -> Proposal | None:
     values = {key: value for key, value in values.items() if material.get(key) is None}
     if not values:
         return None
-    if not material.is_editable:
-        return Proposal(material, {}, "Linked from another file: set its values there, or make a library override")
     if VOLUME in shader.unseen and not shader.connected:
         return Proposal(material, {}, "A volume without a surface: hide its object, or make the material a gas")
     told = unseen_message(shader)
-    return Proposal(material, values, f"{reason}. {told.capitalize()}" if told else reason)
+    return _proposal(material, values, f"{reason}. {told.capitalize()}" if told else reason)
 
 
 def _surface(material, shader: Shader) -> tuple[dict[str, float | str], str]:
@@ -180,19 +187,15 @@ def propose_object(obj, scene, depsgraph) -> Proposal | None:
         return None
     if temperature_source(obj, depsgraph) == "ATTRIBUTE":
         return None
-    if not obj.is_editable:
-        return Proposal(obj, {}, "Linked from another file: the ambient temperature counts")
-    return Proposal(obj, {"temperature": initial_value(obj, "temperature", scene)}, "It has none: the ambient one")
+    return _proposal(obj, {"temperature": initial_value(obj, "temperature", scene)}, "It has none: the ambient one")
 
 
 def propose_world(world, scene) -> Proposal | None:
     """The temperature of a clear sky above air of the ambient temperature, for a world without one; else None."""
     if world is None or not unset_surroundings(world):
         return None
-    if not world.is_editable:
-        return Proposal(world, {}, "Linked from another file: rays that leave the scene see 0 K")
     reason = "A clear sky above air of the ambient temperature (Swinbank 1963); an overcast one is as warm as the air"
-    return Proposal(world, {"temperature": clear_sky(scene.infrared.ambient_temperature)}, reason)
+    return _proposal(world, {"temperature": clear_sky(scene.infrared.ambient_temperature)}, reason)
 
 
 def clear_sky(air: float) -> float:
@@ -200,7 +203,7 @@ def clear_sky(air: float) -> float:
 
     W. C. Swinbank, Long-wave radiation from clear skies, Q. J. R. Meteorol. Soc. 89, 339-348 (1963).
     """
-    return min(0.0552 * air**1.5, air)
+    return min(0.0552 * max(air, 0.0) ** 1.5, air)
 
 
 # Scenes ---------------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from ...heat_settings import in_scene_unit
 from ...interface import redraw
 from ...properties import add_custom_property, property_label, set_custom_property
 from ...reading.objects import layers_objects
-from ...reading.shader_proposals import Proposal, proposals
+from ...reading.shader_proposals import FORGOTTEN, Proposal, proposals
 
 ICONS = {"Material": "MATERIAL", "Object": "OBJECT_DATA", "World": "WORLD"}  # by the type of what is to change
 REASON_WIDTH = 118  # characters of a line of text in the dialog
@@ -121,7 +121,9 @@ class INFRARED_OT_thermal_from_shaders(Operator):
             proposal.block.update_tag()
         left = [each for each in found if not each.values]
         redraw("PROPERTIES")
-        self.report({"WARNING"} if left else {"INFO"}, outcome(chosen, left))
+        lost = any(each.block.override_library is not None for each in chosen)
+        text = outcome(chosen, left) + (f". {FORGOTTEN}" if lost else "")
+        self.report({"WARNING"} if left or lost else {"INFO"}, text)
         return {"FINISHED"} if chosen else {"CANCELLED"}
 
 
