@@ -97,14 +97,14 @@ def _surface(material, shader: Shader) -> tuple[dict[str, float | str], str]:
     chosen = next((each for each in meanings(name) if _agrees(each, shader, name)), None)
     if chosen:
         metal = _is_bare(library.get(chosen.entry))
-        return _values(chosen.entry, shader, metal), f"Its name says {chosen.entry}{_agreement(chosen)}"
+        return _values(chosen.entry, shader, metal), f"Its name says '{chosen.entry}'{_agreement(chosen)}"
     if is_coating(name) or shader.coat is not None:
         hidden = " and hides the metal" if metal else ""
-        return _values(DIELECTRIC, shader, False), f"Paint or a coat is what emits{hidden}"
+        return _values(DIELECTRIC, shader, False), f"Paint or a coat emits{hidden}"
     if shader.share(CLEAR) >= 0.5:
-        return _values(COMMON_GLASS, shader, False), "It lets light through, so taken for glass, which no heat passes"
+        return _values(COMMON_GLASS, shader, False), "Clear: taken for glass, which is opaque beyond 5 µm"
     if metal:
-        return _values(COMMON_METAL, shader, True), f"A metal by its shader, taken for {COMMON_METAL}"
+        return _values(COMMON_METAL, shader, True), f"Its shader is a metal: taken for '{COMMON_METAL}'"
     return _values(DIELECTRIC, shader, False), _dull_reason(shader, name)
 
 
@@ -142,9 +142,9 @@ def _agreement(meaning: Meaning) -> str:
     if meaning.why:
         return f": {meaning.why}"
     return {
-        METALLIC: ", and its shader is a metal",
-        SEE_THROUGH: ", and its shader is clear or smooth",
-        NO_METAL: ", and its shader is no metal",
+        METALLIC: "; its shader is a metal",
+        SEE_THROUGH: "; its shader is clear or smooth",
+        NO_METAL: "; its shader is no metal",
     }.get(meaning.surface, "")
 
 
@@ -158,8 +158,8 @@ def _dull_reason(shader: Shader, name: str) -> str:
     if shader.metallic_varies:
         return "Where it is metallic a texture says: taken for no metal"
     if named_metal(name):
-        return "Named after a metal, but its shader is none: taken for a painted or dull surface"
-    return "No metal and not clear: what paint, plastic, wood, cloth and stone have"
+        return "Named after a metal, but its shader is none: as paint"
+    return "Neither metal nor clear: as paint, plastic, wood, cloth"
 
 
 def _values(emissivity: float | str, shader: Shader, metal: bool) -> dict[str, float | str]:
@@ -222,11 +222,12 @@ def materials_of(objects: Iterable, depsgraph) -> list:
 
 
 def proposals(objects: Iterable, layers: Iterable, scene, depsgraph) -> list[Proposal]:
-    """What objects and their materials lack, and the material and the world of view layers: materials first."""
+    """What objects and their materials lack, and the material and the world of view layers: objects last, as they may be
+    many."""
     objects, layers = list(objects), list(layers)
     materials = dict.fromkeys(layer.material_override for layer in layers if layer.material_override)
     materials |= dict.fromkeys(materials_of(objects, depsgraph))
     found = [propose_material(material) for material in materials]
-    found += [propose_object(obj, scene, depsgraph) for obj in objects]
     found += [propose_world(world, scene) for world in dict.fromkeys(layer_world(scene, layer) for layer in layers)]
+    found += [propose_object(obj, scene, depsgraph) for obj in objects]
     return [proposal for proposal in found if proposal is not None]

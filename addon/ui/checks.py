@@ -51,6 +51,7 @@ class INFRARED_PT_checks(InfraredPanel, Panel):
 
     def draw(self, context):
         scene, layer = context.scene, context.view_layer
+        self.layout.operator("infrared.thermal_from_shaders", text="Thermal from Shaders...", icon="SHADING_RENDERED")
         checks = kept(scene, f"checks of {layer.name}", lambda: scene_checks(scene, layer))
         for level in LEVELS:
             of_level = [check for check in checks if check.level == level]
@@ -59,7 +60,6 @@ class INFRARED_PT_checks(InfraredPanel, Panel):
                 self.layout.label(text=f"and {len(of_level) - LISTED} more", icon=ICONS[level])
         if not checks:
             self.layout.label(text="Nothing to report", icon="CHECKMARK")
-        self.layout.operator("infrared.thermal_from_shaders", text="Thermal from Shaders...", icon="SHADING_RENDERED")
 
 
 def draw_object_checks(layout, context) -> None:

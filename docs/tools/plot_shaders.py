@@ -22,7 +22,7 @@ from docs.tools.paths import IMAGES
 from docs.tools.pictures import MARGIN, WIDTH, labelled, resized, tiled, titled
 
 HEIGHT = WIDTH * 9 // 16  # pixels
-SAMPLES, PASSES, PHOTONS = 64, 16, 50_000
+SAMPLES, PASSES, PHOTONS = 64, 12, 20_000
 
 
 def visible(folder: Path) -> Image.Image:
@@ -51,7 +51,7 @@ def main() -> None:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         build()
         picture = bpy.context.scene.render
-        picture.resolution_x, picture.resolution_y, picture.resolution_percentage = 2 * WIDTH, 2 * HEIGHT, 100
+        picture.resolution_x, picture.resolution_y, picture.resolution_percentage = WIDTH, HEIGHT, 100
         shown, before = visible(folder), thermal(folder)
         bpy.ops.infrared.thermal_from_shaders(scope="SCENE")
         after = thermal(folder)

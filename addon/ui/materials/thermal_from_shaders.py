@@ -16,8 +16,9 @@ from ...reading.objects import layers_objects
 from ...reading.shader_proposals import FORGOTTEN, Proposal, proposals
 
 ICONS = {"Material": "MATERIAL", "Object": "OBJECT_DATA", "World": "WORLD"}  # by the type of what is to change
-REASON_WIDTH = 118  # characters of a line of text in the dialog
-REASON_LINES = 4  # of room for a reason, so that the dialog keeps its height
+WIDTH = 1040  # of the dialog, in pixels at Blender's usual resolution
+REASON_WIDTH = 150  # characters of a line of text in the dialog
+REASON_LINES = 3  # of room for a reason, so that the dialog keeps its height
 ROWS = 14
 
 
@@ -40,10 +41,14 @@ class INFRARED_UL_proposals(UIList):
             row.prop(item, "use", text="")
         else:
             row.label(text="", icon="CANCEL")
-        split = row.split(factor=0.35)
+        split = row.split(factor=0.24)
         split.active = bool(item.values) and item.use
         split.label(text=item.name, icon=ICONS.get(item.kind, "NONE"), translate=False)
+        split = split.split(factor=0.5)
         split.label(text=item.values or "Nothing", translate=False)
+        reason = split.row()
+        reason.active = False
+        reason.label(text=item.reason.partition(". ")[0], translate=False)  # all of it stands below the list
 
 
 def find_proposals(scope: str, context) -> list[Proposal]:
@@ -95,7 +100,7 @@ class INFRARED_OT_thermal_from_shaders(Operator):
 
     def invoke(self, context, _event):
         list_proposals(self, context)
-        return context.window_manager.invoke_props_dialog(self, width=820, confirm_text="Set Values")
+        return context.window_manager.invoke_props_dialog(self, width=WIDTH, confirm_text="Set Values")
 
     def draw(self, _context):
         layout = self.layout
