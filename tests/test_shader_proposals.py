@@ -11,7 +11,7 @@ from addon.reading.shader_proposals import DIELECTRIC, FORGOTTEN, clear_sky, pro
 from addon.solver.physics import library  # noqa: E402
 from addon.ui.materials import thermal_from_shaders  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, custom_properties, link, read  # noqa: E402
-from tests.helpers.shaders import join, mixed, node, output, principled, shaded, textured  # noqa: E402
+from tests.helpers.shaders import covering, join, mixed, node, output, principled, shaded, textured  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")
 operator = bpy.ops.infrared.thermal_from_shaders
@@ -345,16 +345,7 @@ def test_instances_and_overrides_of_view_layers_are_rendered(things):
 
 
 def test_materials_of_geometry_nodes(things):
-    tree = bpy.data.node_groups.new("Cover", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    begin, cover, end = (
-        tree.nodes.new(kind) for kind in ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput")
-    )
-    cover.inputs["Material"].default_value = shaded("Cover")
-    tree.links.new(begin.outputs[0], cover.inputs["Geometry"])
-    tree.links.new(cover.outputs[0], end.inputs[0])
-    things[0].modifiers.new("Cover", "NODES").node_group = tree
+    things[0].modifiers.new("Cover", "NODES").node_group = covering(shaded("Cover"))
     operator()
     assert custom_properties(bpy.data.materials["Cover"]) == DULL
 

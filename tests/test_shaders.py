@@ -9,7 +9,7 @@ from addon.reading.shader_graph import constant  # noqa: E402
 from addon.reading.shaders import CLEAR, DULL, HOLE, LAMP, METAL, read_shader, unseen_message  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, read  # noqa: E402
-from tests.helpers.shaders import grouped, join, mixed, node, output, principled, shaded, textured  # noqa: E402
+from tests.helpers.shaders import covering, grouped, join, mixed, node, output, principled, shaded, textured  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")
 
@@ -361,6 +361,13 @@ def test_the_render_names_materials_of_one_kind_together(cube):
     warnings, checks = told()
     assert warnings == ["'Oak', 'Elm': of its shader the engine does not see image textures"]
     assert len(checks) == 2
+
+
+def test_the_render_names_materials_of_geometry_nodes(cube):
+    """They are in no slot, so the panel knows nothing of them."""
+    glass = shaded("Glass", {"emissivity": 0.9}, Transmission_Weight=1.0)
+    cube.modifiers.new("Cover", "NODES").node_group = covering(glass)
+    assert told() == (["'Glass': of its shader the engine does not see transmission; the surface is opaque"], [])
 
 
 def test_of_a_gas_the_shader_does_not_matter(cube):

@@ -54,7 +54,8 @@ def feed(socket, groups: Groups = ()) -> Feed:
     """What gives an input its value. Muted nodes hand on what Blender's inner links say, muted links do nothing."""
     own = socket  # whose value counts if nothing comes
     while True:
-        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
+        links = socket.links if socket.is_linked else ()  # Blender looks through all of the tree for them
+        link = next((link for link in links if link.is_valid and not link.is_muted), None)
         if link is None:
             return Feed(None, own, groups)
         node, output = link.from_node, link.from_socket

@@ -222,8 +222,8 @@ def materials_of(objects: Iterable, depsgraph) -> list:
 
 
 def proposals(objects: Iterable, layers: Iterable, scene, depsgraph) -> list[Proposal]:
-    """What objects and their materials lack, and the material and the world of view layers: objects last, as they may be
-    many."""
+    """What objects and their materials lack, and the material and the world of view layers. Objects, which may be many,
+    come last."""
     objects, layers = list(objects), list(layers)
     materials = dict.fromkeys(layer.material_override for layer in layers if layer.material_override)
     materials |= dict.fromkeys(materials_of(objects, depsgraph))

@@ -11,7 +11,6 @@ from .groups import GroupReader
 from .materials import read_material
 from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
-from .shaders import read_shader, unseen_message
 from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
 from .world import world_temperature
@@ -193,8 +192,6 @@ class SurfaceReader:
             self.indices[key] = len(self.materials)
             default = self.default
             self.materials.append(default if material is None else read_material(material, default.emissivity))
-            if material is not None and (message := unseen_message(read_shader(material))):
-                self.warnings.add(material.name, message)
             self.pass_indices["material_index"].append(0 if material is None else material.pass_index)
         return self.indices[key]
 

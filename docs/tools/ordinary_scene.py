@@ -22,7 +22,7 @@ BALLS = (  # name and inputs of its material, in rows from the left, the nearest
     ("Lampshade", {"Emission Color": (1.0, 0.8, 0.5), "Emission Strength": 3.0}),
 )
 A_ROW, APART, RADIUS = 5, 0.55, 0.24  # balls in a row; m between their middles; m
-SUN, LENS = 3.0, 50.0  # W/m2, mm
+SUN, LENS = 3.0, 36.0  # W/m2, mm
 
 
 def build() -> None:
@@ -36,10 +36,10 @@ def build() -> None:
     bpy.ops.mesh.primitive_plane_add(size=8.0)
     finish("Floor", textured("Concrete floor", "ShaderNodeTexNoise", 9.0), (0.0, 0.0, 0.0))
     bpy.ops.mesh.primitive_plane_add(size=1.0, rotation=(np.pi / 2, 0.0, 0.0))
-    finish("Wall", textured("brick_wall", "ShaderNodeTexBrick", 5.0), (0.0, 1.2, 0.7), (3.4, 1.4, 1.0))
+    finish("Wall", textured("brick_wall", "ShaderNodeTexBrick", 5.0), (0.0, 1.2, 0.45), (3.6, 0.9, 1.0))
     add_leaves()
     add_light()
-    add_camera((0.0, -3.4, 1.5), (0.0, 0.25, 0.35))
+    add_camera((0.0, -2.7, 1.2), (0.0, 0.3, 0.4))
 
 
 def shader(name: str, inputs: dict):

@@ -58,6 +58,18 @@ def mixed(material, first, second, factor=0.5):
     return mix
 
 
+def covering(material):
+    """Geometry nodes that give an object a material."""
+    tree = bpy.data.node_groups.new("Cover", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    begin, cover, end = map(tree.nodes.new, ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+    cover.inputs["Material"].default_value = material
+    tree.links.new(begin.outputs[0], cover.inputs["Geometry"])
+    tree.links.new(cover.outputs[0], end.inputs[0])
+    return tree
+
+
 def grouped(kind, shared, value, **inputs):
     """A node group of one shader, one of whose inputs is the group's, with this default; its other inputs are given."""
     group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
