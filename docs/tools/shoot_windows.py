@@ -4,7 +4,8 @@ docs/gas.md. Needs what shoot_panels.py needs, and xdotool:
 
     blender --python tests/real_blender/launch.py -- docs.tools.shoot_windows NAME ...
 
-NAME: first, checks, tutorial, viewport, gases, shaders; without one, all of them. Begin with Blender's own start-up file.
+NAME: first, checks, tutorial, viewport, gases, shaders; without one, all of them. Begin with Blender's own start-up
+file.
 """
 
 import sys
