@@ -10,6 +10,7 @@ from addon.reading.material_words import MEANINGS, is_coating, meanings, words_o
 from addon.reading.shader_proposals import DIELECTRIC, FORGOTTEN, clear_sky, propose_material  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.ui.materials import thermal_from_shaders  # noqa: E402
+from docs.tools.ordinary_scene import BALLS, build  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, custom_properties, link, read  # noqa: E402
 from tests.helpers.shaders import covering, join, mixed, node, output, principled, shaded, textured  # noqa: E402
 
@@ -150,7 +151,10 @@ def test_materials_of_the_artist_count_first(own_file):
     assert entry("gold_leaf.001", **METAL) == "Gold leaf" and entry("gold", **METAL) == "Gold, polished"
 
 
-@pytest.mark.parametrize(("name", "coating"), [("CarPaint", True), ("Lacquered wood", True), ("Painting", False)])
+@pytest.mark.parametrize(
+    ("name", "coating"),
+    [("CarPaint", True), ("Lacquered wood", True), ("powder-coated steel", True), ("Painting", False)],
+)
 def test_coatings(name, coating):
     assert is_coating(name) == coating
 
@@ -308,6 +312,20 @@ def test_a_click_gives_the_scene_values(things):
     before = everything()
     assert operator() == {"CANCELLED"}  # a second one finds nothing
     assert everything() == before
+
+
+def test_an_ordinary_scene_has_all_values_after_a_click():
+    """That of the pages' pictures: what is left to tell is what of its shaders is not seen, and ends of data."""
+    build()
+    assert operator() == {"FINISHED"}
+    scene, warnings = read()
+    assert len(warnings) == 4 and all("of its shader the engine does not see" in warning for warning in warnings)
+    assert len(scene.materials) == len(BALLS) + 3 and scene.world_temperature == pytest.approx(277.06, abs=0.01)
+    metals = {material.name for material in scene.materials if material.curve[1].mean() < 0.15}
+    assert metals == {"Copper kettle", "Brushed_Aluminum", "Metal.001"}
+    assert {material.name for material in scene.materials if material.specular == 0.0} == {
+        "Cushion", "Lampshade", "Concrete floor", "brick_wall", "leaf_card"
+    }  # fmt: skip
 
 
 def test_of_selected_objects_alone(things):

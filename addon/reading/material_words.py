@@ -27,7 +27,7 @@ RUST = "rust rusty rusted"
 ALUMINIUM = "aluminium aluminum alu"
 # Only a colour or a look, beside the name of a metal
 LOOKS = _words("color colour colored coloured look like imitation faux fake hair fur fish leather fabric cloth wood")
-COATINGS = _words("paint painted carpaint lacquer lacquered varnish varnished enamel enameled enamelled powdercoat")
+COATINGS = _words("paint painted carpaint lacquer lacquered varnish varnished enamel enameled enamelled coated")
 
 
 @dataclass(frozen=True)

@@ -187,7 +187,9 @@ def propose_object(obj, scene, depsgraph) -> Proposal | None:
         return None
     if temperature_source(obj, depsgraph) == "ATTRIBUTE":
         return None
-    return _proposal(obj, {"temperature": initial_value(obj, "temperature", scene)}, "It has no temperature: the ambient one")
+    return _proposal(
+        obj, {"temperature": initial_value(obj, "temperature", scene)}, "It has no temperature: the ambient one"
+    )
 
 
 def propose_world(world, scene) -> Proposal | None:
