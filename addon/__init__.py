@@ -86,7 +86,7 @@ def _modules():
     from . import engine, preferences, properties
     from .ui import band_presets, checks, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
-    from .ui.materials import curve_points, curve_previews, material_assets, material_library
+    from .ui.materials import curve_points, curve_previews, material_assets, material_library, thermal_from_shaders
     from .ui.temperatures import heat_display, heat_map, temperature_groups, temperature_tools
 
     return (
@@ -98,6 +98,7 @@ def _modules():
         curve_previews,
         material_library,
         material_assets,
+        thermal_from_shaders,
         panels,
         gas_panels,
         sensor_panel,

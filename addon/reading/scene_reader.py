@@ -21,6 +21,7 @@ from .ignored import ignored_scene_settings, ignored_settings
 from .lights import metres_per_unit, read_light
 from .sensor import read_response
 from .settings import read_defaults
+from .shaders import read_shader, unseen_message
 from .surfaces import SurfaceReader
 from .warnings import Warnings
 from .world import layer_world, world_temperature
@@ -41,10 +42,20 @@ def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) ->
     """
     surfaces = surfaces or render_reader(depsgraph)
     contents = read_contents(depsgraph, surfaces)
+    _tell_of_shaders(depsgraph, surfaces)
     solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, surfaces.warnings)
     ignored = ignored_scene_settings(depsgraph.scene_eval, depsgraph.view_layer_eval)
     warnings = surfaces.warnings.messages() + list(ignored)
     return Scene(**contents, camera=solver_camera), warnings
+
+
+def _tell_of_shaders(depsgraph, surfaces: SurfaceReader) -> None:
+    """Warn of what the engine does not see of the shaders of the materials that were read. Viewports tell nothing, so
+    they need not look."""
+    materials = {block.as_pointer(): block for block in depsgraph.ids if isinstance(block, bpy.types.Material)}
+    for material in filter(None, map(materials.get, surfaces.indices)):  # in the order of their use
+        if message := unseen_message(read_shader(material)):
+            surfaces.warnings.add(material.name, message)
 
 
 def render_reader(depsgraph) -> SurfaceReader:

@@ -35,6 +35,7 @@ from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
 from ..reading.sensor import read_response
 from ..reading.settings import read_defaults, read_settings
+from ..reading.shaders import changes_shapes, read_shader, unseen_message
 from ..reading.surface_temperature import object_temperatures, temperature_source
 from ..reading.volumes import bad_values
 from ..reading.warnings import Warnings
@@ -86,7 +87,15 @@ def material_checks(material, infrared) -> list[Check]:
     """Checks of a material: of its gas, if it fills meshes, else of its surface."""
     if is_medium(material):
         return gas_checks(material, f"Material '{material.name}'", infrared)
-    return _surface_checks(material, infrared)
+    return _surface_checks(material, infrared) + _shader_checks(material)
+
+
+def _shader_checks(material) -> list[Check]:
+    """What of a material's shader the engine does not see: a warning where the picture has other shapes for it."""
+    shader = read_shader(material)
+    message = unseen_message(shader)
+    level = "WARNING" if changes_shapes(shader) else "HINT"
+    return [Check(level, f"Material '{material.name}': {message}")] if message else []
 
 
 def gas_checks(block, owner: str, infrared) -> list[Check]:

@@ -51,6 +51,7 @@ class INFRARED_PT_checks(InfraredPanel, Panel):
 
     def draw(self, context):
         scene, layer = context.scene, context.view_layer
+        self.layout.operator("infrared.thermal_from_shaders", text="Thermal from Shaders...", icon="SHADING_RENDERED")
         checks = kept(scene, f"checks of {layer.name}", lambda: scene_checks(scene, layer))
         for level in LEVELS:
             of_level = [check for check in checks if check.level == level]

@@ -4,13 +4,15 @@ docs/gas.md. Needs what shoot_panels.py needs, and xdotool:
 
     blender --python tests/real_blender/launch.py -- docs.tools.shoot_windows NAME ...
 
-NAME: first, checks, tutorial, viewport, gases; without one, all of them. Begin with Blender's own start-up file.
+NAME: first, checks, tutorial, viewport, gases, shaders; without one, all of them. Begin with Blender's own start-up
+file.
 """
 
 import sys
 
 import bpy
 
+from docs.tools.ordinary_scene import build
 from docs.tools.paths import DEMO, TEMPLATE
 from docs.tools.screenshots import cropping, keep, screenshot
 from tests.real_blender.hands import area_of, press_real_esc, region_of
@@ -19,6 +21,7 @@ from tests.real_blender.story import tell
 WHOLE = ("-resize", "75%", "+dither", "-colors", "128")
 PART = ("+dither", "-colors", "64")
 DIALOG = ("-crop", "724x416+155+401", "+repage")  # where the library of gases opens
+LIST = ("-crop", "1096x478+12+402", "+repage")  # where the list of proposals opens
 WIDTH = 340  # pixels of the Properties editor: enough for the longest name
 DRAWN = 1.5  # s in which Blender has drawn everything
 
@@ -141,7 +144,25 @@ def gases():
     keep(screenshot(), "gas-library", *DIALOG, *PART)
 
 
-STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport, gases)}
+def shaders():
+    """The list of what is proposed for a scene that was made for visible light."""
+    yield from start_up()
+    for thing in list(bpy.data.objects):
+        bpy.data.objects.remove(thing)
+    build()
+    bpy.context.scene.unit_settings.temperature_unit = "CELSIUS"
+    yield from tab("RENDER")
+    window, area = bpy.context.window, area_of("PROPERTIES")
+    window.cursor_warp(window.width // 2, window.height // 2)
+    yield DRAWN
+    with bpy.context.temp_override(area=area, region=region_of(area)):
+        bpy.ops.infrared.thermal_from_shaders("INVOKE_DEFAULT")
+    yield DRAWN
+    window.cursor_warp(2, 2)
+    keep(screenshot(), "shaders-list", *LIST, *PART)
+
+
+STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport, gases, shaders)}
 
 
 def work():
