@@ -17,7 +17,7 @@ from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
 from .walk import append, collect, fly_photons
-from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
+from .wave import CAUSTIC, FORWARDS, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
 
 # Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
 # of the survivors makes up for it.
@@ -129,7 +129,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
         for b in range(rho.size):
             wave.power[alive, b] = wave.power[i, b] * rho[b] * factor
         wave.photon[alive], wave.aimed[alive] = wave.photon[i], 0.0
-        wave.chain[alive], wave.arrival[alive] = chain, -1
+        wave.chain[alive], wave.arrival[alive] = chain, FORWARDS
         if optics.keep_layer:
             wave.layer[alive] = wave.layer[i]
         alive += 1
