@@ -8,11 +8,19 @@ import numpy as np
 
 from ..geometry.interaction import leave
 from ..geometry.segments import Hits, Tracer
-from ..geometry.stage import Stage, lobes_at, reflectance_at, stored_at
-from ..physics.lobes import is_glossy, is_wide, sample_diffuse, sample_specular
+from ..geometry.stage import (
+    Stage,
+    diffuse_reflectance_at,
+    enter,
+    lobe_reflectance_at,
+    lobes_at,
+    reflectance_at,
+    stored_at,
+)
+from ..physics.lobes import diffuse_share, follows_fresnel, is_glossy, is_wide, sample_diffuse, sample_specular
 from ..physics.radiometry import ALL, STRAIGHT
 from ..sampling.rng import path_key, uniform
-from ..sampling.vectors import put_vector, scaled
+from ..sampling.vectors import dot, put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
@@ -58,6 +66,7 @@ def trace_photons(
     bands = stage.radiometry.reference.size
     wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer), batch.count, 0
     emit(emitters, stage, batch, wave)
+    rooms = np.empty(bands, np.float32), np.empty(bands, np.float32)
     scattered, flying = None, 0
     if tracer.holds_media:
         collect(tracer, wave, batch.key, emitters.surroundings.radiance)
@@ -70,7 +79,7 @@ def trace_photons(
         if on_hits:
             on_hits(hits, wave)
         stored = photon_arrays(count, bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
-        kept, alive = scatter(stage, optics, batch.key, bounce, hits, wave, stored)
+        kept, alive = scatter(stage, optics, batch.key, bounce, hits, wave, (stored, rooms))
         if kept:
             few = 2 * kept < count  # a copy, so that whoever keeps few photons does not keep the room for all
             yield Photons(*(array[:kept].copy() if few else array[:kept] for array in stored))
@@ -78,17 +87,19 @@ def trace_photons(
 
 
 @njit(**FAST_KERNEL)
-def scatter(stage, optics, key, bounce, hits, wave, stored):
+def scatter(stage, optics, key, bounce, hits, wave, out):
     """Store the photons that hit a surface, play roulette, and send the survivors on, moved to the front of the wave.
 
-    Returns the number of stored photons and the number of survivors.
+    out: where to store them, and two rooms (b,) float32 for reflectances. Returns the number of stored photons and the
+    number of survivors.
     """
     kept = alive = np.int64(0)  # no literal, see kernels
+    stored, (room, lobe_room) = out
     for i in range(hits.triangle.size):
         if not has_arrived(wave, i, hits.triangle[i]):
             continue
         at = arrive(stage.surfaces, hits, i, wave)
-        rho, lobes = reflectance_at(stage, at), lobes_at(stage, at)
+        rho, lobes = reflectance_at(stage, at, room), lobes_at(stage, at)
         share = _reflected_share(optics, wave.power[i], rho)
         if not share > 0.0:
             continue
@@ -101,6 +112,7 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
             is_stored = straight and stores == STRAIGHT and wave.aimed[i] == 0.0
         if is_stored:
             _store(optics, at, straight, wave, i, stored, kept)
+            enter(stage, at, at.cosine, stored.power[kept])
             if optics.keep_caustic:
                 stored.caustic[kept] = bounce > 0 and wave.chain[i] != 0
             kept += 1
@@ -109,12 +121,18 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
         if choice >= survival:
             continue
         s, w = uniform(path, _DIMENSIONS * bounce + _LOBE), uniform(path, _DIMENSIONS * bounce + _LOBE + 1)
-        scale, chain = 1.0 / survival, 0
-        if choice < survival * lobes.specular:
+        scale, chain, specular = 1.0 / survival, 0, lobes.specular
+        if follows_fresnel(lobes):
+            below = diffuse_reflectance_at(stage, at, lobe_room)
+            specular = 1.0 - diffuse_share(lobes) * _reflected_share(optics, wave.power[i], below) / share
+        if choice < survival * specular:
             direction, weight = sample_specular(lobes, at, s, w)
             if weight <= 0.0:
                 continue
             scale *= weight
+            if follows_fresnel(lobes):
+                scale *= lobes.specular / specular
+                rho = lobe_reflectance_at(stage, at, lobes, direction, room)
             # A light's photon is straight as long as it meets mirrors alone, and part of a caustic after rough lobes,
             # too. What a wide lobe reflects straight from its source, shadow rays find there.
             chain = wave.chain[i]
@@ -122,6 +140,10 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
                 chain = 0 if is_wide(lobes) and bounce == 0 else CAUSTIC
         else:
             direction = sample_diffuse(at.shading_normal, s, w)
+            if follows_fresnel(lobes):
+                scale *= diffuse_share(lobes) / (1.0 - specular)
+                rho = diffuse_reflectance_at(stage, at, room)
+                enter(stage, at, dot(direction, at.shading_normal), rho)
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)
         factor = np.float32(scale)
         for b in range(rho.size):

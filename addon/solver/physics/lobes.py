@@ -23,8 +23,8 @@ from ..scene import Material
 from ..system.kernels import INLINED, njit
 
 # Kinds of lobes, as flags that can be joined (pbrt's BxDFFlags): a mirror's lobe is SPECULAR, a rough one GLOSSY, and
-# WIDE, too, if rays find what it throws about.
-DIFFUSE, GLOSSY, SPECULAR, WIDE = 1, 2, 4, 8
+# WIDE, too, if rays find what it throws about. FRESNEL: what both lobes reflect depends on the angle (see fresnel).
+DIFFUSE, GLOSSY, SPECULAR, WIDE, FRESNEL = 1, 2, 4, 8, 16
 # alpha of a WIDE lobe. What a rough lobe throws onto other surfaces is found by rays that meet it, and shadow rays
 # there, or by photons, with their blur. With roughness .08 (alpha .0066) rays have 7 times the error of photons, with
 # .15 (.0225) 0.97 of it, without the bias of the picture's mean (members 1 and 0 of the family "rough" after 64 passes,
@@ -70,6 +70,7 @@ def build_lobe_table(materials: tuple[Material, ...]) -> LobeTable:
     specular = np.array([material.specular for material in materials], np.float32)
     sharp = np.where(alpha >= _WIDE, GLOSSY | WIDE, np.where(alpha > 0.0, GLOSSY, SPECULAR))
     flags = np.where(specular < 1.0, DIFFUSE, 0) | np.where(specular > 0.0, sharp, 0)
+    flags |= np.where([material.follows_fresnel for material in materials], FRESNEL, 0)
     albedo = [ggx_albedo(float(width)) if width > 0.0 else np.ones(ALBEDO_NODES) for width in alpha]
     return LobeTable(flags.astype(np.uint8), specular, alpha.astype(np.float32), np.array(albedo))
 
@@ -88,8 +89,28 @@ def diffuse_share(lobes):
 
 @njit(**INLINED)
 def is_glossy(lobes):
-    """Whether there is a rough lobe, with which emission and reflection depend on the angle."""
+    """Whether there is a rough lobe."""
     return lobes.flags & GLOSSY != 0
+
+
+@njit(**INLINED)
+def is_angular(lobes):
+    """Whether emission depends on the angle: with a rough lobe, or with Fresnel's law."""
+    return lobes.flags & (GLOSSY | FRESNEL) != 0
+
+
+@njit(**INLINED)
+def follows_fresnel(lobes):
+    """Whether what the lobes reflect depends on the angle by Fresnel's law."""
+    return lobes.flags & FRESNEL != 0
+
+
+@njit(**INLINED)
+def facet_cosine(lobes, at, direction):
+    """Cosine of the angle at which the specular lobe's facet reflects the ray of an Interaction in a unit direction."""
+    if lobes.alpha == 0.0:
+        return at.cosine
+    return math.sqrt(max(0.0, 0.5 * (1.0 - dot(at.incoming, direction))))
 
 
 @njit(**INLINED)
