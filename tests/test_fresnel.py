@@ -50,6 +50,7 @@ from tests.helpers.exact_cases import (
 )
 from tests.helpers.path_tracer import _face_reflectance, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, sphere
+from tests.test_ledger import is_compared
 
 BANDS = np.array([8.0, 9.0, 10.0, 12.0])  # um
 DEGREES = 0, 30, 60, 75, 85
@@ -249,15 +250,14 @@ def test_rough_plates(name):
 
 @pytest.mark.parametrize("name", BODIES | ROUGH)
 def test_isothermal_rooms_are_black(name):
-    """At T0 exactly, in every pixel; with a wrong T0 in the mean, to a thousandth of the radiance at least (2e-4 of the
-    table of a rough lobe among it)."""
+    """At T0 exactly, in every pixel; with a wrong T0 in the mean (2e-4 is the error of the table of a rough lobe)."""
     scene, truth = isothermal((BODIES | ROUGH)[name])
     film = render(scene, Settings(passes=1, photons_per_pass=1000, threads=1))
     np.testing.assert_allclose(film.temperature(), 300.0, rtol=1e-6)
     means = pass_means(scene, Settings(passes=12, photons_per_pass=10_000, threads=1, **WRONG))[:, 0]
     deviation, error = means.mean() / truth[0] - 1.0, standard_error(means) / truth[0]
     print(f"deviation {deviation:+.5f}, standard error {error:.5f}")
-    assert error < 1e-3 and abs(deviation) <= SIGMAS * error + (2e-4 if name in ROUGH else FLOAT32)
+    assert error < 3e-3 and abs(deviation) <= SIGMAS * error + (2e-4 if name in ROUGH else FLOAT32)
 
 
 def test_an_emitter_lights_by_its_angle():
@@ -368,9 +368,9 @@ COATED = {
 @pytest.mark.parametrize("lobes", ["G", "d", "s", "dd", "ds", "sG", "sd", "Gd", "Sd"])
 def test_every_kind_once(monkeypatch, lobes, emitter):
     """As in tests/test_ledger.py: chains of plates between which light can take one way alone."""
+    if not is_compared(lobes, emitter):
+        pytest.skip("lights are not seen in mirrors alone, lamps not found behind what other surfaces mirror")
     monkeypatch.setattr(chains, "LOBES", chains.LOBES | COATED)
-    if emitter == "lamp" and lobes.endswith("S"):
-        return
     scene = chains.chain(lobes, emitter)
     scene_of_reference = chains.chain(lobes, "plate") if emitter in ("sky", "light") else scene
     traced = trace_paths(scene_of_reference, 400, 24, reference=chains.COLD)

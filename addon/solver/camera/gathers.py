@@ -21,7 +21,7 @@ from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
 # Largest relative difference of the cosines of rays that share a gather, where Fresnel's law holds: what they reflect
 # then differs by about as much.
-_TURNED = 0.01
+_TURNED = 0.1
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
 
 

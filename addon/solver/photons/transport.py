@@ -94,12 +94,12 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
     number of survivors.
     """
     kept = alive = np.int64(0)  # no literal, see kernels
-    stored, (room, lobe_room) = out
+    stored, rooms = out
     for i in range(hits.triangle.size):
         if not has_arrived(wave, i, hits.triangle[i]):
             continue
         at = arrive(stage.surfaces, hits, i, wave)
-        rho, lobes = reflectance_at(stage, at, room), lobes_at(stage, at)
+        rho, lobes = reflectance_at(stage, at, rooms[0]), lobes_at(stage, at)
         share = _reflected_share(optics, wave.power[i], rho)
         if not share > 0.0:
             continue
@@ -116,34 +116,32 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             if optics.keep_caustic:
                 stored.caustic[kept] = bounce > 0 and wave.chain[i] != 0
             kept += 1
-        survival = min(MAX_SURVIVAL, share)
         choice = uniform(path, _DIMENSIONS * bounce + _ROULETTE)
-        if choice >= survival:
-            continue
         s, w = uniform(path, _DIMENSIONS * bounce + _LOBE), uniform(path, _DIMENSIONS * bounce + _LOBE + 1)
-        scale, chain, specular = 1.0 / survival, 0, lobes.specular
         if follows_fresnel(lobes):
-            below = diffuse_reflectance_at(stage, at, lobe_room)
-            specular = 1.0 - diffuse_share(lobes) * _reflected_share(optics, wave.power[i], below) / share
-        if choice < survival * specular:
-            direction, weight = sample_specular(lobes, at, s, w)
-            if weight <= 0.0:
+            numbers = choice, s, w, uniform(path, _DIMENSIONS * bounce + _STORING)
+            direction, scale, is_mirrored = _reflect_or_enter(stage, optics, at, wave.power[i], share, numbers, rooms)
+            if scale == 0.0:
                 continue
-            scale *= weight
-            if follows_fresnel(lobes):
-                scale *= lobes.specular / specular
-                rho = lobe_reflectance_at(stage, at, lobes, direction, room)
+        else:
+            survival = min(MAX_SURVIVAL, share)
+            if choice >= survival:
+                continue
+            scale, is_mirrored = 1.0 / survival, choice < survival * lobes.specular
+            if is_mirrored:
+                direction, weight = sample_specular(lobes, at, s, w)
+                if weight <= 0.0:
+                    continue
+                scale *= weight
+            else:
+                direction = sample_diffuse(at.shading_normal, s, w)
+        chain = 0
+        if is_mirrored:
             # A light's photon is straight as long as it meets mirrors alone, and part of a caustic after rough lobes,
             # too. What a wide lobe reflects straight from its source, shadow rays find there.
             chain = wave.chain[i]
             if chain != 0 and is_glossy(lobes):
                 chain = 0 if is_wide(lobes) and bounce == 0 else CAUSTIC
-        else:
-            direction = sample_diffuse(at.shading_normal, s, w)
-            if follows_fresnel(lobes):
-                scale *= diffuse_share(lobes) / (1.0 - specular)
-                rho = diffuse_reflectance_at(stage, at, room)
-                enter(stage, at, dot(direction, at.shading_normal), rho)
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)
         factor = np.float32(scale)
         for b in range(rho.size):
@@ -154,6 +152,35 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             wave.layer[alive] = wave.layer[i]
         alive += 1
     return kept, alive
+
+
+@njit(inline="always")
+def _reflect_or_enter(stage, optics, at, power, share, numbers, rooms):
+    """Roulette under Fresnel's law: a facet of the specular lobe reflects a photon, or lets it through to the diffuse
+    lobe, which reflects or absorbs it. So no photon's power (b,) grows, whatever lobe it met.
+
+    If the lobes were chosen first, by their albedos, powers would grow where a rough lobe loses samples, by factors
+    whose variance has no bound where surfaces are bright.
+
+    share: of its power that is reflected in all. numbers: four, in [0, 1). rooms: two of (b,), the first of which gets
+    the reflectance that the power is to be multiplied by. Returns the direction, a factor on the power, 0 if the photon
+    is absorbed, and whether the specular lobe reflects it.
+    """
+    lobes, (choice, s, w, other), (row, below) = lobes_at(stage, at), numbers, rooms
+    diffuse = diffuse_share(lobes) * _reflected_share(optics, power, diffuse_reflectance_at(stage, at, below))
+    direction, weight = sample_specular(lobes, at, s, w)
+    mirrored = lobe_reflectance_at(stage, at, lobes, direction, row)
+    chance = max(0.0, min(MAX_SURVIVAL, lobes.specular * weight * _reflected_share(optics, power, mirrored)))
+    if choice < chance:
+        return direction, lobes.specular * weight / chance, True
+    # A rough lobe lets through what its facets do in the mean; the chance of diffuse reflection is `diffuse` then.
+    through = 1.0 - chance if lobes.alpha == 0.0 else 1.0 - (share - diffuse)
+    left, survival = (choice - chance) / (1.0 - chance), min(1.0, diffuse / max(through, 1e-9))
+    if left >= survival:
+        return direction, 0.0, False
+    direction = sample_diffuse(at.shading_normal, left / survival, other)
+    enter(stage, at, dot(direction, at.shading_normal), diffuse_reflectance_at(stage, at, row))
+    return direction, diffuse_share(lobes) / diffuse, False
 
 
 @njit(**FAST_INLINED)
