@@ -17,6 +17,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
+               1024 (6 + 10 r) f b            what f materials that follow Fresnel's law reflect and emit at 256
+                                              angles; e^r is the ratio of the highest to the lowest temperature
 
 Trial photons tell how many hits a photon stores (see preparation): 1 / (1 - rho) in a closed room of reflectance rho,
 and far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
@@ -29,6 +31,7 @@ from pathlib import Path
 import numpy as np
 
 from .image.tiles import TILE
+from .physics.fresnel import bytes_of_fresnel
 from .physics.layers import scene_layers
 from .physics.molecules import probe_count
 from .physics.radiometry import emission_range, table_rows
@@ -65,10 +68,11 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
 
     copies: number of float32 copies of all images that are held at once beside the film.
     """
-    rows = table_rows(emission_range(scene.temperature.reshape(len(scene.triangles), -1)))
+    temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1))
+    rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
     return _images_of(scene, copies) | {
         "geometry": 560.0 * len(scene.triangles),
-        "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count,
+        "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
     }
 
 

@@ -110,7 +110,7 @@ def build_fresnel_table(
     row = np.full(len(materials), -1, np.int32)
     row[follow] = np.arange(len(follow))
     low, high = temperatures
-    steps = max(1, math.ceil(math.log(high / low) / _STEP)) if high > low > 0.0 else 1
+    steps = _steps(temperatures)
     step, start = (math.log(high / low) / steps, math.log(low)) if high > low > 0.0 else (1.0, math.log(max(low, 1.0)))
     bands = len(edges) - 1
     reflectance = np.empty((len(follow), 4, ANGLES, bands), np.float32)
@@ -124,6 +124,18 @@ def build_fresnel_table(
             else:
                 emissivity[f, node - 1] = 1.0 - (albedo + below * (1.0 - albedo))
     return FresnelTable(row, reflectance, emissivity, start, step)
+
+
+def _steps(temperatures: tuple[float, float]) -> int:
+    """Number of steps of the emissivity's table from the lowest to the highest temperature (K)."""
+    low, high = temperatures
+    return max(1, math.ceil(math.log(high / low) / _STEP)) if high > low > 0.0 else 1
+
+
+def bytes_of_fresnel(materials: tuple[Material, ...], temperatures: tuple[float, float], bands: int) -> float:
+    """Bytes of the FresnelTable of materials in so many bands. temperatures: see build_fresnel_table."""
+    follow = sum(material.follows_fresnel for material in materials)
+    return 4.0 * ANGLES * follow * bands * (6 + _steps(temperatures))
 
 
 def no_fresnel(count: int) -> FresnelTable:
