@@ -284,7 +284,8 @@ def _weigh_lobes(lighting, stage, receiver, i, value):
     distance = math.sqrt(dot(way, way))
     direction = scaled(way, 1.0 / distance)
     diffuse, glossy = _shared_brdfs(receiver, way, distance, competing(lighting.points, i, way, distance))
-    share, row = diffuse / (diffuse + glossy), table.row[at.material]
+    total, row = diffuse + glossy, table.row[at.material]
+    share = diffuse / total if total > 0.0 else 0.0  # rounding may choose a point that brings nothing
     cosine, facet = dot(direction, at.shading_normal), facet_cosine(receiver.lobes, at, direction)
     for b in range(value.size):
         below = receiver.reflectance[b] * reflectance_of(table, row, ENTERING, cosine, b)
