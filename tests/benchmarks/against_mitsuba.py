@@ -4,8 +4,9 @@
     python -m tests.benchmarks.against_mitsuba [--families NAME ...] [--members N] [--passes M ...] [--brute]
 
 Mitsuba renders the reference of the excess over the ambient, in a process of its own; --python names the interpreter
-that has it, if it is another. With --brute references are by the path tracer of the tests, slower by far where small
-things are hot; pixels that none of its paths lit then seem to be known exactly. References are kept in the user's cache
+that has it, if it is another. With --brute, and always where there is gas, which does not shine in Mitsuba, references
+are by the path tracer of the tests, slower by far where small things are hot; pixels that none of its paths lit then
+seem to be known exactly. References are kept in the user's cache
 folder as independent images; a run that wants a longer one adds to them.
 
 Of each member it prints, for each number of passes:
@@ -30,6 +31,7 @@ that of a blackbody at the ambient temperature, over dB/dT there, in K.
 
 import argparse
 import hashlib
+import pickle
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +52,8 @@ ALLOWANCE = 0.002  # K, of what is not noise
 SIGNIFICANT = 5.0  # standard errors: of 2000 regions and more none by chance
 BLOCK = 4
 _EXACT = 1e-5  # K, below which images in float32 tell nothing of an error
-_CHUNK = 2.0  # s of each independent image of a reference: they count alike, and their spread tells its standard error
+_CHUNK, _BRUTE_CHUNK = 2.0, 5.0  # s of each independent image of a reference, by Mitsuba and by the tests' path tracer:
+# they count alike, and their spread tells its standard error
 _SIZE = 1000.0  # that Mitsuba's scenes are enlarged to: it moves rays off a surface by 1e-4 of (1 + coordinate)
 
 
@@ -88,14 +91,14 @@ def slope(kelvin, edges):
 
 def load_truth(name, scene, options):
     """Truth of a member from the cache folder, with as many seconds of rendering as are wanted added to it."""
-    path = options.cache / "families" / f"{name}-{'brute' if options.brute else 'mitsuba'}-{digest(scene)}.npz"
+    brute = options.brute or len(scene.media) > 0
+    path = options.cache / "families" / f"{name}-{'brute' if brute else 'mitsuba'}-{digest(scene)}.npz"
     images = np.empty((0, scene.camera.height, scene.camera.width))
     if path.exists():
         with np.load(path) as kept:
             images = kept["images"]
-    count = max(8, round(options.seconds / _CHUNK)) - len(images)
+    count = max(8, round(options.seconds / (_BRUTE_CHUNK if brute else _CHUNK))) - len(images)
     if count > 0:
-        brute = options.brute
         more = brute_images(scene, count, len(images), options) if brute else mitsuba_images(scene, count, options)
         images = np.concatenate((images, more))
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -110,6 +113,8 @@ def digest(scene):
         of.update(np.round(np.ascontiguousarray(value, np.float64), 7).tobytes())
     surfaces = [(material.emissivity, material.specular, material.roughness) for material in scene.materials]
     of.update(repr((surfaces, scene.camera, scene.band_edges, scene.world_temperature)).encode())
+    if scene.media:
+        of.update(pickle.dumps((scene.media, scene.world_depth)))
     return of.hexdigest()[:12]
 
 
@@ -131,7 +136,7 @@ def brute_images(scene, count, first, options):
     started = time.perf_counter()
     trace_paths(scene, 32, 1)
     rate = 32 / (time.perf_counter() - started)
-    samples = max(1, round(options.threads * rate * _CHUNK))
+    samples = max(1, round(options.threads * rate * _BRUTE_CHUNK))
     return trace_paths(scene, samples, count, seed=1, first_batch=first, threads=options.threads).images[..., 0]
 
 
