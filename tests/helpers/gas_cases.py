@@ -196,14 +196,15 @@ def linear_radiance(tau):
 def cube_of_burns_and_christon(x):
     """Absorption 0.9 (1 - 2|x|) (1 - 2|y|) (1 - 2|z|) + 0.1 in a cold black cube of 1 m, gas of one temperature (Burns
     and Christon, Numerical Heat Transfer B 31, 1997): mean radiance at (x, 0, 0), by a quadrature over all rays."""
-    low = [np.linspace(-0.5, 0.5, _CELLS + 1)] * 3
+    # where absorption has its ridges, cells are too low by their width: 64 on a side are off by 0.18 %, 160 by 0.03 %
+    low = [np.linspace(-0.5, 0.5, 161)] * 3
     mean = [1.0 - np.abs(edges[1:] + edges[:-1]) for edges in low]  # exact in cells, as kinks lie between two
     density = 0.9 * mean[0][:, None, None] * mean[1][:, None] * mean[2] + 0.1
-    grid = Grid.from_arrays(placed((-0.5,) * 3, (0.5,) * 3, density.shape), density, np.full(density.shape, HOT))
+    grid = Grid.from_arrays(placed((-0.5,) * 3, (0.5,) * 3, density.shape), density)
     vertices, triangles = box((1.0, 1.0, 1.0))
     camera, weights = all_around((x, 0.0, 0.0))
     scene = make_scene(
-        vertices - 0.5, triangles[:, ::-1], 0.0, [BLACK], camera, NARROW, media=(Medium("gas", 1.0, grid=grid),)
+        vertices - 0.5, triangles[:, ::-1], 0.0, [BLACK], camera, NARROW, media=(Medium("gas", 1.0, HOT, grid=grid),)
     )
     name = f"Burns and Christon's cube, x = {x:g} m: mean radiance"
     return GasCase(name, scene, mean_from_all_sides(x), black(HOT), weights, tolerance=5e-4)
