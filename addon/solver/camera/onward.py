@@ -177,8 +177,10 @@ def _reflect_specularly(stage, at, bounce, i, counts, out, sent):
     direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
     rho, scale = lobe_reflectance_at(stage, at, lobes, direction, room), lobes.specular * weight
     left = scale * largest_throughput(rays.throughput[i], rho)
+    if left <= 0.0:  # full may be 0, too: float32 knows nothing of what gets through gas of a depth above 100
+        return 0
     survival = min(MAX_SURVIVAL if bounce.number >= _SURE else 1.0, left / full)
-    if left <= 0.0 or uniform(path, dimension + SURVIVAL) >= survival:
+    if uniform(path, dimension + SURVIVAL) >= survival:
         return 0
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
