@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene of diffuse and mirror materials as any renderer can take it: radiances and reflectances in numbers."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+
+from tests.benchmarks.peers.gas import Gas, build_gas
 
 _WALKS, _BOUNCES, _SHIFT = 200_000, 12, 1e-5
 
@@ -17,6 +19,7 @@ class Problem:
     reflectance (p, B); mirror (p,) bool, else diffuse. world (B,) radiance of the surroundings. matrix (4, 4) camera to
     world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top. lobes (p, 2):
     share of the reflectance that is specular, and its alpha; None where `mirror` says all, as most peers need it.
+    gas: between the surfaces, None without.
     """
 
     vertices: np.ndarray
@@ -32,15 +35,24 @@ class Problem:
     height: int
     offset: np.ndarray
     lobes: np.ndarray | None = None
+    gas: Gas | None = None
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that it consists of, by name."""
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "gas"}
+        return {name: array for name, array in own.items() if array is not None} | (
+            self.gas.arrays() if self.gas else {}
+        )
 
     def save(self, path):
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        np.savez(path, **{name: array for name, array in arrays.items() if array is not None})
+        np.savez(path, **self.arrays())
 
     @classmethod
     def load(cls, path):
         with np.load(path) as file:
-            return cls(**{name: array[()] for name, array in file.items()})
+            arrays = {name: array[()] for name, array in file.items()}
+        gas = Gas.from_arrays(arrays)
+        return cls(**arrays, gas=gas)
 
     @property
     def groups(self) -> list[list[int]]:
@@ -48,15 +60,25 @@ class Problem:
         count = len(self.world)
         return [list(range(first, min(first + 3, count))) for first in range(0, count, 3)]
 
-    def colours(self, bands: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Emission (p, 3), reflectance (p, 3), world (3,) of three bands (the last repeated if there are fewer).
+    def of_bands(self, bands: list[int]) -> tuple["Problem", np.ndarray]:
+        """The problem of three bands (the last repeated if there are fewer), and the unit (3,) of its radiances.
 
-        Emission and world are in units of `scale` (3,), so that they are near 1.
+        These are in units of the largest in the band, so that they are near 1.
         """
         three = (bands + [bands[-1]] * 2)[:3]
         scale = np.maximum(np.abs(self.emission[:, three]).max(axis=0), np.abs(self.world[three]))
+        if self.gas is not None:
+            scale = np.maximum(scale, self.gas.brightest()[three])
         scale[scale == 0] = 1.0
-        return self.emission[:, three] / scale, self.reflectance[:, three], self.world[three] / scale, scale
+        part = replace(
+            self,
+            emission=self.emission[:, three] / scale,
+            reflectance=self.reflectance[:, three],
+            world=self.world[three] / scale,
+            offset=self.offset[three] / scale,
+            gas=self.gas and self.gas.of_bands(three, scale),
+        )
+        return part, scale
 
     def meshes(self):
         """(part, vertices (n, 3) float32, triangles (m, 3) int32) of every part."""
@@ -113,6 +135,7 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
         scene.camera.height,
         black,
         np.array([(scene.materials[m].specular, scene.materials[m].alpha) for m in material]) if all_lobes else None,
+        build_gas(scene, black),
     )
 
 
