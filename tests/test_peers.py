@@ -18,7 +18,7 @@ KELVIN = 350.0
 
 
 def filled(*media):
-    """A room around a hot ball, with media."""
+    """A closed room of 2 x 3 x 2.5 m, with media."""
     vertices, triangles = box((2.0, 3.0, 2.5))
     return make_scene(
         vertices, triangles[:, ::-1], 300.0, [Material("grey", 0.5)], look((1, 0.2, 1.2), (1, 3, 1), 8, 6, 0.6), EDGES,
@@ -107,3 +107,12 @@ def test_three_bands_a_run():
 def test_what_peers_cannot_render_is_refused(media):
     with pytest.raises(ValueError, match="Peers take one gas, without species, and one anisotropy"):
         build_problem(replace(filled(), media=media))
+
+
+def test_the_worlds_gas_needs_a_closed_room():
+    """Elsewhere it reaches as far as its depth, and a box around the scene does not."""
+    room = filled(Medium("air", 0.5, KELVIN))
+    with pytest.raises(ValueError, match="in a box around the scene, which must let no ray out"):
+        build_problem(
+            replace(room, **{each: getattr(room, each)[:-2] for each in ("triangles", "material", "temperature")})
+        )

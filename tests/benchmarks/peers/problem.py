@@ -114,7 +114,10 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
     if bad or scene.lights or scene.temperature.ndim > 1:
         raise ValueError(f"Only diffuse and mirror materials, emitting geometry and one temperature a triangle: {bad}")
     edges = scene.band_edges
-    reflectance = prepare(scene, Settings(threads=2)).stage.radiometry.reflectance.astype(float)
+    model = prepare(scene, Settings(threads=2))
+    if model.openness > 0.0 and any(medium.outline is None for medium in scene.media):
+        raise ValueError("Peers get the gas of the world in a box around the scene, which must let no ray out")
+    reflectance = model.stage.radiometry.reflectance.astype(float)
     pairs = np.column_stack((scene.material, scene.temperature))
     parts, part = np.unique(pairs, axis=0, return_inverse=True)
     material = parts[:, 0].astype(int)
