@@ -149,8 +149,8 @@ def compare(name: str, options) -> None:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
     parser.add_argument("--case", nargs="+", choices=CASES, default=list(CASES), help="cases (all of them)")
-    parser.add_argument("--seconds", type=float, default=1.0, help="of each run (%(default)s)")
-    parser.add_argument("--runs", type=int, default=12, help="of each engine (%(default)s)")
+    parser.add_argument("--seconds", type=float, default=0.7, help="of each run (%(default)s)")
+    parser.add_argument("--runs", type=int, default=8, help="of each engine (%(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="of every engine (%(default)s)")
     options = parser.parse_args()
     for name in options.case:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cycles on the processor, in the bpy package: no limit that matters, no clamping, no filtering, no denoising.
 
-Gas comes as a closed mesh or a volume with the node Volume Coefficients. Cells of a volume are interpolated linearly.
+Gas comes as a closed mesh or a volume with the node Volume Coefficients. Cells of a volume are interpolated linearly,
+and crossed in steps, which biases Cycles a little. Its mode without bias needs 1.4 times as long for an error in fog,
+1.5 times in a plume, and 4 s before each render of the latter.
 """
 
 import os
@@ -55,7 +57,7 @@ class _Cycles:
         cycles.light_sampling_threshold = 0.0
         cycles.blur_glossy = 0.0
         cycles.volume_bounces = _BOUNCES
-        cycles.volume_biased = False
+        cycles.volume_biased = True
         cycles.caustics_reflective = True
 
     def _place_camera(self, problem):
