@@ -77,7 +77,7 @@ def compare(name, options):
         by_noise = np.sqrt(sum(np.mean(np.diff(each, axis=0) ** 2) / 4.0 for each in (own_blocks, other_blocks)))
         print(
             f"| {name} | {peer} | {equal:.4f} | {spent:.1f} | {passes} | {error:.5f} | {apart:.5f} | {by_noise:.5f} | "
-            f"{(equal / error) ** 2:.0f} |",
+            f"{np.format_float_positional((equal / error) ** 2, 3, fractional=False, trim='-')} |",
             flush=True,
         )
 
