@@ -44,7 +44,7 @@ from .constants import C1, C2, SIGMA
 from .continuum import water_continuum
 from .humidity import FREEZING, saturation_pressure
 from .narrow_bands import coefficient_and_overlap
-from .spectrum import planck
+from .spectrum import apparent_temperature, planck
 
 ZENITH = np.array([0, 10, 20, 30, 40, 50, 60, 65, 70, 75, 80, 82.5, 85, 87, 88, 89, 90, 180], float)  # degrees
 WAVELENGTHS = np.geomspace(2.0, 30.0, 200)  # um
@@ -65,6 +65,7 @@ _HAZE = 0.1
 _ATMOSPHERE = 101325.0  # Pa
 _OZONE_DEPTH = 0.345 * 376.0 / 30.0  # vertical, at the centre of the band
 _OZONE_CENTRE, _OZONE_WIDTH, _OZONE_OVERLAP = 1042.0, 15.0, 0.0046 / 0.1  # cm-1; cm-1; width of lines over spacing
+_POINTS = 2001  # of the trapezoidal rule over a band
 _FACTORS = 0.02, 50.0  # between which the factor of the vapour is sought
 
 
@@ -111,6 +112,17 @@ def clear_sky(
     kelvin = np.full((len(ZENITH), len(WAVELENGTHS)), float(air))
     kelvin[_SLANTED] = np.minimum(_brightness(radiance), air)  # never above it by rounding
     return ZENITH.copy(), WAVELENGTHS.copy(), kelvin
+
+
+def band_temperatures(sky: tuple[np.ndarray, np.ndarray, np.ndarray], low: float, high: float) -> np.ndarray:
+    """(n,) temperatures, K, of blackbodies that radiate as a sky does between two wavelengths, um, by zenith angle.
+
+    sky: as clear_sky gives it; linear between wavelengths, held constant outside.
+    """
+    _, wavelengths, kelvin = sky
+    fine = np.linspace(low, high, _POINTS)
+    radiance = [np.trapezoid(planck(fine, np.interp(fine, wavelengths, row)), fine) for row in kelvin]
+    return apparent_temperature(np.array(radiance), np.array([low, high]))
 
 
 def vapour_factor(air: float, dew: float) -> float:
