@@ -105,7 +105,7 @@ def clear_sky(
     their base, m. Raises SceneError if a value makes no sense or is outside of what Martin and Berdahl's law is fit
     for.
     """
-    _check(air, dew, cover, base)
+    check_weather(air, dew, cover, base)
     layers, factor = _solve(air, dew)
     black, radiance = planck(WAVELENGTHS, air), layers.radiance(factor)
     radiance += cloud_share(cover, base) * (black - radiance)
@@ -127,7 +127,7 @@ def band_temperatures(sky: tuple[np.ndarray, np.ndarray, np.ndarray], low: float
 
 def vapour_factor(air: float, dew: float) -> float:
     """By how much the vapour is multiplied so that the sky radiates what Martin and Berdahl found; see clear_sky."""
-    _check(air, dew, 0.0, 0.0)
+    check_weather(air, dew, 0.0, 0.0)
     return _solve(air, dew)[1]
 
 
@@ -165,7 +165,8 @@ def _solve(air: float, dew: float) -> tuple[Layers, float]:
     return layers, math.exp(middle)
 
 
-def _check(air: float, dew: float, cover: float, base: float) -> None:
+def check_weather(air: float, dew: float, cover: float, base: float) -> None:
+    """Raise SceneError if a sky of this weather cannot be told. Arguments: see clear_sky."""
     coldest, wettest = DEW_POINTS
     if not coldest <= dew <= wettest:
         raise SceneError(
