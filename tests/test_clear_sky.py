@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The clear sky from the weather: against published measurements, its normalisation, and what must rise with what."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -178,7 +181,7 @@ def test_overcast():
 
 
 def test_where_gases_are_opaque_the_sky_is_as_warm_as_the_air():
-    """At 15 um, carbon dioxide, to a metre or two; at 6.3 um, water vapour, if it is not too dry, to the first km."""
+    """At 15 um, carbon dioxide, within some metres; at 6.3 um, water vapour, if it is not too dry, to the first km."""
     for air, dew in WEATHERS:
         dioxide, window, vapour = np.interp([15.0, 11.0, 6.3], WAVELENGTHS, clear_sky(air, dew)[2][0])
         assert dioxide > air - 1.0 and window < air - 40.0
@@ -200,6 +203,24 @@ def test_temperatures_of_a_band():
     found = band_temperatures((zenith, wavelengths, kelvin), 8.0, 14.0)
     inside = kelvin[:, (wavelengths > 7.8) & (wavelengths < 14.3)]
     assert np.all(found <= inside.max(axis=1) + 1e-5) and np.all(found >= inside.min(axis=1) - 1e-5)
+
+
+ROW = re.compile(r"^\| (-?\d+) °C, (\d+) %, (?:clear|(\d+) % at (\d+) m) \| (.*) \|$", re.MULTILINE)
+
+
+def test_the_table_on_the_page():
+    """docs/temperatures.md, in whole degrees."""
+    rows = ROW.findall((Path(__file__).parents[1] / "docs" / "temperatures.md").read_text(encoding="utf-8"))
+    assert len(rows) == 8
+    for celsius, percent, cover, base, stated in rows:
+        air = FREEZING + float(celsius)
+        weather = dew_point(air, float(percent) / 100.0), float(cover or 0) / 100.0, float(base or 0)
+        sky = clear_sky(air, *weather)
+        bands = [band_temperatures(sky, *each) for each in ((8.0, 14.0), (3.0, 5.0))]
+        found = [np.interp(angle, ZENITH, kelvin) for kelvin in bands for angle in (0.0, 60.0)]
+        found = np.array([*found, air * sky_emissivity(*weather) ** 0.25]) - FREEZING
+        print(f"{celsius} °C, {percent} %, {cover or 0} % at {base or 0} m:", *np.round(found).astype(int))
+        np.testing.assert_allclose(found, [float(each) for each in stated.split("|")], atol=0.51)
 
 
 @pytest.mark.parametrize("weather, message", [

@@ -22,11 +22,12 @@ continuum of water vapour (continuum), ozone and haze:
     vapour        its density by e in 2 km
     ozone         0.345 cm at 273 K and 1 atm, all of it at 216.65 K and near 50 hPa; band at 1042 cm-1 of the
                   strength 376 cm-2 atm-1, width 30 cm-1 and one line in 0.1 cm-1 (I. M. Vardavas and F. W. Taylor,
-                  Radiation and Climate, 2007, section 4.5); lines 0.0046 cm-1 wide, 0.075 cm-1 atm-1 at 216.65 K
-    haze          grey, vertical optical depth 0.1, by e in 1.2 km: for what the air of a window has besides
+                  Radiation and Climate, 2007, section 4.5); half-width of its lines 0.0046 cm-1, as at that pressure
+    haze          grey, vertical optical depth 0.1, falls by e in 1.2 km: chosen so that dry air has in its window what
+                  was measured (tests/test_clear_sky.py)
 
-One number is then free, the amount of vapour: it is multiplied until the total is Martin and Berdahl's. The factor is
-near 1 (docs/temperatures.md has it), which is the test of all this.
+One number is then free, the amount of vapour: it is multiplied until the total is Martin and Berdahl's. In usual
+weather the factor is 1.1 to 1.5 (docs/temperatures.md), so the atmosphere is about right without it.
 
 Layers are flat: at the horizon their path has no end, and the sky is as warm as the air. Below it, too: what stands on
 the ground, and the ground, are geometry of the scene.
