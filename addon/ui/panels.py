@@ -232,6 +232,7 @@ class INFRARED_PT_material(MaterialPanel, Panel):
         column.separator()
         draw_custom_property(column, material, "MATERIAL", "specular", "0 (diffuse)")
         draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
+        draw_custom_property(column, material, "MATERIAL", "fresnel", "No (alike at all angles)")
 
 
 class WorldPanel(InfraredPanel):

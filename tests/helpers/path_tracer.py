@@ -8,6 +8,9 @@ traces the excess over an isothermal scene at T0 (docs/method.md, section 3), wh
 What a rough lobe loses is emitted instead. The lobe's albedo is the mean weight of its samples, so a sample of weight w
 lets the surface emit 1 - w of a blackbody: no table of albedos is needed, and without roulette every single path in an
 isothermal enclosure brings exactly the blackbody's radiance.
+
+Under Fresnel's law the facets that a sample meets reflect by their angle, and the diffuse lobe gets what others, drawn
+anew, let through on the way in and on the way out: so no table of albedos is needed there, either.
 """
 
 import itertools
@@ -32,15 +35,19 @@ _NODES = 32  # of Planck's law in a band, where the temperature runs over a tria
 _CLEARANCE = 1e-6  # of the scene's size, by which a ray leaves a surface: some 16 roundings of float32
 _ROULETTE_FROM = 4  # bounces that no path is ended before
 _MOST_SURVIVE = 0.98
-_UNIFORMS = 5  # random numbers of a bounce: lobe, direction (2), roulette, free path in the air
+_UNIFORMS = 9  # random numbers of a bounce: lobe, direction (2), roulette, free path in the air, facets (4)
+_COATINGS = 200_000  # samples of what gets through a rough lobe, in the mean of all directions
 
 
 class _Tables(NamedTuple):
     """corners (m, 3, 3) m and normal (m, 3) of triangles; material (m,). black (m, b): radiance of a blackbody at their
     temperature less that at T0. kelvin (m, 3), varies (m,) bool: where it is to be taken at the point instead, with
     wavelength (b, n) um and weight (b, n) of Planck's law, and at_reference (b,). emissivity (k, b), specular (k,),
-    alpha (k,) of materials. world (b,) excess radiance of the surroundings. clearance: m. absorption, scattering,
-    anisotropy, depth: of the air, 1/m, its mean cosine, and m before the surroundings. air (b,): as black, of the air.
+    alpha (k,) of materials. fresnel (k,) bool, whether the specular lobe follows Fresnel's law: with face (k, b),
+    complex, the index, and share (k,), a factor on what a face reflects; beneath (k, b), what the body below reflects,
+    over the mean (k, b) of what gets through the lobe. world (b,) excess radiance of the surroundings. clearance: m.
+    absorption, scattering, anisotropy, depth: of the air, 1/m, its mean cosine, and m before the surroundings. air
+    (b,): as black, of the air.
     """
 
     corners: np.ndarray
@@ -55,6 +62,10 @@ class _Tables(NamedTuple):
     emissivity: np.ndarray
     specular: np.ndarray
     alpha: np.ndarray
+    fresnel: np.ndarray
+    face: np.ndarray
+    share: np.ndarray
+    beneath: np.ndarray
     world: np.ndarray
     clearance: float
     absorption: float
@@ -201,6 +212,7 @@ def _tables(scene, reference, centre):
         np.array([_emissivities(material, edges) for material in materials]),
         np.array([material.specular for material in materials], float),
         np.array([material.alpha for material in materials], float),
+        *_coatings(materials, edges),
         black_radiance(edges, scene.world_temperature) - at_reference,
         _CLEARANCE * np.abs(corners).max(),
         float(air.absorption),
@@ -219,6 +231,65 @@ def _emissivities(material, edges):
     if np.any(np.ptp(curve, axis=0) > 1e-6):
         raise ValueError(f"The emissivity of '{material.name}' varies within a band")
     return curve[0]
+
+
+def _coatings(materials, edges):
+    """fresnel, face, share and beneath of _Tables."""
+    bands, count = len(edges) - 1, len(materials)
+    fresnel = np.array([bool(material.fresnel and material.specular) for material in materials])
+    face, share, beneath = np.ones((count, bands), complex), np.ones(count), np.zeros((count, bands))
+    for i in np.flatnonzero(fresnel):
+        material, normal = materials[i], 1.0 - _emissivities(materials[i], edges)
+        if material.constants is None:
+            root = np.sqrt(material.specular * normal)
+            face[i] = (1.0 + root) / (1.0 - root)
+        else:
+            constants = np.atleast_2d(material.constants)
+            if len(constants) > 1:
+                raise ValueError(f"The optical constants of '{material.name}' vary")
+            face[i], share[i] = constants[0, 1] + 1j * constants[0, 2], material.specular
+        random, through = np.random.default_rng(i).random((_COATINGS, 3)), np.zeros(bands)
+        _mean_through(face[i], share[i], float(material.alpha), random, through)
+        below = (1.0 - material.specular) * normal / (1.0 - material.specular * normal)
+        beneath[i] = below / through if material.specular < 1.0 else 0.0
+    return fresnel, face, share, beneath
+
+
+@numba.njit(cache=True, nogil=True)
+def _mean_through(face, share, alpha, random, through):
+    """Add to through (b,) the mean of 1 - albedo over cosine-distributed directions."""
+    z = np.array((0.0, 0.0, 1.0))
+    for i in range(random.shape[0]):
+        cosine = np.sqrt((i + 0.5) / random.shape[0])
+        towards = np.array((np.sqrt(1.0 - cosine * cosine), 0.0, cosine))
+        for band in range(through.size):
+            kept = 1.0 - _lobe_sample(face[band], share, z, towards, alpha, random[i, 1], random[i, 2])
+            through[band] += kept / random.shape[0]
+
+
+@numba.njit(cache=True, nogil=True)
+def _lobe_sample(face, share, z, towards, alpha, s, t):
+    """What a facet that is seen from a direction reflects: in the mean the lobe's albedo."""
+    cosine = np.dot(z, towards)
+    if alpha == 0.0:
+        return share * _face_reflectance(face, cosine)
+    facet = _visible_facet(z, towards, alpha, s, t)
+    met = np.dot(facet, towards)
+    after = np.dot(2.0 * met * facet - towards, z)
+    if after <= 1e-9:
+        return 0.0
+    before = _smith(alpha, max(cosine, 1e-9))
+    return share * _face_reflectance(face, met) * (1.0 + before) / (1.0 + before + _smith(alpha, after))
+
+
+@numba.njit(cache=True, nogil=True)
+def _face_reflectance(index, cosine):
+    """Of a smooth face of a complex index, for unpolarised light, by the impedances of both polarisations (Modest,
+    section 2.5)."""
+    square = index * index
+    root = np.sqrt(square - (1.0 - cosine * cosine))
+    across, along = (cosine - root) / (cosine + root), (square * cosine - root) / (square * cosine + root)
+    return 0.5 * (abs(across) ** 2 + abs(along) ** 2)
 
 
 def _batch(camera, centre, tables, embree, samples, random, kinds):
@@ -264,7 +335,7 @@ def _bounce(tables, paths, hits, uniforms, image, tally):
     """Add what is emitted where paths arrive, and send them on; those that go on move to the front; their number."""
     triangle, u, v, distance = hits
     kept, extinction = 0, tables.absorption + tables.scattering
-    black = np.empty(image.shape[1])
+    black, factor = np.empty(image.shape[1]), np.empty(image.shape[1])
     for i in range(triangle.size):
         t, pixel, kind = triangle[i], paths.pixel[i], paths.kind[i]
         throughput = paths.throughput[i]
@@ -287,10 +358,12 @@ def _bounce(tables, paths, hits, uniforms, image, tally):
         material = tables.material[t]
         _black_at(tables, t, u[i], v[i], black)
         direction, lobe, weight = _reflect(tables, material, t, paths.direction[i], uniforms[i])
-        emissivity = tables.emissivity[material]
+        factor[:] = (1.0 - tables.emissivity[material]) * weight
+        if tables.fresnel[material]:
+            _coat(tables, material, t, paths.direction[i], direction, lobe, weight, uniforms[i], factor)
         # A sample of a rough lobe stands for what the lobe loses, too.
-        _add(throughput, (1.0 - (1.0 - emissivity) * weight) * black, pixel, kind, image, tally)
-        throughput *= (1.0 - emissivity) * weight
+        _add(throughput, (1.0 - factor) * black, pixel, kind, image, tally)
+        throughput *= factor
         survival = 1.0 if paths.bounces[i] < _ROULETTE_FROM else min(_MOST_SURVIVE, throughput.max())
         if throughput.max() <= 0.0 or uniforms[i, 3] >= survival:
             continue
@@ -349,6 +422,22 @@ def _reflect(tables, material, t, incoming, uniforms):
         return out, 2, 0.0
     before, after = _smith(alpha, max(-np.dot(incoming, z), 1e-9)), _smith(alpha, cosine)
     return out, 2, (1.0 + before) / (1.0 + before + after)
+
+
+@numba.njit(cache=True, nogil=True)
+def _coat(tables, material, t, incoming, direction, lobe, weight, uniforms, factor):
+    """Set factor (b,) to BRDF times cosine over density of a material that follows Fresnel's law."""
+    z = tables.normal[t] if np.dot(tables.normal[t], incoming) < 0.0 else -tables.normal[t]
+    specular, alpha, share = tables.specular[material], tables.alpha[material], tables.share[material]
+    for band in range(factor.size):
+        face = tables.face[material, band]
+        if lobe != 1:
+            met = np.sqrt(max(0.0, 0.5 - 0.5 * np.dot(incoming, direction)))
+            factor[band] = share * _face_reflectance(face, met) * weight / specular
+            continue
+        out = 1.0 - _lobe_sample(face, share, z, -incoming, alpha, uniforms[5], uniforms[6])
+        into = 1.0 - _lobe_sample(face, share, z, direction, alpha, uniforms[7], uniforms[8])
+        factor[band] = tables.beneath[material, band] * out * into / (1.0 - specular)
 
 
 @numba.njit(cache=True, nogil=True)
