@@ -10,10 +10,11 @@ from ..geometry.interaction import interact
 from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
 from ..physics.radiometry import NONE
+from ..physics.sky import radiance_from
 from ..planning.lamps import share_of_ray
 from ..sampling.heuristics import ALONE, shared_part
 from ..sampling.rng import uniform
-from ..sampling.vectors import put_vector
+from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
 from .rays import BLIND, largest_throughput, shares_by_lobe
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
@@ -90,12 +91,14 @@ def meet(stage, lighting, bounce, rows) -> Gathers:
     """
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
-    kept = _meet(stage, lighting, bounce, rows, gathers, emitted, np.empty(count, np.int32))
+    room = np.empty(count, np.int32), np.empty(stage.radiometry.reference.size)
+    kept = _meet(stage, lighting, bounce, rows, gathers, emitted, room)
     return first_gathers(gathers, kept)
 
 
 @njit(**FAST_KERNEL)
-def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
+def _meet(stage, lighting, bounce, rows, gathers, emitted, room):
+    kept_as, from_sky = room
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
     found = newest = np.int64(0)  # no literal, see kernels
@@ -105,8 +108,9 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, kept_as):
             pixel, newest = rays.pixel[i], found
         throughput = rays.throughput[i]
         if hits.triangle[i] < 0:
+            around = radiance_from(surroundings, vector(rays.direction, i), from_sky)
             for b in range(bands):
-                rows.image[pixel, sky + b] += throughput[b] * surroundings.radiance[b]
+                rows.image[pixel, sky + b] += throughput[b] * around[b]
             continue
         at = interact(stage.surfaces, hits, i, rays.direction)
         side = at.side_id & 1

@@ -60,7 +60,7 @@ def trace_photons(
     emit(emitters, stage, batch, wave)
     scattered, flying = None, 0
     if tracer.holds_media:
-        collect(tracer, wave, batch.key, emitters.surroundings.radiance)
+        collect(tracer, wave, batch.key, emitters.surroundings)
         scattered = empty_wave(count, bands, optics.keep_layer)
     while count and not cancelled():
         hits = tracer.trace(wave.origin[:count], wave.direction[:count])
