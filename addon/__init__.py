@@ -87,13 +87,14 @@ def _modules():
     from .ui import band_presets, checks, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, thermal_from_shaders
-    from .ui.temperatures import heat_display, heat_map, temperature_groups, temperature_tools
+    from .ui.temperatures import clear_sky, heat_display, heat_map, temperature_groups, temperature_tools
 
     return (
         properties,
         operators,
         sensor_image,
         temperature_tools,
+        clear_sky,
         heat_map,
         curve_previews,
         material_library,

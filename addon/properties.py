@@ -57,6 +57,11 @@ CUSTOM_PROPERTIES = {
         "precision": 3,
         "description": "Roughness of the mirrored share: 0 is a perfect mirror, 1 the widest gloss",
     },
+    "fresnel": {
+        "description": "Fresnel's law: the mirrored share grows towards grazing angles, as on water, glass and gloss "
+        "paint, and the emission falls. Emissivity and Specular are those seen straight on. Library materials with "
+        "optical constants follow these",
+    },
     "absorption": {
         "soft_min": 0.0,
         "soft_max": 100.0,
@@ -105,10 +110,12 @@ def property_label(key: str) -> str:
     return key.replace("_", " ").title()
 
 
-def initial_value(id_block, key: str, scene) -> float | str:
+def initial_value(id_block, key: str, scene) -> float | str | bool:
     """The value that counts while a custom property is missing, so that adding it changes no image."""
     if key == "temperature_group":
         return ""
+    if key == "fresnel":
+        return False
     if key == "pressure":
         return ATMOSPHERE
     if key == "emissivity":
@@ -122,7 +129,7 @@ def initial_value(id_block, key: str, scene) -> float | str:
     return scene.infrared.ambient_temperature
 
 
-def set_custom_property(id_block, key: str, value: float | str | list[float]) -> None:
+def set_custom_property(id_block, key: str, value: float | str | bool | list[float]) -> None:
     """Set the custom property `key`, whatever it was before.
 
     Where library overrides may change a property, Blender refuses values of another type or length, so the property is
@@ -137,13 +144,13 @@ def set_custom_property(id_block, key: str, value: float | str | list[float]) ->
         id_block.property_overridable_library_set(f'["{key}"]', True)
 
 
-def add_custom_property(id_block, key: str, value: float | str) -> None:
-    """Set the custom property `key` to a number or a text, with its unit and tooltip.
+def add_custom_property(id_block, key: str, value: float | str | bool) -> None:
+    """Set the custom property `key` to a number, a text, or yes or no, with its unit and tooltip.
 
     It is marked as one that library overrides may change. Not so the emissivity: the mark would fix its type to a
     number, and it may also become a curve or the name of a library material.
     """
-    set_custom_property(id_block, key, value if isinstance(value, str) else float(value))
+    set_custom_property(id_block, key, value if isinstance(value, str | bool) else float(value))
     shown = dict(CUSTOM_PROPERTIES[key])
     if key == "temperature" and isinstance(id_block, bpy.types.Object) and id_block.type != "LIGHT":
         shown["description"] += ". A mesh attribute named 'temperature' wins over it"

@@ -79,6 +79,17 @@ def test_a_slab_emits_and_absorbs(depth, subtraction):
     assert seen(scene, reference_subtraction=subtraction) == pytest.approx(truth, rel=4e-6)
 
 
+def test_a_mirror_behind_gas_that_nothing_gets_through():
+    """Rays from a floor that meet the mirror have lost all in float32, at a depth of 200. The floor is lit by the gas
+    alone, but for 1 %."""
+    parts = (*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 300.0, 0), (*quad((0, 0, 3), (9, 0, 0), (0, 9, 0)), 300.0, 1)
+    gas = filled("gas", 200.0, 500.0, (-9, -9, 1), (9, 9, 2))
+    materials = [Material("floor", 0.5), Material("mirror", 0.1, 1.0)]
+    scene = joined(parts, materials, look((0.1, 0, 0.5), (0, 0, 0), 8, 6, 0.2), media=(gas,))
+    image = render(scene, Settings(passes=4, photons_per_pass=1000, reference_temperature=300.0)).radiance()
+    assert image.mean(dtype=float) == pytest.approx(0.5 * (black(300.0) + black(500.0)), rel=0.02)
+
+
 @pytest.mark.parametrize("t0", [None, 500.0])
 @pytest.mark.parametrize("inner, outer", [(600.0, 300.0), (300.0, 600.0)])
 def test_media_that_overlap_add(inner, outer, t0):

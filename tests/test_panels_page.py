@@ -133,7 +133,7 @@ def states():
     )  # fmt: skip
     many_points = [float(number) for um in range(8, 48) for number in (um, 0.5)]
     for emissivity in (0.5, many_points, "Tin"):
-        shown.material = material(emissivity=emissivity, specular=0.5, roughness=0.5, **gas)
+        shown.material = material(emissivity=emissivity, specular=0.5, roughness=0.5, fresnel=True, **gas)
         yield shown
     shown.material["gas"] = {"H2O": 0.1, "soot": 1e-7}
     for infrared.band_mode in ("UNIFORM", "ADAPTIVE", "CUSTOM"):

@@ -8,7 +8,7 @@ are fixed, so that a test which passes always does.
 import numpy as np
 import pytest
 
-from addon.solver import Material
+from addon.solver import Material, Medium
 from tests.benchmarks.families import FAMILIES, HEIGHT, WIDTH, member
 from tests.helpers.exact_cases import (
     THERMAL,
@@ -25,7 +25,24 @@ from tests.helpers.exact_cases import (
     rough_mirror,
     rough_plate,
 )
+from tests.helpers.gas_cases import (
+    black,
+    endless,
+    full_sphere,
+    hemispherical_emissivity,
+    linear_radiance,
+    normal_emissivity,
+    normal_transmitted,
+    plates_with_mirrors,
+    reflectance,
+    scattering_emissivity,
+    slab,
+    straight_down,
+    transmittance,
+)
+from tests.helpers.grids import cells_on_ray, random_grid
 from tests.helpers.path_tracer import LONGER, black_radiance, standard_error, trace_paths
+from tests.helpers.scenes import look, make_scene, quad
 
 STEPS = (0.2, 0.9, 0.5)  # emissivities in THERMAL
 ROUNDING = 1e-6  # positions of hits are those of float32
@@ -93,6 +110,57 @@ def test_kinds_of_paths_add_up():
     assert np.allclose(sum(mean for mean, _ in kinds.values()), traced.excess().sum(axis=-1))
     assert {"D", "DS"} <= set(kinds) and not {"S", "SD", "G", LONGER} & set(kinds)
     assert kinds["D"][0].mean() > kinds["DS"][0].mean() > 0.0
+
+
+@pytest.mark.parametrize("build, arguments", [
+    (normal_emissivity, (0.1,)), (hemispherical_emissivity, (1.0,)), (full_sphere, (True,)), (linear_radiance, (1.0,)),
+    (plates_with_mirrors, (0,)), (reflectance, (0.9, 1.0, 0.352712)), (transmittance, (0.5, 1.0, 0.306709)),
+    (normal_transmitted, (1.0, 1.0, 0.658671)), (scattering_emissivity, (0.9, 1.0, 0.140965)),
+])  # fmt: skip
+def test_gas(build, arguments):
+    """Exact cases with gas in a mesh, in cells, and everywhere."""
+    case = build(*arguments)
+    traced = trace_paths(case.scene, samples=2, batches=16)
+    batches = traced.images.mean(axis=(1, 2))[:, 0] + black_radiance(traced.edges, traced.reference)[0]
+    value, error = batches.mean() / case.scale, standard_error(batches) / case.scale
+    print(f"{value:.5f} +- {error:.5f}, exact {case.truth:.5f}")
+    assert error < 0.02 * case.truth
+    assert abs(value - case.truth) <= 4.0 * error + (case.tolerance + ROUNDING) * case.truth
+
+
+def test_gases_that_overlap_add():
+    """Three stretches along a ray through a slab in a slab whose faces look inwards."""
+    inner, outer = slab(0.4, 0.6, 2.0, 500.0), slab(0.1, 1.1, 1.0, 300.0)
+    outer.triangles[:] = outer.triangles[:, ::-1]
+    traced = trace_paths(endless((inner, outer), straight_down(1.15), below=400.0), samples=1, batches=2)
+    a, b, expected = black(500.0), black(300.0), black(400.0)
+    for tau, source in ((0.3, b), (0.6, (2.0 * a + b) / 3.0), (0.5, b)):
+        expected = expected * np.exp(-tau) - source * np.expm1(-tau)
+    assert np.allclose(traced.radiance(), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_cells(seed):
+    """Single rays through a sheared grid with missing leaves, beside a sum over its cells."""
+    grid = random_grid(seed)
+    middle = grid.matrix[:3, 3]
+    position = middle + (1.0, -7.0, 0.5)
+    wall = quad(middle + (0, 9.0, 0), (9.0, 0, 0), (0, 0, 9.0))
+    scene = make_scene(
+        *wall, 350.0, [Material("wall", 1.0)], look(position, middle, 1, 1, 1e-6), np.array([9.99, 10.01]),
+        media=(Medium("gas", 0.7, grid=grid),),
+    )  # fmt: skip
+    along = (middle - position) / np.linalg.norm(middle - position)
+    planes, at = cells_on_ray(grid, position, along, 20.0)
+    stops = np.concatenate(([0.0], np.sort(planes), [20.0]))
+    expected, depths = 0.0, []
+    for begin, end in zip(stops[:-1], stops[1:], strict=True):
+        density, kelvin = at(0.5 * (begin + end))
+        expected -= np.exp(-sum(depths)) * np.expm1(-0.7 * density * (end - begin)) * black(kelvin)
+        depths.append(0.7 * density * (end - begin))
+    expected += np.exp(-sum(depths)) * black(350.0)
+    assert sum(depths) > 0.1
+    assert trace_paths(scene, samples=1, batches=2).radiance()[0, 0, 0] == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

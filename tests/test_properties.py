@@ -17,7 +17,7 @@ from scipy import stats
 
 from addon.solver import Material, Settings, render
 from addon.solver.geometry.interaction import emit_at
-from addon.solver.geometry.stage import Stage, fill_emission, reflectance_at
+from addon.solver.geometry.stage import Stage, fill_emission
 from addon.solver.geometry.surfaces import unit_normal
 from addon.solver.geometry.triangles import areas
 from addon.solver.passes import Work, render_pass
@@ -118,7 +118,8 @@ def absorb(stage, inner, hits, wave, absorbed):
         at = arrive(stage.surfaces, hits, i, wave)
         if at.side_id != inner[at.triangle]:
             continue
-        share, reflectance = lost(stage.radiometry.lobes, at.material, at.cosine), reflectance_at(stage, at)
+        share = lost(stage.radiometry.lobes, at.material, at.cosine)
+        reflectance = stage.radiometry.reflectance[at.material]
         for b in range(absorbed.size):
             rho = reflectance[b]
             absorbed[b] += wave.power[i, b] * (1.0 - rho + rho * share)

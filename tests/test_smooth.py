@@ -11,11 +11,11 @@ from addon.solver.camera.first_hits import first_hit_images
 from addon.solver.geometry.interaction import Interaction
 from addon.solver.physics.lobes import (
     Lobes,
+    adjoint,
     evaluate_diffuse,
     evaluate_glossy,
     glossy_density,
     sample_specular,
-    sample_specular_of_photon,
 )
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
@@ -96,11 +96,11 @@ def test_photons_see_the_brdf_that_the_camera_sees(degrees, towards):
     lobes, rng = Lobes(GLOSSY, 1.0, 0.2), np.random.default_rng(7)
     towards = np.array(towards) / np.linalg.norm(towards)
     at = leaning(degrees, -towards)
-    drawn = [sample_specular_of_photon(lobes, at, *rng.random(2)) for _ in range(20_000)]
+    drawn = [sample_specular(lobes, at, *rng.random(2)) for _ in range(20_000)]
     ways = hemisphere(40_000)
     brdf = np.array([evaluate_glossy(lobes, leaning(degrees, -way), tuple(towards)) for way in ways]) * np.pi
     for name, part in {"all": lambda way: way[2] > 0.3, "aside": lambda way: way[0] > 0.3}.items():
-        reflected = np.array([sample.weight * part(sample.direction) for sample in drawn])
+        reflected = np.array([each.weight * adjoint(at, each.direction) * part(each.direction) for each in drawn])
         expected = np.array([value * part(way) for value, way in zip(brdf, ways, strict=True)])
         error = np.hypot(reflected.std() / len(drawn) ** 0.5, expected.std() / len(ways) ** 0.5)
         print(f"{name}: {reflected.mean():.4f} for {expected.mean():.4f} +- {error:.4f}")

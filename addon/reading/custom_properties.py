@@ -19,6 +19,17 @@ def read_number(id_block, key: str, default: float, owner: str, unit: str) -> fl
     return float(value)
 
 
+def read_choice(id_block, key: str, owner: str) -> bool:
+    """The custom property `key`, which is true or false; false if it is not set. 0 and 1 count, too, as older Blenders
+    write them. Raises SceneError if it is anything else."""
+    value = id_block.get(key)
+    if value is None:
+        return False
+    if not isinstance(value, int) or value not in (0, 1):
+        raise SceneError(f"{owner}: {key} is {describe(value)}, expected true or false")
+    return bool(value)
+
+
 def is_number(value) -> bool:
     """Whether the value of a custom property is a number; True and False are none."""
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's materials become the solver's: emissivity, specular share and roughness from their custom properties."""
+"""Blender's materials become the solver's: emissivity, specular share, roughness and Fresnel's law from their custom
+properties."""
 
 from __future__ import annotations
 
@@ -7,18 +8,22 @@ import numpy as np
 
 from ..solver.physics import library
 from ..solver.scene import Material, SceneError
-from .custom_properties import describe, is_number, read_number
+from .custom_properties import describe, is_number, read_choice, read_number
 
 
 def read_material(material, default_emissivity: float) -> Material:
     """The solver's material from a Blender material's custom properties."""
     owner = f"Material '{material.name}'"
     emissivity = material.get("emissivity")  # Blender 5 can hold None, which is as good as nothing
+    fresnel = read_choice(material, "fresnel", owner)
+    by_name = fresnel and isinstance(emissivity, str)
     return Material(
         name=material.name,
         emissivity=default_emissivity if emissivity is None else _emissivity(emissivity, owner),
         specular=read_number(material, "specular", 0.0, owner, " from 0 to 1"),
         roughness=read_number(material, "roughness", 0.0, owner, " from 0 to 1"),
+        fresnel=fresnel,
+        constants=library.find_constants(emissivity) if by_name else None,
     )
 
 

@@ -114,12 +114,25 @@ def gas_checks(block, owner: str, infrared) -> list[Check]:
 
 
 def _surface_checks(material, infrared) -> list[Check]:
-    """Checks of a material's emissivity, specular share and roughness."""
+    """Checks of a material's emissivity, specular share, roughness and Fresnel's law."""
     owner = f"Material '{material.name}'"
     try:
-        wavelengths, _ = read_material(material, infrared.default_emissivity).curve
+        read = read_material(material, infrared.default_emissivity)
     except SceneError as error:
         return [Check("ERROR", str(error))]
+    return [*_fresnel_checks(read, owner), *_emissivity_checks(material, read.curve[0], infrared)]
+
+
+def _fresnel_checks(material, owner: str) -> list[Check]:
+    """Checks of Fresnel's law on a surface."""
+    if material.fresnel and not material.specular:
+        return [Check("WARNING", f"{owner}: fresnel changes nothing without a specular share above 0")]
+    return []
+
+
+def _emissivity_checks(material, wavelengths, infrared) -> list[Check]:
+    """Checks of the emissivity of a material that can be read, over its wavelengths (n,), um."""
+    owner = f"Material '{material.name}'"
     if material.get("emissivity") is None:
         return [Check("HINT", f"{owner}: no emissivity; the default {infrared.default_emissivity:.3g} counts")]
     try:

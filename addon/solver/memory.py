@@ -19,6 +19,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                76 m                           where some are shaded smooth: normals at corners, given, normalised
                                               and kept
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
+               1024 (6 + 10 r) f b            what f materials that follow Fresnel's law reflect and emit at 256
+                                              angles; e^r is the ratio of the highest to the lowest temperature
     grids      max(20, 8 + 8 c) v + 4 p       of v cells with c components, in p places for leaves (see geometry.grids)
     sky        8 b n                          of n pixels of an image, or 720 zenith angles
 
@@ -34,6 +36,7 @@ import numpy as np
 
 from .geometry.grids import memory_of_grids
 from .image.tiles import TILE
+from .physics.fresnel import bytes_of_fresnel
 from .physics.layers import scene_layers
 from .physics.molecules import probe_count
 from .physics.radiometry import emission_range, table_rows
@@ -73,10 +76,11 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
 
     copies: number of float32 copies of all images that are held at once beside the film.
     """
-    rows = table_rows(emission_range(scene.temperature.reshape(len(scene.triangles), -1)))
+    temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1))
+    rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
     return _images_of(scene, copies) | {
         "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),
-        "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count,
+        "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
         "grids": sum(memory_of_grids(scene.media).values()),
         "sky": float(sky_size(scene.sky, scene.band_count)),
     }

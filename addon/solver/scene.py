@@ -39,21 +39,31 @@ class Material:
 
     name: shown in messages.
     emissivity: a float (grey), or an (n, 2) array of [wavelength um, emissivity], wavelengths ascending,
-        linear between the points and held constant outside. 0..1.
+        linear between the points and held constant outside. 0..1. With Fresnel's law it is that along the normal.
     specular: share of the reflectance in the specular lobe, 0..1; the rest is diffuse.
     roughness: 0 is a mirror, 1 the roughest GGX lobe (alpha = roughness^2).
+    fresnel: whether the specular lobe follows Fresnel's law, see physics.fresnel.
+    constants: (n, 3) array of [wavelength um, n, k], for Fresnel's law; the emissivity then follows from them. None: a
+        dielectric, with the index that gives the lobe's reflectance along the normal.
     """
 
     name: str = "Material"
     emissivity: float | np.ndarray = 0.95
     specular: float = 0.0
     roughness: float = 0.0
+    fresnel: bool = False
+    constants: np.ndarray | None = None
 
     @property
     def alpha(self) -> float:
         """Width of the GGX lobe; 0 for a mirror, and where there is no specular lobe."""
         alpha = self.roughness**2
         return alpha if self.specular > 0 and alpha > MIRROR_ALPHA else 0.0
+
+    @property
+    def follows_fresnel(self) -> bool:
+        """Whether emission and reflection depend on the angle by Fresnel's law: it is that of the specular lobe."""
+        return self.fresnel and self.specular > 0
 
     def __post_init__(self):
         points = np.asarray(self.emissivity, dtype=np.float64)
@@ -74,14 +84,32 @@ class Material:
             value = getattr(self, label)
             if not 0.0 <= value <= 1.0:
                 raise SceneError(f"Material '{self.name}': {label} {value:g} is outside 0..1")
+        if self.constants is not None:
+            _check_constants(np.asarray(self.constants, dtype=np.float64), self.name, self.fresnel)
 
     @property
     def curve(self) -> tuple[np.ndarray, np.ndarray]:
-        """Wavelengths (n,) in um and emissivities (n,), float64; a grey material has one point."""
+        """Wavelengths (n,) in um and emissivities (n,) along the normal, float64; a grey material has one point."""
+        if self.constants is not None:
+            wavelengths, n, k = np.asarray(self.constants, dtype=np.float64).T
+            return np.ascontiguousarray(wavelengths), 4.0 * n / ((n + 1.0) ** 2 + k * k)
         points = np.asarray(self.emissivity, dtype=np.float64)
         if points.ndim == 0:
             return np.array([1.0]), points[None]
         return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+
+
+def _check_constants(table: np.ndarray, name: str, fresnel: bool) -> None:
+    owner = f"Material '{name}': optical constants"
+    if table.ndim != 2 or table.shape[1] != 3 or not len(table):
+        raise SceneError(f"{owner} must be rows of um, n and k, got an array of shape {table.shape}")
+    check_wavelengths(table[:, 0], owner)
+    bad = ~((table[:, 1] > 0.0) & (table[:, 2] >= 0.0) & np.isfinite(table).all(axis=1))
+    if np.any(bad):
+        um, n, k = table[bad][0]
+        raise SceneError(f"{owner} at {um:g} um: n {n:g} must be above 0 and k {k:g} not below 0")
+    if not fresnel:
+        raise SceneError(f"{owner} are given, but no Fresnel's law")
 
 
 @dataclass(frozen=True)

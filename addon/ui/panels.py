@@ -232,6 +232,7 @@ class INFRARED_PT_material(MaterialPanel, Panel):
         column.separator()
         draw_custom_property(column, material, "MATERIAL", "specular", "0 (diffuse)")
         draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
+        draw_custom_property(column, material, "MATERIAL", "fresnel", "No (alike at all angles)")
 
 
 class WorldPanel(InfraredPanel):
@@ -251,6 +252,7 @@ class INFRARED_PT_world(WorldPanel, Panel):
         column = self.column()
         none = f"{in_scene_unit(0.0, context.scene)} (no radiation)"
         draw_custom_property(column, context.world, "WORLD", "temperature", none)
+        column.operator("infrared.clear_sky", text="Clear Sky from Weather...", icon="LIGHT_SUN")
         draw_group(column, context.world, "WORLD", context.scene)
 
 
@@ -315,7 +317,10 @@ def draw_custom_property(column, id_block, owner: str, key: str, without: str) -
     row = column.row(align=True)
     present = key in id_block
     if present:
-        row.prop(id_block, f'["{key}"]', text=shown_label(id_block, key))
+        if hasattr(id_block[key], "to_list"):  # a field for each of many numbers would fill the panel
+            row = draw_text(row, key, f"{len(id_block[key])} numbers")
+        else:
+            row.prop(id_block, f'["{key}"]', text=shown_label(id_block, key))
         operator = row.operator("infrared.property_remove", text="", icon="X")
     else:
         operator = draw_text(row, key, without).operator("infrared.property_add", text="", icon="ADD")

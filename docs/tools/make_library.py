@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make library.csv and library_sources.csv in addon/solver/physics from published optical constants and spectra.
+"""Make library.csv, library_sources.csv and optical_constants.csv in addon/solver/physics from published optical
+constants and spectra.
 
-    python -m docs.tools.make_library <refractiveindex.info database> <LUMA_SLUM_IR.csv>
+    python -m docs.tools.make_library <refractiveindex.info database> [<LUMA_SLUM_IR.csv>]
 
 The first argument is the folder `database/data` of a clone of github.com/polyanskiy/refractiveindex.info-database
 (CC0), the second the long-wave table of SLUM (doi.org/10.5281/zenodo.4263842). Neither is part of this project; what
-is kept is the emissivity computed from them. The materials and how each is derived are listed below.
+is kept is the emissivity computed from them, and n and k at few wavelengths. The materials and how each is derived are
+listed below. Without the second argument the rows of measured materials stay as they are.
 """
 
 from __future__ import annotations
@@ -18,11 +20,15 @@ from pathlib import Path
 
 import numpy as np
 
+from addon.solver.physics import library
+from addon.solver.physics.fresnel import fresnel_reflectance
 from docs.tools.paths import ROOT
 
 PHYSICS = ROOT / "addon" / "solver" / "physics"
 
 SHORTEST, LONGEST = 1.0, 25.0  # um, kept part of the spectrum
+RANGE = 0.8, 30.0  # um, kept part of the optical constants
+COSINES = np.cos(np.radians([0.0, 45.0, 65.0, 80.0, 87.0]))  # at which the kept constants give the emissivity
 ABSOLUTE_ERROR = 0.0015  # of linear interpolation between the kept points
 RELATIVE_ERROR = 0.02  # of the same, where emissivity is low (metals)
 BANDS = (3.0, 5.0), (8.0, 14.0)  # um, where the notes give the depth in which a body absorbs
@@ -88,6 +94,22 @@ class Recipe:
     note: str
 
 
+class Tabulated:
+    """Emissivity of a body whose optical constants are known.
+
+    constants: called with the database, returns wavelengths (um), n and k, (m,) each. noted: whether to tell how thick
+    the body must be; a text instead is told itself.
+    """
+
+    def __init__(self, constants: Callable[[Path], tuple], noted: bool | str):
+        self.constants, self._noted = constants, noted
+
+    def __call__(self, database: Path, _slum: Path | None) -> tuple[Points, str]:
+        wavelength, n, k = self.constants(database)
+        note = self._noted if isinstance(self._noted, str) else absorption_note(wavelength, k) if self._noted else ""
+        return (wavelength, normal_emissivity(n, k)), note
+
+
 def normal_emissivity(n: np.ndarray, k: np.ndarray) -> np.ndarray:
     """1 - R for light that meets a smooth surface of an opaque body along its normal (Fresnel); n, k: (m,)."""
     return 4.0 * n / ((n + 1.0) ** 2 + k**2)
@@ -112,16 +134,13 @@ def _is_number(text: str) -> bool:
 
 def metal(path: str):
     """Emissivity of an opaque metal from one table of constants."""
-
-    def curve(database: Path, _slum: Path):
-        wavelength, n, k = read_constants(database / f"{path}.yml")
-        return (wavelength, normal_emissivity(n, k)), ""
-
-    return curve
+    return Tabulated(lambda database: read_constants(database / f"{path}.yml"), noted=False)
 
 
 def bulk(*paths: str):
     """Emissivity of a thick body, averaged over the principal rays `paths` of its crystal (one path: isotropic)."""
+    if len(paths) == 1:
+        return Tabulated(lambda database: read_constants(database / f"{paths[0]}.yml"), noted=True)
 
     def curve(database: Path, _slum: Path):
         return mean_of_rays([read_constants(database / f"{path}.yml") for path in paths])
@@ -131,6 +150,8 @@ def bulk(*paths: str):
 
 def bulk_of_crude_k(*paths: str):
     """As bulk, from tables whose small k cannot be trusted: their sapphire is opaque in 3-5 um, windows are not."""
+    if len(paths) == 1:
+        return Tabulated(lambda database: read_constants(database / f"{paths[0]}.yml"), noted=WEAK_K_NOTE)
 
     def curve(database: Path, slum_file: Path):
         points, _ = bulk(*paths)(database, slum_file)
@@ -163,17 +184,17 @@ def absorption_note(wavelength: np.ndarray, k: np.ndarray) -> str:
     return "Opaque (absorbs 99 %) above a thickness of " + " and ".join(parts) + "." if parts else ""
 
 
-def soda_lime(database: Path, _slum: Path):
+def soda_lime(database: Path):
     """Rubin 1985: below 4.6 um n is a formula and k a table; from 5 um both are a table."""
     lines = (database / "glass/misc/soda-lime/nk/Rubin-clear.yml").read_text(encoding="utf-8").splitlines()
     pairs = [line.split() for line in lines if len(line.split()) == 2 and all(map(_is_number, line.split()))]
     wavelength, k = np.array(pairs, dtype=np.float64).T
     n = 1.5130 - 0.003169 * wavelength**2 + 0.003962 * wavelength**-2
     table = read_constants(database / "glass/misc/soda-lime/nk/Rubin-IR.yml")
-    return mean_of_rays([tuple(np.concatenate(both) for both in zip((wavelength, n, k), table, strict=True))])
+    return tuple(np.concatenate(both) for both in zip((wavelength, n, k), table, strict=True))
 
 
-def silicon_carbide(_database: Path, _slum: Path):
+def silicon_carbide(_database: Path):
     """One Lorentz oscillator; wavenumbers in 1/cm."""
     high, longitudinal, transverse, damping = 6.7, 969.0, 793.0, 4.76
     wavelength = np.linspace(2.0, LONGEST, 20001)
@@ -182,7 +203,7 @@ def silicon_carbide(_database: Path, _slum: Path):
         1 + (longitudinal**2 - transverse**2) / (transverse**2 - wavenumber**2 - 1j * damping * wavenumber)
     )
     index = np.sqrt(epsilon)
-    return mean_of_rays([(wavelength, index.real, index.imag)])
+    return wavelength, index.real, index.imag
 
 
 def slum(sample: str):
@@ -217,9 +238,28 @@ def simplify(wavelength: np.ndarray, emissivity: np.ndarray) -> np.ndarray:
 
     The range is cut to SHORTEST..LONGEST. Returns (n, 2).
     """
-    ends = max(SHORTEST, wavelength[0]), min(LONGEST, wavelength[-1])
-    x = np.concatenate([ends[:1], wavelength[(wavelength > ends[0]) & (wavelength < ends[1])], ends[1:]])
+    x = within(wavelength, (SHORTEST, LONGEST))
     y = np.interp(x, wavelength, emissivity)
+    chosen = kept_points(x, y[:, None])
+    return np.column_stack([x[chosen], y[chosen]])
+
+
+def simplify_constants(wavelength: np.ndarray, n: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """As simplify, for the emissivity at all of COSINES, cut to RANGE. Returns (n, 3): um, n, k."""
+    x = within(wavelength, RANGE)
+    n, k = np.interp(x, wavelength, n), np.interp(x, wavelength, np.maximum(k, 0.0))  # one source has -0.002
+    chosen = kept_points(x, 1.0 - fresnel_reflectance(n[:, None], k[:, None], COSINES))
+    return np.column_stack([x[chosen], n[chosen], k[chosen]])
+
+
+def within(wavelength: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
+    """The wavelengths between two limits, and the limits themselves as far as they are inside."""
+    ends = max(limits[0], wavelength[0]), min(limits[1], wavelength[-1])
+    return np.concatenate([ends[:1], wavelength[(wavelength > ends[0]) & (wavelength < ends[1])], ends[1:]])
+
+
+def kept_points(x: np.ndarray, y: np.ndarray) -> list[int]:
+    """Indices of the points to keep of (m, c) emissivities y over x (m,)."""
     keep = {0, len(x) - 1}
     spans = [(0, len(x) - 1)]
     while spans:
@@ -227,14 +267,15 @@ def simplify(wavelength: np.ndarray, emissivity: np.ndarray) -> np.ndarray:
         inner = slice(first + 1, last)
         if last - first < 2:
             continue
-        line = np.interp(x[inner], [x[first], x[last]], [y[first], y[last]])
-        excess = np.abs(line - y[inner]) / np.minimum(ABSOLUTE_ERROR, RELATIVE_ERROR * y[inner] + 1e-9)
+        share = ((x[inner] - x[first]) / (x[last] - x[first]))[:, None]
+        line = y[first] + share * (y[last] - y[first])
+        allowed = np.minimum(ABSOLUTE_ERROR, RELATIVE_ERROR * y[inner] + 1e-9)
+        excess = np.max(np.abs(line - y[inner]) / allowed, axis=1)
         worst = first + 1 + int(np.argmax(excess))
         if excess[worst - first - 1] > 1.0:
             keep.add(worst)
             spans += [(first, worst), (worst, last)]
-    chosen = sorted(keep)
-    return np.column_stack([x[chosen], y[chosen]])
+    return sorted(keep)
 
 
 POLISHED = "Clean, smooth, bare metal. Roughness, oxide and dirt raise it."
@@ -242,6 +283,9 @@ FILM = "Clean, smooth evaporated film. Roughness and dirt raise it."
 SMOOTH = "Smooth surface."
 POLYCRYSTAL = "Smooth polycrystal: mean over the principal rays."
 ORIENTED_MEAN = "Smooth surface: mean of two ordinary rays and one extraordinary ray (random orientation)."
+TRANSPARENT = (
+    "Lets most infrared through, which the engine does not show: right in what it mirrors, too warm in what it emits."
+)
 PLASTIC = "Smooth, unfilled, without pigment."
 SLUM_NOTE = "FTIR emission spectrum of one sample."
 BAND_NOTE = "Mean emissivity of the bands 2-5 um and 8-14 um at 70 deg C, joined by a straight line between 5 and 8 um."
@@ -316,7 +360,7 @@ RECIPES = [
            "doi:10.1088/0031-9155/18/5/307",
            "Found independent of wavelength and of skin colour, 0.98 +- 0.01. Kept from 3 um: nearer the visible skin "
            "reflects."),
-    Recipe("Glass, window", "glass", "computed", soda_lime,
+    Recipe("Glass, window", "glass", "computed", Tabulated(soda_lime, noted=True),
            "M. Rubin, Optical properties of soda lime silica glasses, Sol. Energy Mater. 12, 275-288 (1985), "
            "doi:10.1016/0165-1633(85)90052-8", "Clear soda-lime float glass without coating."),
     Recipe("Fused silica", "glass", "computed", bulk("main/SiO2/nk/Franta"),
@@ -327,7 +371,7 @@ RECIPES = [
            bulk_of_crude_k(*(f"main/Al2O3/nk/Querry-{ray}" for ray in "ooe")), QUERRY_1985,
            "Sapphire constants. " + ORIENTED_MEAN),
     Recipe("Magnesia", "ceramic", "computed", bulk("main/MgO/nk/Synowicki"), SYNOWICKI_2004, SMOOTH),
-    Recipe("Silicon carbide", "ceramic", "computed", silicon_carbide,
+    Recipe("Silicon carbide", "ceramic", "computed", Tabulated(silicon_carbide, noted=True),
            "W. J. Choyke, E. D. Palik, Silicon carbide (SiC), in Handbook of Optical Constants of Solids, Academic "
            "Press (1985), p. 588: Lorentz oscillator with eps_inf 6.7, LO 969, TO 793, damping 4.76 1/cm", SMOOTH),
     Recipe("Zirconia", "ceramic", "computed", bulk("main/ZrO2/nk/Synowicki"), SYNOWICKI_2004,
@@ -340,6 +384,14 @@ RECIPES = [
     Recipe("Magnetite", "oxide", "computed", bulk("main/Fe3O4/nk/Querry"), QUERRY_1985,
            "Black iron oxide, a main part of mill scale. " + SMOOTH),
     Recipe("Zinc oxide", "oxide", "computed", bulk_of_crude_k("main/ZnO/nk/Querry"), QUERRY_1985, "Pressed pellet."),
+    Recipe("Germanium", "semiconductor", "computed", bulk("main/Ge/nk/Amotchkina"),
+           "T. Amotchkina, M. Trubetskov, D. Hahner, V. Pervak, Characterization of e-beam evaporated Ge, YbF3, ZnS, "
+           "and LaF3 thin films for laser-oriented coatings, Appl. Opt. 59, A40-A47 (2020), doi:10.1364/AO.59.000A40",
+           "Polished substrate. " + TRANSPARENT),
+    Recipe("Silicon", "semiconductor", "computed", bulk("main/Si/nk/Franta-300K"),
+           "D. Franta, A. Dubroka, C. Wang, A. Giglia, J. Vohanka, P. Franta, I. Ohlidal, Temperature-dependent "
+           "dispersion model of float zone crystalline silicon, Appl. Surf. Sci. 421, 405-419 (2017), "
+           "doi:10.1016/j.apsusc.2017.02.021", "Polished float-zone wafer at 300 K. " + TRANSPARENT),
     Recipe("Anhydrite", "mineral", "computed",
            bulk_of_crude_k(*(f"main/CaSO4/nk/Querry-{axis}" for axis in ("alpha", "beta", "gamma"))), QUERRY_1987,
            "Calcium sulfate; the constants have no water bands, so not gypsum. " + POLYCRYSTAL),
@@ -389,23 +441,31 @@ RECIPES = [
 ]  # fmt: skip
 
 
-def main(database: Path, slum_file: Path) -> None:
+def main(database: Path, slum_file: Path | None) -> None:
+    known = {} if slum_file else library.load()
     with (
         (PHYSICS / "library.csv").open("w", newline="", encoding="utf-8") as points_file,
         (PHYSICS / "library_sources.csv").open("w", newline="", encoding="utf-8") as sources_file,
+        library.CONSTANTS_FILE.open("w", newline="", encoding="utf-8") as constants_file,
     ):
-        points_table, sources_table = csv.writer(points_file), csv.writer(sources_file)
-        points_table.writerow(["material", "wavelength_um", "emissivity"])
-        sources_table.writerow(["material", "category", "kind", "source", "note"])
+        points_table, sources_table, constants = map(csv.writer, (points_file, sources_file, constants_file))
+        points_table.writerow(library.POINTS_HEADER)
+        sources_table.writerow(library.SOURCES_HEADER)
+        constants.writerow(library.CONSTANTS_HEADER)
         for recipe in RECIPES:
-            (wavelength, emissivity), range_note = recipe.curve(database, slum_file)
-            points = simplify(wavelength, emissivity)
+            if recipe.kind != "measured" or slum_file:
+                (wavelength, emissivity), range_note = recipe.curve(database, slum_file)
+                points, note = simplify(wavelength, emissivity), f"{recipe.note} {range_note}".strip()
+            else:
+                points, note = known[recipe.name].points, known[recipe.name].note
             points_table.writerows([recipe.name, f"{x:.6g}", f"{y:.4f}"] for x, y in points)
-            note = f"{recipe.note} {range_note}".strip()
             sources_table.writerow([recipe.name, recipe.category, recipe.kind, recipe.source, note])
+            if isinstance(recipe.curve, Tabulated):
+                kept = simplify_constants(*recipe.curve.constants(database))
+                constants.writerows([recipe.name, *(f"{value:.6g}" for value in row)] for row in kept)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
+    if len(sys.argv) not in (2, 3):
         sys.exit(__doc__)
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(*map(Path, sys.argv[1:]), *[None] * (3 - len(sys.argv)))

@@ -4,8 +4,9 @@
     python -m tests.benchmarks.against_mitsuba [--families NAME ...] [--members N] [--passes M ...] [--brute]
 
 Mitsuba renders the reference of the excess over the ambient, in a process of its own; --python names the interpreter
-that has it, if it is another. With --brute references are by the path tracer of the tests, slower by far where small
-things are hot; pixels that none of its paths lit then seem to be known exactly. References are kept in the user's cache
+that has it, if it is another. With --brute, and always where there is gas, which does not shine in Mitsuba, references
+are by the path tracer of the tests, slower by far where small things are hot; pixels that none of its paths lit then
+seem to be known exactly. References are kept in the user's cache
 folder as independent images; a run that wants a longer one adds to them.
 
 Of each member it prints, for each number of passes:
@@ -16,8 +17,13 @@ rms: root mean square over the pixels of the error over the stated one; 1 is hon
 >3, >5: share of pixels whose error is more than 3 and 5 stated ones, these with ALLOWANCE in quadrature, too.
 block: the block of 4 x 4 pixels that is off the most in its own standard errors (spread of passes, with the same in
     quadrature), and where (column and row from the top); and the one that is off the most in K.
+noise: that the median pixel states, K.
 check: what the engine itself finds that its recalled light misses, K, in the region of 4 x 4 regions where that is the
     most over its standard error, and that ratio (Film.missed).
+
+With --twice each member is rendered once more with another seed: root mean square of the difference of the two over
+their stated errors, and the share of pixels that differ by more than 3 and 5 of these. That tells whether noise is what
+it states where references are noisier than we are, as those of the path tracer are, but no bias.
 
 It ends with an error where that ratio is above SIGNIFICANT and the reference agrees: the picture's mean is more than 3,
 or a block more than SIGNIFICANT, of its standard errors off. By itself the check may be wrong where light is rare: the
@@ -30,6 +36,7 @@ that of a blackbody at the ambient temperature, over dB/dT there, in K.
 
 import argparse
 import hashlib
+import pickle
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +57,8 @@ ALLOWANCE = 0.002  # K, of what is not noise
 SIGNIFICANT = 5.0  # standard errors: of 2000 regions and more none by chance
 BLOCK = 4
 _EXACT = 1e-5  # K, below which images in float32 tell nothing of an error
-_CHUNK = 2.0  # s of each independent image of a reference: they count alike, and their spread tells its standard error
+_CHUNK, _BRUTE_CHUNK = 2.0, 5.0  # s of each independent image of a reference, by Mitsuba and by the tests' path tracer:
+# they count alike, and their spread tells its standard error
 _SIZE = 1000.0  # that Mitsuba's scenes are enlarged to: it moves rays off a surface by 1e-4 of (1 + coordinate)
 
 
@@ -88,14 +96,14 @@ def slope(kelvin, edges):
 
 def load_truth(name, scene, options):
     """Truth of a member from the cache folder, with as many seconds of rendering as are wanted added to it."""
-    path = options.cache / "families" / f"{name}-{'brute' if options.brute else 'mitsuba'}-{digest(scene)}.npz"
+    brute = options.brute or len(scene.media) > 0
+    path = options.cache / "families" / f"{name}-{'brute' if brute else 'mitsuba'}-{digest(scene)}.npz"
     images = np.empty((0, scene.camera.height, scene.camera.width))
     if path.exists():
         with np.load(path) as kept:
             images = kept["images"]
-    count = max(8, round(options.seconds / _CHUNK)) - len(images)
+    count = max(8, round(options.seconds / (_BRUTE_CHUNK if brute else _CHUNK))) - len(images)
     if count > 0:
-        brute = options.brute
         more = brute_images(scene, count, len(images), options) if brute else mitsuba_images(scene, count, options)
         images = np.concatenate((images, more))
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -110,6 +118,8 @@ def digest(scene):
         of.update(np.round(np.ascontiguousarray(value, np.float64), 7).tobytes())
     surfaces = [(material.emissivity, material.specular, material.roughness) for material in scene.materials]
     of.update(repr((surfaces, scene.camera, scene.band_edges, scene.world_temperature)).encode())
+    if scene.media:
+        of.update(pickle.dumps((scene.media, scene.world_depth)))
     return of.hexdigest()[:12]
 
 
@@ -131,7 +141,7 @@ def brute_images(scene, count, first, options):
     started = time.perf_counter()
     trace_paths(scene, 32, 1)
     rate = 32 / (time.perf_counter() - started)
-    samples = max(1, round(options.threads * rate * _CHUNK))
+    samples = max(1, round(options.threads * rate * _BRUTE_CHUNK))
     return trace_paths(scene, samples, count, seed=1, first_batch=first, threads=options.threads).images[..., 0]
 
 
@@ -151,7 +161,7 @@ class Ours:
     missed: np.ndarray
 
 
-def our_images(scene, truth, options):
+def our_images(scene, truth, options, seed):
     """{passes: Ours} of one render."""
     sums, kept = [np.zeros(truth.slope[::BLOCK, ::BLOCK].shape)], {}
 
@@ -164,9 +174,7 @@ def our_images(scene, truth, options):
             missed = np.stack(film.missed()) / over
             kept[film.passes] = Ours(film.temperature(), film.noise(), radiance, np.diff(sums, axis=0), missed)
 
-    settings = Settings(
-        max(options.passes), photons_per_pass=options.photons, seed=options.seed, threads=options.threads
-    )
+    settings = Settings(max(options.passes), photons_per_pass=options.photons, seed=seed, threads=options.threads)
     render(scene, settings, note)
     return kept
 
@@ -213,8 +221,8 @@ class Comparison:
 
 def compare(ours, truth):
     """Comparison of our image with the truth."""
-    off, stated = np.abs(ours.temperature - truth.temperature), np.hypot(ours.noise, truth.error)
-    known, ratio = stated < _EXACT, off / np.hypot(stated, ALLOWANCE)
+    stated = np.hypot(ours.noise, truth.error)
+    rms, beyond3, beyond5 = far_off(ours.temperature - truth.temperature, stated)
     difference = blocks((ours.radiance - truth.radiance) / truth.slope)
     reference = blocks(truth.excess / truth.slope)
     error = np.hypot(standard_error(ours.passes), standard_error(reference))
@@ -227,9 +235,9 @@ def compare(ours, truth):
     return Comparison(
         difference.mean(),
         difference.mean() / np.hypot(mean_error, 0.1 * ALLOWANCE),
-        np.sqrt(np.mean(np.square(off[~known] / stated[~known]))),
-        np.mean(ratio > 3),
-        np.mean(ratio > 5),
+        rms,
+        beyond3,
+        beyond5,
         difference[worst],
         ratios[worst],
         place(worst, difference.shape),
@@ -238,6 +246,12 @@ def compare(ours, truth):
         missed[check],
         over[check],
     )
+
+
+def far_off(difference, stated):
+    """Root mean square of differences (K) over their stated errors, and the shares beyond 3 and 5; see the module."""
+    known, ratio = stated < _EXACT, np.abs(difference) / np.hypot(stated, ALLOWANCE)
+    return np.sqrt(np.mean(np.square(difference[~known] / stated[~known]))), np.mean(ratio > 3), np.mean(ratio > 5)
 
 
 def place(block, shape):
@@ -261,9 +275,14 @@ def compare_member(family, index, options):
         f"in the median pixel, {np.sqrt(np.mean(truth.error**2)):.4f} K rms"
     )
     found = {}
-    for passes, ours in our_images(scene, truth, options).items():
+    other = our_images(scene, truth, options, options.seed + 1) if options.twice else {}
+    for passes, ours in our_images(scene, truth, options, options.seed).items():
         found[passes] = compare(ours, truth)
-        print(f"  {passes:5d} passes: {found[passes]}", flush=True)
+        print(f"  {passes:5d} passes: {found[passes]}   noise {np.median(ours.noise):.4f} K", flush=True)
+        if passes in other:
+            twin = other[passes]
+            apart = far_off(ours.temperature - twin.temperature, np.hypot(ours.noise, twin.noise))
+            print("        two seeds: rms {:.2f}   >3 {:.2%}   >5 {:.2%}".format(*apart), flush=True)
         if options.excess:
             excess = ours.radiance - black_radiance(truth.edges, truth.ambient)[0]
             exact = window_excess(truth.excess, truth, options.excess)
@@ -303,6 +322,7 @@ def parse_options():
     parser.add_argument("--seed", type=int, default=0, help="of ours (%(default)s)")
     parser.add_argument("--seconds", type=float, default=40.0, help="of each reference (%(default)s)")
     parser.add_argument("--brute", action="store_true", help="references by the tests' path tracer")
+    parser.add_argument("--twice", action="store_true", help="compare two seeds of ours, too")
     parser.add_argument("--threads", type=int, default=1, help="of all (%(default)s)")
     parser.add_argument("--python", help="interpreter that has Mitsuba, where it is not this one")
     parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of the references (%(default)s)")

@@ -2,15 +2,18 @@
 """Families of scenes that are hard for photon maps and caches, in numbers: random members without end.
 
 Each family is a function of a random generator that returns a Scene of one narrow band, 64 x 48 pixels. FIXED are
-members that do not change, by the family's name. The surroundings have the ambient temperature, T0 of the excess.
+members that do not change, by the family's name. The surroundings have the ambient temperature, T0 of the excess. The
+last four families hold grey gas.
 """
 
 import zlib
+from dataclasses import replace
 
 import numpy as np
 
-from addon.solver import Material
+from addon.solver import Grid, Material, Medium
 from tests.benchmarks.speed_scenes import Parts, cylinder, grid, grid_triangles, revolve
+from tests.helpers.grids import placed
 from tests.helpers.scenes import box, look, quad, sphere
 
 WIDTH, HEIGHT = 64, 48
@@ -372,6 +375,109 @@ def random_rough(rng):
     return rough(rng.uniform(0.05, 0.7), rng.uniform(0.05, 0.5), specular, ball, rng.uniform(0, 0.6))
 
 
+# Gas
+
+
+def things(rng):
+    """A floor and blocks on and over it, of any surface, some of them warm."""
+    parts = Parts()
+    for _ in range(rng.integers(1, 5)):
+        surface = grey(rng.uniform(0.2, 0.95), rng.choice((0.0, 0.0, 0.5, 1.0)), rng.choice((0.0, 0.2)))
+        at = (*rng.uniform(-0.7, 0.7, 2), rng.uniform(0.2, 0.4))
+        parts.add(block(rng.uniform(0.1, 0.4, 3)), rng.choice((AMBIENT, AMBIENT, 350.0, 500.0)), surface, at)
+    floor(parts, grey(0.5))
+    return parts
+
+
+def body(rng, name, size, at, absorption, kelvin, scattering=0.0, anisotropy=0.0):
+    """A ball, block or cylinder of gas, of about that size (m), with its middle at a place."""
+    kind = rng.integers(3)
+    if kind == 0:
+        vertices, triangles = sphere(2, size)
+    elif kind == 1:
+        vertices, triangles = turned(block(size * rng.uniform(0.7, 1.8, 3)), rng.uniform(0, 1.5), axis=rng.integers(3))
+    else:
+        vertices, triangles = turned(cylinder((0, 0, -size), (0, 0, size), 0.7 * size, 24), rng.uniform(-1, 1), axis=1)
+    return Medium(name, absorption, kelvin, scattering, anisotropy, vertices=vertices + at, triangles=triangles)
+
+
+def air(rng, absorption, kelvin, scattering=0.0, anisotropy=0.0):
+    """Scene options of gas that fills the world."""
+    media = (Medium("air", absorption, kelvin, scattering, anisotropy),)
+    return {"media": media, "world_depth": rng.uniform(1, 6)}
+
+
+def over_the_floor(parts, **options):
+    return replace(parts.scene(view((0.6, -2.2, 1.3), (0, 0, 0.25)), BAND, AMBIENT), **options)
+
+
+def plume(rng):
+    """Clear hot plumes, which overlap, around things on a floor, sometimes in air that absorbs."""
+    parts = things(rng)
+    media = tuple(
+        body(rng, f"plume {i}", rng.uniform(0.15, 0.4), (*rng.uniform(-0.4, 0.4, 2), rng.uniform(0.3, 0.6)),
+             10 ** rng.uniform(-1, 1), rng.uniform(350, 1200))
+        for i in range(rng.integers(1, 4))
+    )  # fmt: skip
+    options = {"media": ()}
+    if rng.random() < 0.5:
+        options = air(rng, 10 ** rng.uniform(-2, -0.3), rng.choice((280.0, 300.0, 400.0)))
+    return over_the_floor(parts, **options | {"media": media + options["media"]})
+
+
+def fog(rng):
+    """Air that scatters, or a cloud, around a hot ball over a floor with things."""
+    parts = things(rng)
+    ball = sphere(3, rng.uniform(0.06, 0.15))
+    parts.add(ball, rng.uniform(400, 900), grey(0.9), (*rng.uniform(-0.5, 0.5, 2), rng.uniform(0.4, 0.7)))
+    kelvin, scattering, g = rng.choice((280.0, 300.0, 330.0)), 10 ** rng.uniform(-1, 0.3), rng.uniform(-0.3, 0.9)
+    if rng.random() < 0.6:
+        return over_the_floor(parts, **air(rng, scattering * rng.uniform(0, 1), kelvin, scattering, g))
+    at = (*rng.uniform(-0.3, 0.3, 2), 0.5)
+    cloud = body(rng, "cloud", rng.uniform(0.3, 0.5), at, 3 * scattering * rng.uniform(0, 1), kelvin, 3 * scattering, g)
+    return over_the_floor(parts, media=(cloud,))
+
+
+def smoke(rng):
+    """A rising plume in cells of different density and temperature, most of which scatters, over things on a floor."""
+    parts = things(rng)
+    cells = np.array([12, 12, 20])
+    x, y, z = (np.indices(cells) + 0.5) / cells[:, None, None, None]
+    lean = rng.uniform(-0.3, 0.3, 2)
+    off = np.hypot(x - 0.5 - lean[0] * z, y - 0.5 - lean[1] * z) / (0.15 + 0.3 * z)
+    density = np.exp(-2.0 * off**2) * rng.uniform(0.5, 1.5, off.shape) * (off < 1.2)
+    kelvin = AMBIENT + rng.uniform(50, 900) * np.exp(-(off**2)) * (1.0 - 0.8 * z)
+    size = rng.uniform((0.5, 0.5, 0.8), (0.9, 0.9, 1.2))
+    low = np.array((*rng.uniform(-0.3, 0.3, 2), 0.05)) - (0.5 * size[0], 0.5 * size[1], 0)
+    matrix = placed(low, low + size, cells)
+    scattering = rng.choice((0.0, 1.0, 4.0))
+    grid = Medium(
+        "smoke", 10 ** rng.uniform(-0.5, 1), AMBIENT, scattering, 0.7, grid=Grid.from_arrays(matrix, density, kelvin)
+    )
+    return over_the_floor(parts, media=(grid,))
+
+
+def filled(rng):
+    """A room with mirrors and walls, seen from inside, full of gas, with another gas in it and a third in that."""
+    parts = Parts()
+    shell(parts, (2.0, 3.0, 2.0), AMBIENT, grey(rng.uniform(0.2, 0.9)), skip=(0, 1))
+    for face, kelvin in ((0, AMBIENT), (1, rng.uniform(AMBIENT, 450.0))):
+        others = tuple(other for other in range(6) if other != face)
+        shell(parts, (2.0, 3.0, 2.0), kelvin, grey(rng.uniform(0.05, 0.9), rng.choice((0.0, 1.0))), skip=others)
+    parts.add(block((0.4, 0.4, 0.8)), rng.uniform(300, 600), grey(0.6), (0.6, 2.2, 0.41))
+    parts.add(sphere(3, 0.2), AMBIENT, grey(0.1, 1.0), (1.4, 1.8, 0.5))
+    at, size = np.array((1.2, 2.0, 0.9)), rng.uniform(0.4, 0.6)
+    scatters = rng.random(3) < 0.5
+    media = []
+    for i, part in enumerate((1.0, 0.4)):
+        absorption, scattering = 10 ** rng.uniform(-1, 1), scatters[i] * rng.uniform(0, 4)
+        kelvin, g = rng.uniform(280, 900), rng.uniform(-0.3, 0.8)
+        media.append(body(rng, ("outer", "inner")[i], part * size, at, absorption, kelvin, scattering, g))
+    media.append(Medium("air", 10 ** rng.uniform(-2, -0.5), rng.choice((280.0, 330.0)), scatters[2] * 0.2))
+    scene = parts.scene(view((1.0, 0.1, 1.2), (1.0, 2.2, 0.8), 0.7), BAND, AMBIENT)
+    return replace(scene, media=tuple(media), world_depth=1.0)
+
+
 FAMILIES = {
     "tube": random_tube,
     "comb": random_comb,
@@ -388,6 +494,10 @@ FAMILIES = {
     "hidden": hidden,
     "mirrors": mirrors,
     "rough": random_rough,
+    "plume": plume,
+    "fog": fog,
+    "smoke": smoke,
+    "filled": filled,
 }
 FIXED = {"tube": tube, "comb": comb, "terrain": terrain, "rough": rough}
 

@@ -16,19 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from addon.solver import Grid, Medium, Scene, Settings, render
-from tests.benchmarks.speed_scenes import room
-
-
-def plume(cells: int) -> Grid:
-    """A cone of hot gas over the device on the table, up to the ceiling, in cells^3 cells of 0.8 x 0.8 x 1.8 m."""
-    x, y, z = np.meshgrid(*3 * [(np.arange(cells) + 0.5) / cells], indexing="ij", sparse=True)
-    swirl = 0.06 * z * np.sin(17.0 * z), 0.06 * z * np.cos(13.0 * z)
-    radius = np.hypot(x - 0.5 - swirl[0], y - 0.5 - swirl[1]) / (0.12 + 0.33 * z)
-    core = np.exp(-2.0 * radius**2) * (1.0 + 0.3 * np.sin(40.0 * x) * np.sin(37.0 * y) * np.sin(31.0 * z))
-    density = np.where(core > 0.02, core, 0.0)
-    transform = np.diag([0.8 / cells, 0.8 / cells, 1.8 / cells, 1.0])
-    transform[:3, 3] = 2.45, 1.42, 0.97
-    return Grid.from_arrays(transform, density, 292.0 + 150.0 * core)
+from tests.benchmarks.speed_scenes import plume_grid, room
 
 
 def with_exhaust(grid: Grid) -> Grid:
@@ -41,7 +29,7 @@ def with_exhaust(grid: Grid) -> Grid:
 def scenes(cells: int) -> dict[str, Scene]:
     """The room: empty, with a clear grey gas everywhere, and with plumes: grey, of molecules and soot, and one that
     scatters."""
-    empty, grid = room(), plume(cells)
+    empty, grid = room(), plume_grid(cells)
     return {
         "empty": empty,
         "gas": replace(empty, media=(Medium("air", 0.02, 300.0),), world_depth=5.0),

@@ -16,29 +16,29 @@ equal time.
 """
 
 import argparse
-import time
 
 import numpy as np
 
 from addon.solver import Settings, render
-from tests.benchmarks.peers.problem import build_problem
-from tests.benchmarks.speed_scenes import SCENES, of_size
-from tests.benchmarks.speed_vs_error import KEPT, band_temperatures, film_image, run_peer
+from tests.benchmarks.peers.__main__ import CLOCKS
+from tests.benchmarks.speed_scenes import GAS_SCENES, SCENES, build, of_size
+from tests.benchmarks.speed_vs_error import KEPT, band_temperatures, film_image, peer_problem, run_peer
 
 BLOCK = 32  # pixels
 
 
 def our_image(scene, seed, options):
     """Radiances (height, width, bands) of the last pass that ended in time, and s and number of passes until then."""
-    kept, started = [], time.perf_counter()
+    clock = CLOCKS[options.clock](options.threads)
+    kept, started = [], clock()
 
     def on_pass(film):
-        spent = time.perf_counter() - started
+        spent = clock() - started
         if not kept or spent <= options.seconds:
             kept[:] = film_image(film), spent, film.passes
 
     def out_of_time():
-        return bool(kept) and time.perf_counter() - started > options.seconds
+        return bool(kept) and clock() - started > options.seconds
 
     render(scene, Settings(0, time_limit=1e6, seed=seed, threads=options.threads), on_pass, out_of_time)
     return kept
@@ -59,16 +59,17 @@ def blocks(image):
 
 def compare(name, options):
     """Print the rows of one scene."""
-    scene = of_size(SCENES[name](), *options.size)
-    render(SCENES[name](), Settings(passes=2, threads=options.threads))  # compiles
+    scene = of_size(build(name), *options.size)
+    render(build(name), Settings(passes=2, threads=options.threads))  # compiles
     ours = [our_image(scene, seed, options) for seed in (0, 1)]
     spent, passes = np.mean([each[1] for each in ours]), min(each[2] for each in ours)
     temperatures = np.stack([band_temperatures(each[0], scene.band_edges) for each in ours])
     error = noise(temperatures)
     own_blocks = np.stack([band_temperatures(blocks(each[0]), scene.band_edges) for each in ours])
-    problem = build_problem(scene)
     for peer in options.peers:
-        images, seconds = run_peer(peer, problem, options.threads, "wall", [options.seconds] * 2, python=options.python)
+        problem = peer_problem(peer, scene)
+        budgets = [options.seconds] * 2
+        images, seconds = run_peer(peer, problem, options.threads, options.clock, budgets, python=options.python)
         others = np.stack([band_temperatures(image, scene.band_edges) for image in images])
         equal = noise(others) * np.sqrt(np.mean(seconds) / spent)
         other_blocks = np.stack([band_temperatures(blocks(image), scene.band_edges) for image in images])
@@ -76,20 +77,25 @@ def compare(name, options):
         by_noise = np.sqrt(sum(np.mean(np.diff(each, axis=0) ** 2) / 4.0 for each in (own_blocks, other_blocks)))
         print(
             f"| {name} | {peer} | {equal:.4f} | {spent:.1f} | {passes} | {error:.5f} | {apart:.5f} | {by_noise:.5f} | "
-            f"{(equal / error) ** 2:.0f} |",
+            f"{np.format_float_positional((equal / error) ** 2, 3, fractional=False, trim='-')} |",
             flush=True,
         )
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
-    parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
+    parser.add_argument(
+        "--scene", nargs="+", choices=[*SCENES, *GAS_SCENES], default=list(SCENES), help="scenes (all without gas)"
+    )
     parser.add_argument(
         "--peers", nargs="+", default=["mitsuba"], help="engines of tests/benchmarks/peers (%(default)s)"
     )
     parser.add_argument("--size", nargs=2, type=int, default=(640, 480), help="pixels (%(default)s)")
     parser.add_argument("--seconds", type=float, default=30.0, help="of each engine for all bands (%(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="of every engine (%(default)s)")
+    parser.add_argument(
+        "--clock", choices=CLOCKS, default="wall", help="'processor' for a machine that is busy otherwise"
+    )
     parser.add_argument("--python", help="interpreter that has the peers, where it is not this one")
     options = parser.parse_args()
     print(

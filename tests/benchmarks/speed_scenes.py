@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes of the benchmark of error against time: what thermal cameras look at, of diffuse and mirror materials only.
+"""Scenes of the benchmark of error against time: what thermal cameras look at, of diffuse and mirror materials only, in
+SCENES without and in GAS_SCENES with gas.
 
-Emissivities are constant inside each band, so that a band's reflectance does not depend on the temperature that weights
-the mean, and all renderers solve one problem to the last digit.
+Emissivities and coefficients of gas are constant inside each band, so that a band's mean does not depend on the
+temperature that weights it, and all renderers solve one problem to the last digit.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from addon.solver import Material
+from addon.solver import Grid, Material, Medium, mix_in
 from tests.helpers.scenes import box, look, make_scene, sphere
 
 WIDTH, HEIGHT = 128, 96
@@ -288,9 +289,52 @@ def bay():
     return parts.scene(look((0.7, 0.2, 1.5), (0.7, 0.5, 0.1), WIDTH, HEIGHT, 0.45), ENGINE_BANDS, 255.0)
 
 
+def fog():
+    """The room in steam, 2 g/m3 of droplets of 5 um, at 291 K; all bands have one anisotropy, as peers need it."""
+    drops = mix_in(Medium("fog", temperature=291.0), {"Water droplets 5 um": 2.0})
+    absorption, scattering = (in_bands(LWIR, *points) for points in (drops.absorption, drops.scattering))
+    return _with_gas(replace(drops, absorption=absorption, scattering=scattering, anisotropy=0.8))
+
+
+def clear():
+    """The room with a gas that absorbs and emits, a little in a window from 8 to 12 um and much beside it."""
+    absorption = in_bands(
+        LWIR, (7.5, 0.6), (8.2, 0.08), (9.5, 0.04), (11.0, 0.05), (12.0, 0.12), (13.0, 0.4), (14.0, 0.9)
+    )
+    return _with_gas(Medium("gas", absorption, 296.0))
+
+
+def plume():
+    """The room with a plume of hot gas over the device on the table, in cells of 12.5 x 12.5 x 28 mm."""
+    absorption = in_bands(LWIR, (7.5, 2.0), (9.0, 0.6), (11.0, 0.8), (14.0, 2.5))
+    return _with_gas(Medium("plume", absorption, 292.0, grid=plume_grid(64)))
+
+
+def _with_gas(medium):
+    return replace(room(), media=(medium,), world_depth=5.0)
+
+
+def plume_grid(cells: int) -> Grid:
+    """A cone of hot gas over the device on the table, up to the ceiling, in cells^3 cells of 0.8 x 0.8 x 1.8 m."""
+    x, y, z = np.meshgrid(*3 * [(np.arange(cells) + 0.5) / cells], indexing="ij", sparse=True)
+    swirl = 0.06 * z * np.sin(17.0 * z), 0.06 * z * np.cos(13.0 * z)
+    radius = np.hypot(x - 0.5 - swirl[0], y - 0.5 - swirl[1]) / (0.12 + 0.33 * z)
+    core = np.exp(-2.0 * radius**2) * (1.0 + 0.3 * np.sin(40.0 * x) * np.sin(37.0 * y) * np.sin(31.0 * z))
+    density = np.where(core > 0.02, core, 0.0)
+    transform = np.diag([0.8 / cells, 0.8 / cells, 1.8 / cells, 1.0])
+    transform[:3, 3] = 2.45, 1.42, 0.97
+    return Grid.from_arrays(transform, density, 292.0 + 150.0 * core)
+
+
 def of_size(scene, width, height):
     """The scene with so many pixels."""
     return replace(scene, camera=replace(scene.camera, width=width, height=height))
 
 
 SCENES = {scene.__name__: scene for scene in (room, ring, cavity, engine, street, office, bay)}
+GAS_SCENES = {scene.__name__: scene for scene in (fog, plume, clear)}
+
+
+def build(name):
+    """The scene of this name."""
+    return (SCENES | GAS_SCENES)[name]()

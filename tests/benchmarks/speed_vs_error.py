@@ -15,8 +15,10 @@ its runs without loading and compilation; ours is all of render(), after a first
 The best peer's error after about 10 s of its time sets the mark; our time is that of the first pass that reaches it,
 the median over seeds. Its target is a fraction of that peer's time.
 
-References are rendered once, by Mitsuba, in two independent halves, and kept in the user's cache folder. Of the scene
-it renders the excess over an isothermal one (negative radiance too), which converges sooner and has the same mean.
+Of the scenes with gas, which no LuxCore renders, Mitsuba takes those where all gas has one temperature: it renders the
+excess over that, which the gas does not emit. References are rendered once, by Mitsuba or, where its gas would have to
+emit, by Cycles, in two independent halves, and kept in the user's cache folder. Of the scene Mitsuba renders the excess
+over an isothermal one (negative radiance too), which converges sooner and has the same mean.
 """
 
 import argparse
@@ -39,7 +41,7 @@ from docs.tools.paths import ROOT
 from docs.tools.plots import pyplot
 from tests.benchmarks.peers.__main__ import CLOCKS, ENGINES
 from tests.benchmarks.peers.problem import build_problem
-from tests.benchmarks.speed_scenes import SCENES
+from tests.benchmarks.speed_scenes import GAS_SCENES, SCENES, build
 from tests.helpers.paper_estimator import PAPER, photons_alone
 
 ROOM, OTHER = (200, 20), (10, 10)  # trimmed, all pixels
@@ -50,6 +52,9 @@ TARGETS = {
     "engine": OTHER,
     "office": ROOM,
     "bay": OTHER,
+    "fog": (20, 20),
+    "plume": (20, 20),
+    "clear": (100, 100),
 }  # trimmed, all pixels
 # K of the isothermal scene that the reference subtracts (0: none), and the s that it takes.
 REFERENCES = {
@@ -60,9 +65,11 @@ REFERENCES = {
     "street": (277.0, 80),
     "office": (291.0, 110),
     "bay": (300.0, 150),
+    "fog": (291.0, 200),
+    "plume": (0.0, 400),
+    "clear": (296.0, 120),
 }
 OTHER_REFERENCE = (0.0, 600)  # of scenes that are not in the list
-REFERENCE_PEER = "mitsuba"  # renders negative radiance too
 KEPT = 0.98  # share of the pixels in the trimmed error
 ERRORS = ("trimmed", "all", "each band, trimmed", "each band, all")
 PEER_SECONDS = (1.0, 3.0)  # of a peer's curve, before the point that counts
@@ -147,18 +154,26 @@ def _errors(differences):
     return np.sqrt([squares[: int(KEPT * squares.size)].mean(), squares.mean()])
 
 
+def peer_problem(peer, scene):
+    """The problem that a peer renders: Mitsuba, whose gas cannot emit, the excess over the gas's temperature."""
+    quiet = scene.media[0].typical_temperature if scene.media and peer == "mitsuba" else 0.0
+    return build_problem(scene, quiet)
+
+
 def load_reference(name, scene, folder, threads):
     """Reference of a scene from the folder, rendered there first if it is missing or the scene has changed."""
     subtracted, seconds = REFERENCES.get(name, OTHER_REFERENCE)
     problem = build_problem(scene, subtracted)
     digest = hashlib.sha256()
-    for value in filter(lambda value: value is not None, vars(problem).values()):
+    for value in problem.arrays().values():
         digest.update(np.round(np.ascontiguousarray(value, np.float64), 4).tobytes())
     path = Path(folder) / f"{name}-{digest.hexdigest()[:12]}.npy"
     if not path.exists():
-        print(f"{name}: rendering the reference with {REFERENCE_PEER}, about {seconds} s", flush=True)
+        # Mitsuba renders negative radiance too, but no gas that emits
+        peer = "cycles" if problem.gas is not None and problem.gas.emits else "mitsuba"
+        print(f"{name}: rendering the reference with {peer}, about {seconds} s", flush=True)
         chunks = max(2, 2 * round(seconds / 40))  # many short images, so that the halves are alike
-        images, _ = run_peer(REFERENCE_PEER, problem, threads, "processor", [seconds / chunks] * chunks, polite=True)
+        images, _ = run_peer(peer, problem, threads, "processor", [seconds / chunks] * chunks, polite=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         np.save(path, np.stack((images[::2].mean(axis=0), images[1::2].mean(axis=0))))
     return Reference(scene, np.load(path))
@@ -200,14 +215,14 @@ def time_to_reach(curve, error, which):
 def compare(name, options):
     """Of one scene: rows of the table, {engine: (seconds, errors)} for the plot, and what the best peer would gain by
     paths that carry all bands."""
-    scene = SCENES[name]()
+    scene = build(name)
     reference = load_reference(name, scene, options.cache, options.threads)
-    problem = build_problem(scene)
     print(f"\n{name}: {len(scene.triangles)} triangles, {scene.band_count} bands")
     print(f"  reference: standard error {reference.standard_error:.4g} K over all pixels")
     curves, marks, gains = {}, [], {}
     budgets = [*PEER_SECONDS, *[options.seconds] * options.repeats]
     for peer in options.peers:
+        problem = peer_problem(peer, scene)
         images, seconds = run_peer(peer, problem, options.threads, options.clock, budgets)
         errors = np.array([reference.errors(image) for image in images])
         ends = slice(len(PEER_SECONDS), None)
@@ -253,7 +268,7 @@ def our_curves(scene, mode, measure, enough, options):
 
 def slope(name, options):
     """Print the error after 1, 2, 4, ... passes and its slope against passes."""
-    scene = SCENES[name]()
+    scene = build(name)
     reference = load_reference(name, scene, options.cache, options.threads)
     settings = Settings(passes=options.slope, threads=options.threads, **options.settings)
     passes, _, errors = our_curve(
@@ -279,15 +294,15 @@ def _slope(x, y):
 
 def check(name, options):
     """Print how far every engine's long-run image is from the reference, in the mean and pixel by pixel."""
-    scene = SCENES[name]()
+    scene = build(name)
     reference = load_reference(name, scene, options.cache, options.threads)
-    problem = build_problem(scene)
     runs = 8
     print(f"\n{name}: deviations of {runs} runs from the reference, in brackets over their standard error")
     for engine in [*options.peers, "ours"]:
         if engine == "ours":
             images = np.array([our_image(scene, seed, options) for seed in range(runs)])
         else:
+            problem = peer_problem(engine, scene)
             images, _ = run_peer(engine, problem, options.threads, options.clock, [options.seconds] * runs, polite=True)
         print(f"  {engine:14s} " + _deviations(images, reference), flush=True)
 
@@ -374,7 +389,9 @@ def plot(curves, path):
 
 def parse_options():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
-    parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), help="scenes (all of them)")
+    parser.add_argument(
+        "--scene", nargs="+", choices=[*SCENES, *GAS_SCENES], default=list(SCENES), help="scenes (all without gas)"
+    )
     parser.add_argument("--peers", nargs="+", choices=ENGINES, default=list(ENGINES), help="peers (all of them)")
     parser.add_argument("--out", type=Path, default=Path.cwd(), help="folder for the plot (the current one)")
     parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of the references (%(default)s)")
@@ -403,7 +420,7 @@ def main():
     rows, curves, gains = [], {}, {}
     for name in options.scene:
         if options.references:
-            reference = load_reference(name, SCENES[name](), options.cache, options.threads)
+            reference = load_reference(name, build(name), options.cache, options.threads)
             print(f"{name}: reference with a standard error of {reference.standard_error:.4g} K")
         elif options.check:
             check(name, options)

@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A plain path tracer, slow and hard to get wrong, as a reference for any scene of surfaces, surroundings and grey air.
+"""A plain path tracer, slow and hard to get wrong, as a reference for any scene of surfaces, surroundings and grey gas.
 
 Paths start in the camera and run until roulette ends them. There are no shadow rays, no cache, no guide, and no code of
 the solver but its data classes: Planck's law is that of exact_cases.py, rough lobes are drawn by another method. It
-traces the excess over an isothermal scene at T0 (docs/method.md, section 3), which changes the noise alone.
+traces the excess over an isothermal scene at T0 (docs/method.md, section 3). The samples of a pixel and batch spread
+evenly up to their first bounce (Sobol' points, scrambled in each batch and shifted in each pixel). Both change the
+noise alone.
 
 What a rough lobe loses is emitted instead. The lobe's albedo is the mean weight of its samples, so a sample of weight w
 lets the surface emit 1 - w of a blackbody: no table of albedos is needed, and without roulette every single path in an
 isothermal enclosure brings exactly the blackbody's radiance.
+
+Under Fresnel's law the facets that a sample meets reflect by their angle, and the diffuse lobe gets what others, drawn
+anew, let through on the way in and on the way out: so no table of albedos is needed there, either.
+
+Along a ray all distances are known at which gas may change: where it crosses a mesh or a plane between cells of a grid.
+Between two of them everything is constant, and what is there is asked in the middle. A path collects what gas emits on
+its way and loses what it absorbs, both exactly; where it is scattered is drawn.
 """
 
 import itertools
@@ -19,9 +28,10 @@ import numba
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from scipy.stats import qmc
 
-from addon.solver.scene import Medium
 from tests.helpers.exact_cases import C1, C2, blackbody
+from tests.helpers.traced_gas import Bodies, Gas, build_gas, check_gas
 
 LOBES = "DGS"  # diffuse, glossy (a rough lobe), specular (a mirror)
 KIND_LENGTH = 4  # lobes that are told apart in a path
@@ -32,15 +42,17 @@ _NODES = 32  # of Planck's law in a band, where the temperature runs over a tria
 _CLEARANCE = 1e-6  # of the scene's size, by which a ray leaves a surface: some 16 roundings of float32
 _ROULETTE_FROM = 4  # bounces that no path is ended before
 _MOST_SURVIVE = 0.98
-_UNIFORMS = 5  # random numbers of a bounce: lobe, direction (2), roulette, free path in the air
+_UNIFORMS = 9  # random numbers of a bounce: lobe or medium, direction (2), roulette, free path in gas, facets (4)
+_COATINGS = 200_000  # samples of what gets through a rough lobe, in the mean of all directions
 
 
 class _Tables(NamedTuple):
     """corners (m, 3, 3) m and normal (m, 3) of triangles; material (m,). black (m, b): radiance of a blackbody at their
     temperature less that at T0. kelvin (m, 3), varies (m,) bool: where it is to be taken at the point instead, with
     wavelength (b, n) um and weight (b, n) of Planck's law, and at_reference (b,). emissivity (k, b), specular (k,),
-    alpha (k,) of materials. world (b,) excess radiance of the surroundings. clearance: m. absorption, scattering,
-    anisotropy, depth: of the air, 1/m, its mean cosine, and m before the surroundings. air (b,): as black, of the air.
+    alpha (k,) of materials. fresnel (k,) bool, whether the specular lobe follows Fresnel's law: with face (k, b),
+    complex, the index, and share (k,), a factor on what a face reflects; beneath (k, b), what the body below reflects,
+    over the mean (k, b) of what gets through the lobe. world (b,) excess radiance of the surroundings. clearance: m.
     """
 
     corners: np.ndarray
@@ -55,13 +67,13 @@ class _Tables(NamedTuple):
     emissivity: np.ndarray
     specular: np.ndarray
     alpha: np.ndarray
+    fresnel: np.ndarray
+    face: np.ndarray
+    share: np.ndarray
+    beneath: np.ndarray
     world: np.ndarray
     clearance: float
-    absorption: float
-    scattering: float
-    anisotropy: float
-    depth: float
-    air: np.ndarray
+    gas: Gas
 
 
 class _Paths(NamedTuple):
@@ -151,9 +163,10 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
     corners = tables.corners.astype(np.float32).reshape(-1, 3)
     TriangleMesh(embree, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
     embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # builds the tree before threads need it
+    tracers = embree, Bodies(scene.media, centre, np.abs(corners).max())
 
     def trace(index):
-        return _batch(scene.camera, centre, tables, embree, samples, np.random.default_rng((seed, index)), kinds)
+        return _batch(scene.camera, centre, tables, tracers, samples, np.random.default_rng((seed, index)), kinds)
 
     with ThreadPoolExecutor(threads) as pool:
         images, tallies = zip(*pool.map(trace, range(first_batch, first_batch + batches)), strict=True)
@@ -163,15 +176,10 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
 def _check(scene):
     if scene.lights or scene.groups or scene.response is not None:
         raise ValueError("Light objects, groups and responses are not traced")
-    if len(scene.media) > 1 or any(m.triangles is not None or not _is_grey(m) for m in scene.media):
-        raise ValueError("Only one grey medium is traced, which fills the world")
+    check_gas(scene.media)
     camera = scene.camera
     if camera.kind == "PANORAMA" or camera.lens_radius or camera.window or camera.clip != (0.0, np.inf):
         raise ValueError("Only whole pictures of pinhole and orthographic cameras without clipping are traced")
-
-
-def _is_grey(medium):
-    return np.ndim(medium.absorption) == 0 and np.ndim(medium.scattering) == 0
 
 
 def _tables(scene, reference, centre):
@@ -187,7 +195,7 @@ def _tables(scene, reference, centre):
     log = np.log(edges)[:, None]
     wavelength = np.exp(log[:-1] + np.diff(log, axis=0) * (nodes + 1) / 2)
     materials = scene.materials
-    air = scene.media[0] if scene.media else Medium(temperature=reference)
+    world = black_radiance(edges, scene.world_temperature) - at_reference
     return _Tables(
         corners,
         normal,
@@ -201,13 +209,10 @@ def _tables(scene, reference, centre):
         np.array([_emissivities(material, edges) for material in materials]),
         np.array([material.specular for material in materials], float),
         np.array([material.alpha for material in materials], float),
-        black_radiance(edges, scene.world_temperature) - at_reference,
+        *_coatings(materials, edges),
+        world,
         _CLEARANCE * np.abs(corners).max(),
-        float(air.absorption),
-        float(air.scattering),
-        float(air.anisotropy),
-        float(scene.world_depth),
-        black_radiance(edges, air.temperature) - at_reference,
+        build_gas(scene.media, scene.world_depth, centre, world, lambda k: black_radiance(edges, k) - at_reference),
     )
 
 
@@ -221,27 +226,93 @@ def _emissivities(material, edges):
     return curve[0]
 
 
-def _batch(camera, centre, tables, embree, samples, random, kinds):
-    """Image (height, width, b) of so many samples a pixel, and its parts by kind (codes, height, width)."""
+def _coatings(materials, edges):
+    """fresnel, face, share and beneath of _Tables."""
+    bands, count = len(edges) - 1, len(materials)
+    fresnel = np.array([bool(material.fresnel and material.specular) for material in materials])
+    face, share, beneath = np.ones((count, bands), complex), np.ones(count), np.zeros((count, bands))
+    for i in np.flatnonzero(fresnel):
+        material, normal = materials[i], 1.0 - _emissivities(materials[i], edges)
+        if material.constants is None:
+            root = np.sqrt(material.specular * normal)
+            face[i] = (1.0 + root) / (1.0 - root)
+        else:
+            constants = np.atleast_2d(material.constants)
+            if len(constants) > 1:
+                raise ValueError(f"The optical constants of '{material.name}' vary")
+            face[i], share[i] = constants[0, 1] + 1j * constants[0, 2], material.specular
+        random, through = np.random.default_rng(i).random((_COATINGS, 3)), np.zeros(bands)
+        _mean_through(face[i], share[i], float(material.alpha), random, through)
+        below = (1.0 - material.specular) * normal / (1.0 - material.specular * normal)
+        beneath[i] = below / through if material.specular < 1.0 else 0.0
+    return fresnel, face, share, beneath
+
+
+@numba.njit(cache=True, nogil=True)
+def _mean_through(face, share, alpha, random, through):
+    """Add to through (b,) the mean of 1 - albedo over cosine-distributed directions."""
+    z = np.array((0.0, 0.0, 1.0))
+    for i in range(random.shape[0]):
+        cosine = np.sqrt((i + 0.5) / random.shape[0])
+        towards = np.array((np.sqrt(1.0 - cosine * cosine), 0.0, cosine))
+        for band in range(through.size):
+            kept = 1.0 - _lobe_sample(face[band], share, z, towards, alpha, random[i, 1], random[i, 2])
+            through[band] += kept / random.shape[0]
+
+
+@numba.njit(cache=True, nogil=True)
+def _lobe_sample(face, share, z, towards, alpha, s, t):
+    """What a facet that is seen from a direction reflects: in the mean the lobe's albedo."""
+    cosine = np.dot(z, towards)
+    if alpha == 0.0:
+        return share * _face_reflectance(face, cosine)
+    facet = _visible_facet(z, towards, alpha, s, t)
+    met = np.dot(facet, towards)
+    after = np.dot(2.0 * met * facet - towards, z)
+    if after <= 1e-9:
+        return 0.0
+    before = _smith(alpha, max(cosine, 1e-9))
+    return share * _face_reflectance(face, met) * (1.0 + before) / (1.0 + before + _smith(alpha, after))
+
+
+@numba.njit(cache=True, nogil=True)
+def _face_reflectance(index, cosine):
+    """Of a smooth face of a complex index, for unpolarised light, by the impedances of both polarisations (Modest,
+    section 2.5)."""
+    square = index * index
+    root = np.sqrt(square - (1.0 - cosine * cosine))
+    across, along = (cosine - root) / (cosine + root), (square * cosine - root) / (square * cosine + root)
+    return 0.5 * (abs(across) ** 2 + abs(along) ** 2)
+
+
+def _batch(camera, centre, tables, tracers, samples, random, kinds):
+    """Image (height, width, b) of so many samples a pixel, and its parts by kind (codes, height, width). tracers: of
+    surfaces and of the meshes of gas."""
+    embree, bodies = tracers
     pixels, bands = camera.width * camera.height, len(tables.world)
     image, tally = np.zeros((pixels, bands)), np.zeros((_CODES if kinds else 0, pixels))
+    even = qmc.Sobol(2 + _UNIFORMS, rng=random).random_base2(int(samples - 1).bit_length())
     for first in range(0, pixels * samples, _WAVE):
-        pixel = np.arange(first, min(first + _WAVE, pixels * samples)) // samples
-        paths = _camera_paths(camera, centre, pixel, bands, random)
+        pixel, sample = np.divmod(np.arange(first, min(first + _WAVE, pixels * samples)), samples)
+        moved = random.random((pixel[-1] - pixel[0] + 1, even.shape[1]))[pixel - pixel[0]]  # each pixel's by itself
+        begin = (even[sample] + moved) % 1.0
+        paths = _camera_paths(camera, centre, pixel, bands, begin[:, :2])
         count = len(pixel)
         while count:
             paths = _Paths(*(array[:count] for array in paths))
             hits = embree.run(paths.origin.astype(np.float32), paths.direction.astype(np.float32), output=True)
-            uniforms = random.random((count, _UNIFORMS))
-            count = _bounce(tables, paths, (hits["primID"], hits["u"], hits["v"], hits["tfar"]), uniforms, image, tally)
+            crossings = bodies.crossings(paths.origin, paths.direction)
+            uniforms = random.random((count, _UNIFORMS)) if begin is None else begin[:, 2:]
+            hits = hits["primID"], hits["u"], hits["v"], hits["tfar"]
+            count, begin = _bounce(tables, paths, hits, crossings, uniforms, image, tally), None
     shape = camera.height, camera.width
     return image.reshape(*shape, bands) / samples, tally.reshape(-1, *shape) / samples
 
 
-def _camera_paths(camera, centre, pixel, bands, random):
-    """Paths through random points of pixels (n,)."""
+def _camera_paths(camera, centre, pixel, bands, place):
+    """Paths through pixels (n,), at places (n, 2) from 0 to 1 in them."""
     left, right, bottom, top = camera.frame
-    s, t = random.random((2, len(pixel)))
+    s, t = place.T
     x = left + (right - left) * (pixel % camera.width + s) / camera.width
     y = bottom + (top - bottom) * (pixel // camera.width + t) / camera.height
     matrix, zero, one = np.asarray(camera.matrix, float), np.zeros(len(pixel)), np.ones(len(pixel))
@@ -260,37 +331,43 @@ def _camera_paths(camera, centre, pixel, bands, random):
 
 
 @numba.njit(cache=True, nogil=True)
-def _bounce(tables, paths, hits, uniforms, image, tally):
-    """Add what is emitted where paths arrive, and send them on; those that go on move to the front; their number."""
+def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
+    """Add what is emitted where paths arrive, and on their way there, and send them on; those that go on move to the
+    front; their number."""
     triangle, u, v, distance = hits
-    kept, extinction = 0, tables.absorption + tables.scattering
-    black = np.empty(image.shape[1])
+    kept, has_gas = 0, tables.gas.absorption.size > 0
+    black, factor = np.empty(image.shape[1]), np.empty(image.shape[1])
+    brought, one = np.empty(image.shape[1]), np.ones(image.shape[1])
     for i in range(triangle.size):
         t, pixel, kind = triangle[i], paths.pixel[i], paths.kind[i]
         throughput = paths.throughput[i]
-        free = -np.log1p(-uniforms[i, 4]) / extinction if extinction > 0.0 else np.inf
-        if free < (distance[i] if t >= 0 else tables.depth):
-            throughput /= extinction
-            _add(tables.absorption * throughput, tables.air, pixel, kind, image, tally)
-            throughput *= tables.scattering
-            survival = min(_MOST_SURVIVE, throughput.max())
-            if uniforms[i, 3] < survival:
-                paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, _CODES - 1, paths.bounces[i] + 1
-                paths.origin[kept] = paths.origin[i] + free * paths.direction[i]
-                paths.direction[kept] = _deflected(paths.direction[i], tables.anisotropy, uniforms[i])
-                paths.throughput[kept] = throughput / survival
-                kept += 1
-            continue
+        if has_gas:
+            ray, way = (paths.origin[i], paths.direction[i]), float(distance[i]) if t >= 0 else np.inf
+            drawn = uniforms[i, 4], uniforms[i, 0]
+            free, medium = _fly(tables.gas, crossings, i, ray, way, throughput, drawn, brought)
+            _add(one, brought, pixel, kind, image, tally)
+            if medium >= 0:
+                survival = min(_MOST_SURVIVE, throughput.max())
+                if uniforms[i, 3] < survival:
+                    paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, _CODES - 1, paths.bounces[i] + 1
+                    paths.origin[kept] = paths.origin[i] + free * paths.direction[i]
+                    g = tables.gas.anisotropy[medium]
+                    paths.direction[kept] = _deflected(paths.direction[i], g, uniforms[i])
+                    paths.throughput[kept] = throughput / survival
+                    kept += 1
+                continue
         if t < 0:
             _add(throughput, tables.world, pixel, kind, image, tally)
             continue
         material = tables.material[t]
         _black_at(tables, t, u[i], v[i], black)
         direction, lobe, weight = _reflect(tables, material, t, paths.direction[i], uniforms[i])
-        emissivity = tables.emissivity[material]
+        factor[:] = (1.0 - tables.emissivity[material]) * weight
+        if tables.fresnel[material]:
+            _coat(tables, material, t, paths.direction[i], direction, lobe, weight, uniforms[i], factor)
         # A sample of a rough lobe stands for what the lobe loses, too.
-        _add(throughput, (1.0 - (1.0 - emissivity) * weight) * black, pixel, kind, image, tally)
-        throughput *= (1.0 - emissivity) * weight
+        _add(throughput, (1.0 - factor) * black, pixel, kind, image, tally)
+        throughput *= factor
         survival = 1.0 if paths.bounces[i] < _ROULETTE_FROM else min(_MOST_SURVIVE, throughput.max())
         if throughput.max() <= 0.0 or uniforms[i, 3] >= survival:
             continue
@@ -304,6 +381,130 @@ def _bounce(tables, paths, hits, uniforms, image, tally):
         paths.throughput[kept] = throughput / survival
         kept += 1
     return kept
+
+
+@numba.njit(cache=True, nogil=True)
+def _fly(gas, crossings, i, ray, limit, throughput, uniforms, brought):
+    """Follow path i up to a limit (m, infinite if it leaves the scene); returns the distance at which it is scattered,
+    and by which medium, or infinity and -1. Fills brought (b,) with what gas on its way sends to the eye, and takes
+    from the throughput (b,) what it absorbs.
+
+    ray: origin and unit direction (3,). uniforms: free path, medium.
+    """
+    t, left, emission = 0.0, -np.log1p(-uniforms[0]), np.empty(brought.size)
+    line, cells = _in_cells(gas, ray), np.empty(gas.absorption.size, np.int64)
+    brought[:] = 0.0
+    while t < limit:
+        stop = min(limit, _next_change(gas, crossings, i, line, t, limit))
+        if stop == np.inf:
+            break
+        way, absorption, scattering = stop - t, 0.0, 0.0
+        emission[:] = 0.0
+        for m in range(gas.absorption.size):
+            cell = _cell_at(gas, crossings, m, i, line, 0.5 * (t + stop), limit)
+            cells[m] = cell
+            if cell >= 0:
+                absorption += gas.density[cell] * gas.absorption[m]
+                scattering += gas.density[cell] * gas.scattering[m]
+                for b in range(emission.size):
+                    emission[b] += gas.density[cell] * gas.absorption[m] * gas.excess[cell, b]
+        scatters = scattering * way > left
+        if scatters:
+            way = left / scattering
+        left -= scattering * way
+        lost = -np.expm1(-absorption * way)
+        for b in range(emission.size if lost > 0.0 else 0):
+            brought[b] += throughput[b] * (lost / absorption) * emission[b]
+            throughput[b] *= 1.0 - lost
+        if scatters:
+            return t + way, _pick(gas, cells, uniforms[1] * scattering)
+        t = stop
+    return np.inf, -1
+
+
+@numba.njit(cache=True, nogil=True)
+def _pick(gas, cells, sought):
+    """The medium in whose share the sought part of the scattering coefficient (1/m) lies. cells: (m,), see _cell_at."""
+    chosen = -1
+    for m in range(cells.size):
+        scattering = gas.density[cells[m]] * gas.scattering[m] if cells[m] >= 0 else 0.0
+        if scattering > 0.0 and sought >= 0.0:
+            chosen = m
+            sought -= scattering
+    return chosen
+
+
+@numba.njit(cache=True, nogil=True)
+def _in_cells(gas, ray):
+    """(m, 3, 4): of a ray in the space of the cells of each grid, along each axis: its origin and direction there, and
+    where it enters and leaves the box around all cells, the same for all axes, m."""
+    (origin, direction), line = ray, np.zeros((gas.absorption.size, 3, 4))
+    for m in range(gas.absorption.size):
+        enters, ends = -np.inf, np.inf
+        for axis in range(3 if gas.count[m, 0] > 0 else 0):
+            o, d = gas.to_index[m, axis, 3], 0.0
+            for k in range(3):
+                o += gas.to_index[m, axis, k] * origin[k]
+                d += gas.to_index[m, axis, k] * direction[k]
+            line[m, axis, 0], line[m, axis, 1] = o, d
+            if d != 0.0:
+                low, high = -o / d, (gas.count[m, axis] - o) / d
+                enters, ends = max(enters, min(low, high)), min(ends, max(low, high))
+            elif not 0.0 < o < gas.count[m, axis]:
+                ends = -np.inf
+        line[m, :, 2], line[m, :, 3] = enters, ends
+    return line
+
+
+@numba.njit(cache=True, nogil=True)
+def _next_change(gas, crossings, i, line, t, limit):
+    """The next distance behind t at which the ray may enter or leave a medium or a cell. line: see _in_cells."""
+    found = np.inf
+    for m in range(gas.absorption.size):
+        if gas.everywhere[m] and limit == np.inf and gas.depth > t:
+            found = min(found, gas.depth)
+        for k in range(crossings.distance.shape[2]):
+            if crossings.distance[m, i, k] > t:
+                found = min(found, crossings.distance[m, i, k])
+                break
+        enters, ends = line[m, 0, 2], line[m, 0, 3]
+        if t < enters < ends:
+            found = min(found, enters)
+        elif enters <= t < ends:
+            for axis in range(3):
+                found = min(found, _next_plane(line[m, axis, 0], line[m, axis, 1], t))
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def _next_plane(o, d, t):
+    """The next distance behind t at which a ray crosses a plane between cells, across one axis."""
+    if d == 0.0:
+        return np.inf
+    step = 1.0 if d > 0.0 else -1.0
+    plane = np.floor(o + t * d)
+    while (plane - o) / d <= t:  # once or twice, whatever rounding does
+        plane += step
+    return (plane - o) / d
+
+
+@numba.njit(cache=True, nogil=True)
+def _cell_at(gas, crossings, m, i, line, t, limit):
+    """Cell of medium m at a distance t that is no border, -1 if the medium is not there."""
+    if gas.everywhere[m]:
+        return gas.first[m] if limit < np.inf or t < gas.depth else -1
+    if gas.count[m, 0] == 0:
+        for k in range(crossings.distance.shape[2]):
+            if crossings.distance[m, i, k] > t:
+                return gas.first[m] if crossings.leaves[m, i, k] and crossings.distance[m, i, k] < np.inf else -1
+        return -1
+    cell = 0
+    for axis in range(3):
+        at = int(np.floor(line[m, axis, 0] + t * line[m, axis, 1]))
+        if at < 0 or at >= gas.count[m, axis]:
+            return -1
+        cell = cell * gas.count[m, axis] + at
+    return gas.first[m] + cell
 
 
 @numba.njit(cache=True, nogil=True)
@@ -349,6 +550,22 @@ def _reflect(tables, material, t, incoming, uniforms):
         return out, 2, 0.0
     before, after = _smith(alpha, max(-np.dot(incoming, z), 1e-9)), _smith(alpha, cosine)
     return out, 2, (1.0 + before) / (1.0 + before + after)
+
+
+@numba.njit(cache=True, nogil=True)
+def _coat(tables, material, t, incoming, direction, lobe, weight, uniforms, factor):
+    """Set factor (b,) to BRDF times cosine over density of a material that follows Fresnel's law."""
+    z = tables.normal[t] if np.dot(tables.normal[t], incoming) < 0.0 else -tables.normal[t]
+    specular, alpha, share = tables.specular[material], tables.alpha[material], tables.share[material]
+    for band in range(factor.size):
+        face = tables.face[material, band]
+        if lobe != 1:
+            met = np.sqrt(max(0.0, 0.5 - 0.5 * np.dot(incoming, direction)))
+            factor[band] = share * _face_reflectance(face, met) * weight / specular
+            continue
+        out = 1.0 - _lobe_sample(face, share, z, -incoming, alpha, uniforms[5], uniforms[6])
+        into = 1.0 - _lobe_sample(face, share, z, direction, alpha, uniforms[7], uniforms[8])
+        factor[band] = tables.beneath[material, band] * out * into / (1.0 - specular)
 
 
 @numba.njit(cache=True, nogil=True)

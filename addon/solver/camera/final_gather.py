@@ -14,7 +14,7 @@ import numpy as np
 
 from ..geometry.area import NO_WALL, PATCH_LIMIT, Ball, patch_in_ball
 from ..geometry.interaction import interact
-from ..geometry.stage import lobes_at, reflectance_at
+from ..geometry.stage import diffuse_reflectance_at, lobes_at
 from ..geometry.surfaces import sheet_of, unit_normal
 from ..physics.lobes import DIFFUSE, diffuse_share
 from ..planning.splitting import NEAR, rays_alone, shared_area, sharing, spread_around
@@ -34,19 +34,23 @@ def choose_splits(stage, estimate, pixels, bounce, gathers) -> None:
     image alone. pixels: (n,) int64, numbers, in the window, of the tile's pixels.
     """
     if len(gathers.ray):
-        _choose_splits(stage, estimate, pixels, bounce, gathers, np.empty(PATCH_LIMIT, np.int32))
+        rooms = np.empty(PATCH_LIMIT, np.int32), np.empty(bounce.rays.throughput.shape[1], np.float32)
+        _choose_splits(stage, estimate, pixels, bounce, gathers, rooms)
 
 
 @njit(**KERNEL)
-def _choose_splits(stage, estimate, pixels, bounce, gathers, patch):
+def _choose_splits(stage, estimate, pixels, bounce, gathers, rooms):
     splitting, k, shrink2, rays = estimate.splitting, estimate.neighbours, estimate.shrink2, bounce.rays
+    patch, room = rooms
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
         if rays.final[i] or lobes_at(stage, at).flags & DIFFUSE == 0:
             continue
         sheet, pixel, reach2 = sheet_of(stage.surfaces, at.side_id), pixels[rays.pixel[i]], estimate.reach2
-        contribution = splitting.sensitivity[pixel] * _reflected_share(stage, at, rays.throughput[i], gathers.weight[g])
+        rho, diffuse = diffuse_reflectance_at(stage, at, room), diffuse_share(lobes_at(stage, at))
+        share = _reflected_share(rho, rays.throughput[i], gathers.weight[g], diffuse)
+        contribution = splitting.sensitivity[pixel] * share
         spread = spread_around(splitting, pixel, sheet)
         count, _ = rays_alone(splitting, sheet, spread, contribution, reach2, k, shrink2)
         gathers.contribution[g], gathers.rays[g], gathers.radius2[g] = contribution, count, 0.0
@@ -94,6 +98,7 @@ def open_finals(stage, lighting, bounce, gathers, row):
     """The final gathers among the gathers. Their rows in the image start at `row`."""
     chosen = np.flatnonzero(gathers.rays)
     count, bands = chosen.size, stage.radiometry.reference.size
+    room = np.empty(bands, np.float32)
     finals = Finals(
         np.empty(count, np.int32), np.empty((count, 3)), np.empty(count, np.int32), gathers.rays[chosen],
         gathers.radius2[chosen], gathers.is_cut[chosen], np.empty(count, np.float32),
@@ -109,7 +114,7 @@ def open_finals(stage, lighting, bounce, gathers, row):
         finals.pixel[n], finals.side_id[n] = bounce.rays.pixel[i], at.side_id
         looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
         finals.near[n], finals.fewer[n] = looking.near, looking.alone / looking.together
-        rho, diffuse = reflectance_at(stage, at), gathers.weight[g] * diffuse_share(lobes_at(stage, at))
+        rho, diffuse = diffuse_reflectance_at(stage, at, room), gathers.weight[g] * diffuse_share(lobes_at(stage, at))
         for b in range(bands):
             finals.factor[n, b] = diffuse * bounce.rays.throughput[i, b] * rho[b]
         for b in range(bands, finals.factor.shape[1]):
@@ -118,12 +123,13 @@ def open_finals(stage, lighting, bounce, gathers, row):
 
 
 @njit(**FAST_INLINED)
-def _reflected_share(stage, at, throughput, weight):
-    """Share of a pixel that a gather's diffuse reflection makes up, mean of all bands. throughput: (b,) of its ray."""
-    rho, total = reflectance_at(stage, at), np.float32(0.0)
+def _reflected_share(rho, throughput, weight, diffuse):
+    """Share of a pixel that a gather's diffuse reflection makes up, mean of all bands. rho: (b,), of which the diffuse
+    lobe has this share. throughput: (b,) of its ray."""
+    total = np.float32(0.0)
     for b in range(rho.size):
         total += throughput[b] * rho[b]
-    return weight * diffuse_share(lobes_at(stage, at)) * total / rho.size
+    return weight * diffuse * total / rho.size
 
 
 def share(surfaces, finals, shrink2, shape, rows) -> None:

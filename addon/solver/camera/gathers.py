@@ -9,6 +9,7 @@ import numpy as np
 from ..geometry.interaction import interact
 from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, reflectance_at, stored_at
 from ..geometry.surfaces import sheet_of
+from ..physics.lobes import follows_fresnel
 from ..physics.radiometry import NONE
 from ..physics.sky import radiance_from
 from ..planning.lamps import share_of_ray
@@ -19,6 +20,9 @@ from ..system.kernels import FAST_KERNEL, KERNEL, njit
 from .rays import BLIND, largest_throughput, shares_by_lobe
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
+# Largest relative difference of the cosines of rays that share a gather, where Fresnel's law holds: what they reflect
+# then differs by about as much.
+_TURNED = 0.1
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
 
 
@@ -91,14 +95,15 @@ def meet(stage, lighting, bounce, rows) -> Gathers:
     """
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
-    room = np.empty(count, np.int32), np.empty(stage.radiometry.reference.size)
-    kept = _meet(stage, lighting, bounce, rows, gathers, emitted, room)
+    bands = stage.radiometry.reference.size
+    rooms = np.empty(count, np.int32), np.empty(bands, np.float32), np.empty(bands)
+    kept = _meet(stage, lighting, bounce, rows, gathers, emitted, rooms)
     return first_gathers(gathers, kept)
 
 
 @njit(**FAST_KERNEL)
-def _meet(stage, lighting, bounce, rows, gathers, emitted, room):
-    kept_as, from_sky = room
+def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
+    kept_as, room, from_sky = rooms
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
     found = newest = np.int64(0)  # no literal, see kernels
@@ -128,7 +133,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, room):
         asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
         if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky or shares_by_lobe(lobes_at(stage, at), True)):
             continue  # the reflected light is recalled from the cache, or roulette has ended the path
-        reflected = largest_throughput(throughput, reflectance_at(stage, at))
+        reflected = largest_throughput(throughput, reflectance_at(stage, at, room))
         if bounce.goes_on[i] > 0.0:
             reflected *= bounce.goes_on[i]
         if reflected == 0.0:
@@ -145,7 +150,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, room):
         gathers.throughput[g] += reflected
         if uniform(rays.path[i], DIMENSIONS * bounce.number + GROUPING) * gathers.throughput[g] < reflected:
             gathers.ray[g] = i
-    return _roulette(stage, bounce, gathers, found, kept_as)
+    return _roulette(stage, bounce, gathers, found, kept_as, room)
 
 
 @njit(inline="always")
@@ -158,18 +163,19 @@ def _is_alike(stage, bounce, at, i, other):
         and rays.final[other] == rays.final[i]
         and bounce.unresolved[other] == bounce.unresolved[i]
         and (bounce.number == 0 or _in_proportion(rays.throughput[i], rays.throughput[other]))
+        and (not follows_fresnel(lobes_at(stage, at)) or abs(there.cosine - at.cosine) < _TURNED * at.cosine)
     )
 
 
 @njit(**FAST_KERNEL)
-def _roulette(stage, bounce, gathers, found, kept_as):
+def _roulette(stage, bounce, gathers, found, kept_as, room):
     """Keep all gathers with much throughput and, by roulette, some of the others; returns how many are kept."""
     rays, kept = bounce.rays, 0
     for g in range(found):
         i, kept_as[g] = gathers.ray[g], -1
         chance = min(1.0, gathers.throughput[g] / _LITTLE)
         if uniform(rays.path[i], GATHERING + bounce.number) < chance:
-            rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays.direction))
+            rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays.direction), room)
             reflected = largest_throughput(rays.throughput[i], rho)
             gathers.ray[kept], gathers.weight[kept] = i, gathers.throughput[g] / (reflected * chance)
             gathers.throughput[kept], kept_as[g] = gathers.throughput[g], kept

@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..geometry.interaction import interact, leave
-from ..geometry.stage import lobes_at, lobes_met, reflectance_at
+from ..geometry.stage import diffuse_reflectance_at, enter, lobe_reflectance_at, lobes_at, lobes_met, reflectance_at
 from ..geometry.surfaces import clear_of, sheet_of
 from ..photons.transport import MAX_SURVIVAL
 from ..physics.lobes import (
@@ -19,7 +19,7 @@ from ..physics.lobes import (
 from ..sampling.heuristics import ALONE, SINGLE_RAY
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
-from ..sampling.vectors import put_vector, vector
+from ..sampling.vectors import dot, put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .rays import ASTRAY, BLIND, largest_throughput, shares_by_lobe
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
@@ -35,12 +35,13 @@ def follow(stage, together, bounce, samples, gathers, onward) -> int:
     rays of each pixel."""
     shares = np.zeros(len(gathers.ray))  # of each gather: throughput of the rays of its group so far
     first = np.empty(len(gathers.ray), np.int64)  # of each gather: index of the first of its rays in onward
-    return _follow(stage, together, bounce, samples, gathers, onward, (shares, first))
+    room = np.empty(onward.throughput.shape[1], np.float32)
+    return _follow(stage, together, bounce, samples, gathers, onward, (shares, first, room))
 
 
 @njit(**FAST_KERNEL)
 def _follow(stage, together, bounce, samples, gathers, onward, groups):
-    rays, hits, sent, (shares, first) = bounce.rays, bounce.hits, np.int64(0), groups
+    rays, hits, sent, (shares, first, room) = bounce.rays, bounce.hits, np.int64(0), groups
     for i in range(hits.triangle.size):
         if hits.triangle[i] >= 0 and is_specular(lobes_met(stage, hits, i)):
             at = interact(stage.surfaces, hits, i, rays.direction)
@@ -50,9 +51,9 @@ def _follow(stage, together, bounce, samples, gathers, onward, groups):
                 full, alike = _largest(rays.throughput[i]), SINGLE_RAY
             else:
                 full, alike = _WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
-            sent += _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent)
+            sent += _reflect_specularly(stage, at, bounce, i, (full, alike), (onward, room), sent)
         if bounce.goes_on[i] > 0.0:
-            _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, onward, sent)
+            _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, (onward, room), sent)
             sent += 1
     for g in range(first.size):  # the rays of a gather lie one behind the other, whatever points they start from
         first[g] = sent
@@ -62,19 +63,19 @@ def _follow(stage, together, bounce, samples, gathers, onward, groups):
         if g >= 0 and gathers.rays[g] > 0:
             at = interact(stage.surfaces, hits, i, rays.direction)
             before = shares[g]
-            shares[g] += largest_throughput(rays.throughput[i], reflectance_at(stage, at))
+            shares[g] += largest_throughput(rays.throughput[i], reflectance_at(stage, at, room))
             part = before / gathers.throughput[g], shares[g] / gathers.throughput[g]
             path = path_key(rays.path[gathers.ray[g]], SPLITTING + bounce.number)
             looking = float(together[sheet_of(stage.surfaces, at.side_id)])
-            _split(stage.surfaces, at, gathers, g, (part, path, looking), first[g], onward)
+            _split(stage, at, gathers, g, (part, path, looking), first[g], onward)
     for g in range(first.size):
         if gathers.rays[g] > 0:
-            sent += _doubt(stage, bounce, (gathers, g, first[g]), samples.size, onward, sent)
+            sent += _doubt(stage, bounce, (gathers, g, first[g]), samples.size, (onward, room), sent)
     return sent
 
 
 @njit(inline="always")
-def _split(surfaces, at, gathers, g, group, first, onward):
+def _split(stage, at, gathers, g, group, first, onward):
     """Send, from the point `at` of one ray of the group, that ray's part of the rays of final gather g. These are
     cosine-distributed and add to the gather's row.
 
@@ -85,7 +86,7 @@ def _split(surfaces, at, gathers, g, group, first, onward):
     the gather.
     """
     count, row, (part, path, together) = gathers.rays[g], gathers.row[g], group
-    origin, throughput = clear_of(surfaces, at.side_id, at.point), np.float32(gathers.contribution[g] / count)
+    origin, throughput = clear_of(stage.surfaces, at.side_id, at.point), np.float32(gathers.contribution[g] / count)
     start, shift_u, shift_v = uniform(path, 0), uniform(path, 1), uniform(path, 2)
     for ray in range(_resampled(part[0], count, start), _resampled(part[1], count, start)):
         u, v = lattice_point(ray, count, shift_u, shift_v)
@@ -96,18 +97,19 @@ def _split(surfaces, at, gathers, g, group, first, onward):
         onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
         onward.throughput[first + ray, :] = throughput * np.float32(evaluate_diffuse(at, direction))
+        enter(stage, at, dot(direction, at.shading_normal), onward.throughput[first + ray])
 
 
 @njit(inline="always")
-def _doubt(stage, bounce, gather, pixels, onward, sent):
+def _doubt(stage, bounce, gather, pixels, out, sent):
     """Send one ray of some final gathers twice more, as rays `sent` and `sent` + 1 of onward; returns 2, or 0.
 
     The second of the two is like any ray; the first goes on from its end, whatever is recalled there. They add to rows
     of their own, `pixels` and 2 `pixels` further than the pixel. The random numbers are the same, so the rows differ
     only by what a continued ray finds in place of what is recalled: in the mean, by the bias of recalling.
-    gather: gathers, the number of one of them, and the index in onward of its first ray.
+    gather: gathers, the number of one of them, and the index in onward of its first ray. out: onward, and a room (b,).
     """
-    gathers, g, first = gather
+    (gathers, g, first), (onward, room) = gather, out
     rays, i, count = bounce.rays, gathers.ray[g], gathers.rays[g]
     chance, number = min(1.0, count / _DOUBTED), uniform(rays.path[i], DOUBTING + bounce.number)
     if number >= chance:
@@ -115,7 +117,7 @@ def _doubt(stage, bounce, gather, pixels, onward, sent):
     at, ray = interact(stage.surfaces, bounce.hits, i, rays.direction), first + int(number / chance * count)
     received = evaluate_diffuse(at, vector(onward.direction, ray))
     weight = gathers.weight[g] * diffuse_share(lobes_at(stage, at)) * received
-    rho, scale = reflectance_at(stage, at), np.float32(weight / chance)
+    rho, scale = diffuse_reflectance_at(stage, at, room), np.float32(weight / chance)
     for twin in range(2):
         put_vector(vector(onward.origin, ray), onward.origin, sent + twin)
         put_vector(vector(onward.direction, ray), onward.direction, sent + twin)
@@ -124,6 +126,7 @@ def _doubt(stage, bounce, gather, pixels, onward, sent):
         onward.density[sent + twin], onward.doubts[sent + twin] = onward.density[ray], twin == 0
         for b in range(rho.size):
             onward.throughput[sent + twin, b] = rays.throughput[i, b] * rho[b] * scale
+        enter(stage, at, dot(vector(onward.direction, ray), at.shading_normal), onward.throughput[sent + twin])
     return 2
 
 
@@ -141,9 +144,10 @@ def _leave(surfaces, at, direction, pixel, path, onward, row):
 
 
 @njit(inline="always")
-def _go_on(stage, at, bounce, i, onward, sent):
-    """Continue ray i of a final gather in one diffuse direction, as ray `sent` of onward."""
-    rays, rho, path = bounce.rays, reflectance_at(stage, at), path_key(bounce.rays.path[i], CONTINUING + bounce.number)
+def _go_on(stage, at, bounce, i, out, sent):
+    """Continue ray i of a final gather in one diffuse direction, as ray `sent` of onward. out: onward, and a room."""
+    rays, (onward, room) = bounce.rays, out
+    rho, path = diffuse_reflectance_at(stage, at, room), path_key(rays.path[i], CONTINUING + bounce.number)
     direction = sample_diffuse(at.normal, uniform(path, 0), uniform(path, 1))
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent] = onward.continued[sent] = True
@@ -151,6 +155,7 @@ def _go_on(stage, at, bounce, i, onward, sent):
     scale = np.float32(diffuse_share(lobes_at(stage, at)) * evaluate_diffuse(at, direction) * bounce.goes_on[i])
     for b in range(rho.size):
         onward.throughput[sent, b] = rays.throughput[i, b] * rho[b] * scale
+    enter(stage, at, dot(direction, at.shading_normal), onward.throughput[sent])
 
 
 @njit(**FAST_INLINED)
@@ -162,17 +167,20 @@ def _largest(throughput):
 
 
 @njit(inline="always")
-def _reflect_specularly(stage, at, bounce, i, full, alike, onward, sent):
+def _reflect_specularly(stage, at, bounce, i, counts, out, sent):
     """Send ray i on in one direction of the specular lobe, as ray `sent` of onward; returns 1 if it survives roulette,
-    else 0. With a throughput of at least `full` after the reflection it survives for sure, but for many bounces. alike:
-    number of rays that share the light with one shadow ray, see shadow_rays."""
-    rays, rho, lobes = bounce.rays, reflectance_at(stage, at), lobes_at(stage, at)
+    else 0. counts: with a throughput of at least the first after the reflection it survives for sure, but for many
+    bounces; the second is the number of rays that share the light with one shadow ray, see shadow_rays. out: onward,
+    and a room (b,)."""
+    rays, lobes, (full, alike), (onward, room) = bounce.rays, lobes_at(stage, at), counts, out
     path, dimension = rays.path[i], DIMENSIONS * bounce.number
     direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
-    scale = lobes.specular * weight
+    rho, scale = lobe_reflectance_at(stage, at, lobes, direction, room), lobes.specular * weight
     left = scale * largest_throughput(rays.throughput[i], rho)
+    if left <= 0.0:  # full may be 0, too: float32 knows nothing of what gets through gas of a depth above 100
+        return 0
     survival = min(MAX_SURVIVAL if bounce.number >= _SURE else 1.0, left / full)
-    if left <= 0.0 or uniform(path, dimension + SURVIVAL) >= survival:
+    if uniform(path, dimension + SURVIVAL) >= survival:
         return 0
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]

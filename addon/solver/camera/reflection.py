@@ -10,11 +10,18 @@ import numpy as np
 from ..geometry.free_space import FreeSpace, largest_disk, wall_of
 from ..geometry.interaction import interact
 from ..geometry.point_tree import empty_walk
-from ..geometry.stage import lobes_at, reflectance_at
-from ..geometry.surfaces import sheet_of
+from ..geometry.stage import diffuse_reflectance_at, leave_out, lobe_reflectance_at, lobes_at
+from ..geometry.surfaces import sheet_of, unit_normal
 from ..photons.irradiance_cache import recalled
 from ..photons.photon_map import Disk, gather, irradiance, neighbours_room, query_at
-from ..physics.lobes import DIFFUSE, diffuse_share, evaluate_diffuse, evaluate_glossy, is_glossy
+from ..physics.lobes import (
+    DIFFUSE,
+    diffuse_share,
+    evaluate_diffuse,
+    evaluate_glossy,
+    follows_fresnel,
+    is_glossy,
+)
 from ..planning.pilot import SKY_RAYS
 from ..planning.splitting import recall_chance
 from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, Looking, looking_from
@@ -27,6 +34,7 @@ from .shadow_rays import LampRoom, Receiver, Shadows, empty_shadows, send_shadow
 from .streams import LAMP_NUMBERS, LAMPS, RECALLING
 
 _SURE, _LATE_SURVIVAL = 8, 15.0 / 16.0  # after so many bounces a path survives with at most this chance
+_GRAZING = 0.01  # least cosine of a photon in a rough lobe over a diffuse one, as next to nothing of it gets below
 _FAR = 4.0  # largest squared distance to a cached point that is recalled, over the squared radius of the largest disk
 
 
@@ -43,13 +51,14 @@ def reflect(stage, photon_map, estimate, bounce, asking, image) -> None:
     """Add to the image what the photons around gathers reflect. asking: see Asking."""
     if len(asking.gathers.ray) == 0:  # as often late in a tile, and a call of a kernel with so many arrays takes long
         return
-    rooms = neighbours_room(estimate.neighbours), np.empty(image.shape[1])
+    bands = stage.radiometry.reference.size
+    rooms = neighbours_room(estimate.neighbours), np.empty(image.shape[1]), np.empty(bands, np.float32)
     _reflect(stage, photon_map, estimate, bounce, asking, image, rooms)
 
 
 @njit(**FAST_KERNEL)
 def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
-    (room, value), guess, (gathers, space, are_ends) = rooms, estimate.reach2, asking
+    (room, value, row), guess, (gathers, space, are_ends) = rooms, estimate.reach2, asking
     rays, photons = bounce.rays, photon_map.photons
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
@@ -57,7 +66,7 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
         if only_caustic and photons.caustic.size == 0:
             continue
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
-        lobes, rho, out = lobes_at(stage, at), reflectance_at(stage, at), image[rays.pixel[i]]
+        lobes, rho, out = lobes_at(stage, at), diffuse_reflectance_at(stage, at, row), image[rays.pixel[i]]
         by_lobe = is_glossy(lobes) and estimate.straight and not rays.final[i]
         is_diffuse = lobes.flags & DIFFUSE != 0 and rays.final[i] == are_ends
         if not (is_diffuse or by_lobe):
@@ -76,19 +85,23 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
                     out[first + b] += rays.throughput[i, b] * rho[b] * scale * value[first + b]
         if by_lobe:
             scale = gathers.weight[g] * lobes.specular / area
-            _add_straight(stage, photons, room.index[:kept], at, scale, rays.throughput[i], out)
+            _add_straight(stage, photons, room.index[:kept], at, scale, rays.throughput[i], (out, row))
 
 
 @njit(inline="always")
-def _add_straight(stage, photons, index, at, scale, throughput, out):
+def _add_straight(stage, photons, index, at, scale, throughput, rooms):
     """Add the reflection, in a rough lobe, of photons straight from lights, as no camera path can hit a light. Photons
     were stored with what they are worth to a diffuse lobe (see evaluate_diffuse): here they count as they are."""
-    lobes, rho = lobes_at(stage, at), reflectance_at(stage, at)
+    lobes, (out, room) = lobes_at(stage, at), rooms
     for j in range(index.size):
         photon = index[j]
         towards = vector(photons.incoming, photon)
         if dot(towards, at.normal) > 0.0:
             f = evaluate_glossy(lobes, at, towards) * scale / max(evaluate_diffuse(at, towards), 1e-3)
+            rho = lobe_reflectance_at(stage, at, lobes, towards, room)
+            if follows_fresnel(lobes):  # the photon's power is what gets below the lobe
+                normal = unit_normal(stage.surfaces, photons.surface[photon])
+                leave_out(stage, at, max(_GRAZING, dot(towards, normal)), rho)
             for b in range(rho.size):  # lights add to the first layer
                 out[b] += throughput[b] * rho[b] * f * photons.power[photon, b]
 
@@ -103,17 +116,18 @@ def recall(stage, is_open, cache, estimate, bounce, image) -> Gathers:
     for caustics alone, as the continued ray finds all other light. is_open: see Surroundings.
     """
     continued = empty_gathers(len(bounce.hits.triangle))
-    return first_gathers(continued, _recall(stage, is_open, cache, estimate, bounce, image, continued, empty_walk()))
+    rooms = empty_walk(), np.empty(stage.radiometry.reference.size, np.float32)
+    return first_gathers(continued, _recall(stage, is_open, cache, estimate, bounce, image, continued, rooms))
 
 
 @njit(**FAST_KERNEL)
-def _recall(stage, is_open, cache, estimate, bounce, image, continued, walk):
-    rays, splitting, found = bounce.rays, estimate.splitting, np.int64(0)
+def _recall(stage, is_open, cache, estimate, bounce, image, continued, rooms):
+    rays, splitting, found, (walk, room) = bounce.rays, estimate.splitting, np.int64(0), rooms
     for i in range(bounce.hits.triangle.size):
         if bounce.hits.triangle[i] < 0 or not rays.final[i]:
             continue
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
-        rho, diffuse = reflectance_at(stage, at), diffuse_share(lobes_at(stage, at))
+        rho, diffuse = diffuse_reflectance_at(stage, at, room), diffuse_share(lobes_at(stage, at))
         reflected = diffuse * largest_throughput(rays.throughput[i], rho)
         if reflected == 0.0:
             continue
@@ -150,13 +164,14 @@ def shadow_rays(stage, lighting, bounce, samples, gathers) -> Shadows:
     if len(gathers.ray) == 0:
         return empty_shadows(0, bands)
     shadows = empty_shadows((1 + SKY_RAYS) * len(gathers.ray), bands)
-    room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
+    room = LampRoom(np.empty(CANDIDATES), np.empty(bands)), np.empty(bands, np.float32)
     sent = _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room)
     return Shadows(*(column[:sent] for column in shadows))
 
 
 @njit(**FAST_KERNEL)
-def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room):
+def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, rooms):
+    room, row = rooms
     surroundings, rays, sky = lighting.surroundings, bounce.rays, lighting.surroundings.sky.size > 0
     for b in range(surroundings.radiance.size):
         sky |= surroundings.radiance[b] != 0.0
@@ -175,7 +190,7 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, room):
             looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
             in_lobe *= samples[rays.pixel[i]]
         receiver = Receiver(
-            at, lobes, reflectance_at(stage, at), looking, (in_lobe, lobe_weight), rays.throughput[i],
+            at, lobes, diffuse_reflectance_at(stage, at, row), looking, (in_lobe, lobe_weight), rays.throughput[i],
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:

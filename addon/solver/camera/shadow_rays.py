@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geometry.interaction import LEAST_COSINE, Interaction, emit_at, emit_towards, leave, stand_at
 from ..geometry.segments import transmit
-from ..geometry.stage import fill_emission, layer_at
+from ..geometry.stage import enter, fill_emission, layer_at, lobes_at
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, normal
 from ..photons.emission import Surroundings
@@ -21,7 +21,18 @@ from ..photons.lights import (
     area_light_point,
     spot_brightness,
 )
-from ..physics.lobes import DIFFUSE, Lobes, diffuse_share, evaluate_diffuse, evaluate_glossy, glossy_density
+from ..physics.fresnel import ENTERING, FACET, reflectance_of
+from ..physics.lobes import (
+    DIFFUSE,
+    FRESNEL,
+    Lobes,
+    diffuse_share,
+    evaluate_diffuse,
+    evaluate_glossy,
+    facet_cosine,
+    follows_fresnel,
+    glossy_density,
+)
 from ..physics.sky import radiance_from
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
@@ -169,20 +180,20 @@ def competing(points, i, way, distance):
 
 
 @njit(inline="always")
-def _shared_brdf(receiver, way, distance, aimed):
-    """BRDF of the receiver's lobes between its ray and the way to a lamp, sr-1, each lobe times the share of the light
-    from there that is left to shadow rays, see share_of_ray. aimed: lamp points that compete, sr-1; 0 for lights, which
-    no ray meets."""
-    at, lobes, brdf, direction = receiver.at, receiver.lobes, 0.0, scaled(way, 1.0 / distance)
+def _shared_brdfs(receiver, way, distance, aimed):
+    """BRDF of the receiver's lobes between its ray and the way to a lamp, sr-1, for a reflectance of 1: diffuse, and
+    specular. Each lobe counts times the share of the light from there that is left to shadow rays, see share_of_ray.
+    aimed: lamp points that compete, sr-1; 0 for lights, which no ray meets."""
+    at, lobes, diffuse, glossy, direction = receiver.at, receiver.lobes, 0.0, 0.0, scaled(way, 1.0 / distance)
     if receiver.looking.together > 0.0:
         cosine = max(0.0, dot(way, at.normal)) / distance
         met = rays_to(receiver.looking, distance) * cosine / math.pi if aimed > 0.0 else 0.0
-        brdf += diffuse_share(lobes) / math.pi * evaluate_diffuse(at, direction) * balance(aimed, met)
+        diffuse = diffuse_share(lobes) / math.pi * evaluate_diffuse(at, direction) * balance(aimed, met)
     rays, weight = receiver.in_lobe
     if rays > 0.0:
         met = rays * glossy_density(lobes, at, direction) if aimed > 0.0 else 0.0
-        brdf += weight * lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
-    return brdf
+        glossy = weight * lobes.specular * evaluate_glossy(lobes, at, direction) * balance(aimed, met)
+    return diffuse, glossy
 
 
 class Shadows(NamedTuple):
@@ -255,9 +266,31 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
     start = clear_of(stage.surfaces, at.side_id, at.point)
     way, reach, layer = light_of(lighting, stage, i, start, receiver.weight * total, value)
     _start(stage.surfaces, receiver, way, reach, layer, shadows, count)
+    if follows_fresnel(receiver.lobes):
+        _weigh_lobes(lighting, stage, receiver, i, value)
+        for b in range(value.size):
+            shadows.radiance[count, b] = receiver.throughput[b] * value[b]
+        return 1
     for b in range(value.size):
         shadows.radiance[count, b] = receiver.throughput[b] * receiver.reflectance[b] * value[b]
     return 1
+
+
+@njit(inline="always")
+def _weigh_lobes(lighting, stage, receiver, i, value):
+    """Multiply value (b,), from lamp point i, by the reflectances of the lobes, each in proportion to what it brings.
+    Fresnel's law must hold: the lamp point was chosen as for lobes of one reflectance."""
+    at, table = receiver.at, stage.radiometry.fresnel
+    way, _ = _towards(lighting, i, at)
+    distance = math.sqrt(dot(way, way))
+    direction = scaled(way, 1.0 / distance)
+    diffuse, glossy = _shared_brdfs(receiver, way, distance, competing(lighting.points, i, way, distance))
+    total, row = diffuse + glossy, table.row[at.material]
+    share = diffuse / total if total > 0.0 else 0.0  # rounding may choose a point that brings nothing
+    cosine, facet = dot(direction, at.shading_normal), facet_cosine(receiver.lobes, at, direction)
+    for b in range(value.size):
+        below = receiver.reflectance[b] * reflectance_of(table, row, ENTERING, cosine, b)
+        value[b] *= share * below + (1.0 - share) * reflectance_of(table, row, FACET, facet, b)
 
 
 @njit(inline="always")
@@ -318,7 +351,8 @@ def _brought_to_surface(lighting, receiver, i):
         return 0.0
     distance = math.sqrt(dot(way, way))
     aimed = competing(lighting.points, i, way, distance)
-    return received * lighting.points.strength[i] * _shared_brdf(receiver, way, distance, aimed)
+    diffuse, glossy = _shared_brdfs(receiver, way, distance, aimed)
+    return received * lighting.points.strength[i] * (diffuse + glossy)
 
 
 @njit(inline="always")
@@ -335,6 +369,7 @@ def send_sky(surroundings, stage, receiver, room, shadows, count):
         for b in range(rho.size):
             radiance = around[b] * received
             shadows.radiance[count + stratum, b] = receiver.throughput[b] * rho[b] * radiance
+        enter(stage, at, local[2], shadows.radiance[count + stratum])
 
 
 @njit(inline="always")
@@ -414,9 +449,10 @@ def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray
 @njit(**KERNEL)
 def _send_from_points(stage, lighting, points, keys, white, shadows, room):
     (point, side_id), (key, first) = points, keys
-    sent, lobes = np.int64(0), Lobes(DIFFUSE, 0.0, 0.0)
+    sent = np.int64(0)
     for i in range(side_id.size):
         at, path = stand_at(stage.surfaces, side_id[i], vector(point, i)), path_key(key, first + i)
+        lobes = Lobes(DIFFUSE | (lobes_at(stage, at).flags & FRESNEL), 0.0, 0.0)
         for ray in range(_FROM_POINTS):
             receiver = Receiver(
                 at,

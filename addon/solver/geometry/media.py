@@ -94,20 +94,26 @@ class Atmosphere(Tracer):
         self._bodies = [None if medium.triangles is None else _Body(medium, centre) for medium in media]
         self._media, self._grids = media, place_grids(media, centre)
         self._depth = depth
-        self._optics = None
+        self._everywhere = np.array([body is None for body in self._bodies]) & (self._grids.number < 0)
+        self._optics = self.before_scene = None
         self.scatters = any(medium.scatters for medium in media)
 
     def fill(self, table: MediumTable, heat: HeatTable | None = None) -> None:
-        """Say what the media absorb, emit and scatter. heat: of temperatures in grids; None if there are none, or where
-        it stays as it is."""
+        """Say what the media absorb, emit and scatter; before_scene is then the optical depth (b,) that the world's has
+        before suns and surroundings. heat: of temperatures in grids; None if there are none, or where it stays as it
+        is."""
         share = table.absorption / np.where(table.extinction > 0.0, table.extinction, 1.0)
         self._optics = table, share, table.extinction.max(axis=1)
+        self.before_scene = self._depth * table.extinction[self._everywhere].sum(axis=0)
         if heat is not None:
             self._grids = fill_cells(self._grids, self._media, heat)
 
-    def cross(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> Air:
+    def cross(
+        self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray, from_sun: np.ndarray | None = None
+    ) -> Air:
         """What segments cross: rays, origin and direction (n, 3) float32, up to a distance (n,) float32, in units of
-        the direction's length, infinite for rays that leave the scene."""
+        the direction's length, infinite for rays that leave the scene. from_sun: (n,) bool, rays to which the world's
+        medium does nothing but scatter; None for none of them."""
         length = np.linalg.norm(direction, axis=1)
         leaves = distance > _FAR
         parts = []
@@ -118,6 +124,9 @@ class Atmosphere(Tracer):
                 parts.append((np.full(kept, number), ray[:kept], ends[:kept, 0], ends[:kept, 1]))
             elif body is None:
                 end = np.where(leaves, self._depth / np.maximum(length, 1e-30), distance)
+                if from_sun is not None:  # those that miss all cross the scene, as far behind its middle as before it
+                    through = -2.0 * np.einsum("ri,ri->r", origin, direction) / np.maximum(length, 1e-30) ** 2
+                    end = np.where(leaves & from_sun, through, end)
                 parts.append((np.full(len(end), number), np.arange(len(end)), np.zeros(len(end)), end))
             else:
                 crossings = body.crossings(origin, direction)
@@ -127,26 +136,32 @@ class Atmosphere(Tracer):
         medium, ray, begin, end = map(np.concatenate, zip(*parts, strict=True))
         order = np.argsort(ray, kind="stable")
         first = np.searchsorted(ray[order], np.arange(len(length) + 1))
-        row, *optics = self._rows(first, medium[order])
-        stretches = medium[order], row, begin[order], end[order]
+        medium, ray = medium[order], ray[order]
+        lit = None if from_sun is None else from_sun[ray] & self._everywhere[medium]
+        row, *optics = self._rows(first, medium, lit)
+        stretches = medium, row, begin[order], end[order]
         room = empty_march(len(ray), len(self._grids.first) > 0), empty_bands(self._optics[0].extinction.shape[1])
         return Air(first, *stretches, length, RayBatch(origin, direction), *optics, self._grids, *room)
 
-    def _rows(self, first: np.ndarray, medium: np.ndarray) -> tuple:
+    def _rows(self, first: np.ndarray, medium: np.ndarray, lit: np.ndarray | None) -> tuple:
         """`row`, `table`, `share` and `thickest` of Air: with rows for as many stretches as the segment with the most
-        has, if any medium has components. first, medium: see Air."""
+        has, if any medium has components, and one for each medium that only scatters, if any stretch is lit. first,
+        medium: see Air. lit: (s,) bool, stretches where a medium only scatters, None for no such."""
         table, share, thickest = self._optics
         varies = np.diff(table.mixtures.first) > 0
-        if not varies.any():
+        if not varies.any() and lit is None:
             return medium, table, share, thickest
         stretches = np.diff(first)
         row = np.where(varies[medium], len(varies) + np.arange(len(medium)) - np.repeat(first[:-1], stretches), medium)
-        rows = int(stretches.max(initial=0))
+        rows, clear = int(stretches.max(initial=0)) if varies.any() else 0, 0
+        if lit is not None:
+            row[lit], clear = len(varies) + rows + medium[lit], len(varies)
 
         def with_room(of: np.ndarray) -> np.ndarray:
-            return np.concatenate((of, np.zeros((rows, *of.shape[1:]))))
+            return np.concatenate((of, np.zeros((rows + clear, *of.shape[1:]))))
 
         wide = {name: with_room(getattr(table, name)) for name in ("absorption", "scattering", "extinction")}
+        wide["scattering"][len(varies) + rows :] = table.scattering[:clear]
         return row, table._replace(**wide), with_room(share), with_room(thickest)
 
 

@@ -107,7 +107,8 @@ class Air(NamedTuple):
 
     first: (n + 1,) int64, where the stretches of each segment begin in medium, row, begin and end. medium: (s,) int64.
     row: (s,) int64, of absorption, scattering, extinction, share and thickest: the medium's; where a medium has
-    components (see MixtureTable), one behind all media, which only this stretch of the segment uses, see _mix.
+    components (see MixtureTable), one behind all media, which only this stretch of the segment uses, see _mix; and one
+    behind these where a medium only scatters.
     begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
     several media may overlap. length: (n,) of the direction. rays: the segments'. table: of the media, see MediumTable.
     share: (rows, b) float64, absorption over extinction. thickest: (rows,) float64, 1/m, largest extinction. grids: of

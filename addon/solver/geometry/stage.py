@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..physics.lobes import is_glossy, lobes_of
+from ..physics.fresnel import BELOW, ENTERING, FACET, TOTAL, fill_reflectance, multiply_reflectance, reflectance_of
+from ..physics.lobes import facet_cosine, is_angular, lobes_of
 from ..physics.radiometry import Radiometry, excess
 from ..system.kernels import FAST_INLINED, INLINED, njit
 from .surfaces import Surfaces, layer_of
@@ -24,10 +25,61 @@ class Stage(NamedTuple):
     radiometry: Radiometry
 
 
-@njit(inline="always")  # as it returns a row, see kernels
-def reflectance_at(stage, at):
-    """(b,) float32 reflectance in each band at an Interaction."""
-    return stage.radiometry.reflectance[at.material]
+# What a surface reflects is a row of the table of materials, and nothing is computed, unless it follows Fresnel's law.
+# All functions that return rows are inlined, see kernels.
+
+
+@njit(inline="always")
+def reflectance_at(stage, at, room):
+    """(b,) float32 reflectance in each band at an Interaction, of all lobes together, for light along its ray: a row of
+    a table, or the room (b,), of the same dtype, where it depends on the angle."""
+    angular = stage.radiometry.fresnel.row[at.material]
+    row = stage.radiometry.reflectance[at.material]
+    if angular >= 0:
+        fill_reflectance(stage.radiometry.fresnel, angular, TOTAL, at.cosine, room)
+        row = room
+    return row
+
+
+@njit(inline="always")
+def diffuse_reflectance_at(stage, at, room):
+    """As reflectance_at, of the diffuse lobe, over its share (see lobes.diffuse_share)."""
+    angular = stage.radiometry.fresnel.row[at.material]
+    row = stage.radiometry.reflectance[at.material]
+    if angular >= 0:
+        fill_reflectance(stage.radiometry.fresnel, angular, BELOW, at.cosine, room)
+        row = room
+    return row
+
+
+@njit(inline="always")
+def lobe_reflectance_at(stage, at, lobes, direction, room):
+    """As reflectance_at, of the specular lobe, over its share, where it reflects the ray in a unit direction: that of
+    the facet that does."""
+    angular = stage.radiometry.fresnel.row[at.material]
+    row = stage.radiometry.reflectance[at.material]
+    if angular >= 0:
+        fill_reflectance(stage.radiometry.fresnel, angular, FACET, facet_cosine(lobes, at, direction), room)
+        row = room
+    return row
+
+
+@njit(**INLINED)
+def one_reflectance_at(stage, at, kind, cosine):
+    """Reflectance at an Interaction in a stage that has but one band, of the FresnelTable's kind at a cosine."""
+    angular = stage.radiometry.fresnel.row[at.material]
+    if angular >= 0:
+        return reflectance_of(stage.radiometry.fresnel, angular, kind, cosine, 0)
+    return float(stage.radiometry.reflectance[at.material, 0])
+
+
+@njit(**FAST_INLINED)
+def enter(stage, at, cosine, value):
+    """Multiply value (b,), light that arrives under a cosine, by how much more of it gets to the diffuse lobe at an
+    Interaction than of light from all sides: 1 but under a lobe that follows Fresnel's law."""
+    angular = stage.radiometry.fresnel.row[at.material]
+    if angular >= 0:
+        multiply_reflectance(stage.radiometry.fresnel, angular, ENTERING, cosine, value)
 
 
 @njit(inline="always")
@@ -70,6 +122,15 @@ def fill_emission(stage, at, out):
     excess(stage.radiometry, at.material, temperature_at(stage, at), at.cosine, out)
 
 
+@njit(**FAST_INLINED)
+def leave_out(stage, at, cosine, value):
+    """Undo `enter`."""
+    angular = stage.radiometry.fresnel.row[at.material]
+    if angular >= 0:
+        for b in range(value.size):
+            value[b] /= np.float32(reflectance_of(stage.radiometry.fresnel, angular, ENTERING, cosine, b))
+
+
 class Emitted(NamedTuple):
     """A cache of emission: scenes have few pairs of material and temperature, and rays meet the same pairs many times.
     Each pair can be in one slot only.
@@ -102,12 +163,12 @@ def emission_at(stage, at, emitted):
 @njit(**FAST_INLINED)
 def _emit_into_slot(stage, at, emitted):
     """Fill a slot of the cache with the emission at an Interaction, if it is not there yet; returns the slot."""
-    kelvin, glossy = temperature_at(stage, at), is_glossy(lobes_at(stage, at))
+    kelvin, angular = temperature_at(stage, at), is_angular(lobes_at(stage, at))
     slot = (at.material + int(_PER_KELVIN * kelvin)) % _SLOTS
-    if glossy or at.material != emitted.material[slot] or kelvin != emitted.kelvin[slot]:
+    if angular or at.material != emitted.material[slot] or kelvin != emitted.kelvin[slot]:
         excess(stage.radiometry, at.material, kelvin, at.cosine, emitted.room)
-        # with a glossy lobe emission depends on the cosine, too, so the slot is not reused
-        emitted.material[slot], emitted.kelvin[slot] = -1 if glossy else at.material, kelvin
+        # where emission depends on the cosine, too, the slot is not reused
+        emitted.material[slot], emitted.kelvin[slot] = -1 if angular else at.material, kelvin
         for b in range(emitted.room.size):
             emitted.radiance[slot, b] = emitted.room[b]
     return slot

@@ -17,9 +17,9 @@ from ..sampling.vectors import put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .lights import LightTable, light_ray, light_totals, no_lights
+from .lights import SUN, LightTable, light_ray, light_totals, no_lights
 from .walk import collect
-from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, empty_wave
+from .wave import CAUSTIC, FORWARDS, FROM_SUN, STRAIGHT_FROM_LIGHT, empty_wave
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
@@ -214,7 +214,7 @@ def _emit(emitters, stage, batch, wave, emitted, room):
         probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
         share = 1.0 / (batch.total * probability)
         caustic, layer = entry < surface_end and emitters.caustic[entry], 0
-        wave.photon[i], wave.arrival[i] = photon, -1
+        wave.photon[i], wave.arrival[i] = photon, FORWARDS
         wave.chain[i] = STRAIGHT_FROM_LIGHT if entry >= sky_end else CAUSTIC if caustic else 0
         wave.aimed[i] = np.inf if entry >= sky_end else 0.0
         if entry >= sky_end:
@@ -222,6 +222,8 @@ def _emit(emitters, stage, batch, wave, emitted, room):
             origin, direction, brightness = light_ray(lights, light, (s0, s1, s2, s3))
             put_vector(origin, wave.origin, i)
             put_vector(direction, wave.direction, i)
+            if lights.kind[light] == SUN:
+                wave.arrival[i] = FROM_SUN
             _set_power(wave, i, lights.power[light], brightness * share)
         else:
             side_id = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]

@@ -8,16 +8,33 @@ import numpy as np
 
 from ..geometry.interaction import leave
 from ..geometry.segments import Hits, Tracer
-from ..geometry.stage import Stage, lobes_at, reflectance_at, stored_at
-from ..physics.lobes import evaluate_diffuse, is_glossy, is_wide, sample_diffuse, sample_specular_of_photon
+from ..geometry.stage import (
+    Stage,
+    diffuse_reflectance_at,
+    enter,
+    lobe_reflectance_at,
+    lobes_at,
+    reflectance_at,
+    stored_at,
+)
+from ..physics.lobes import (
+    adjoint,
+    diffuse_share,
+    evaluate_diffuse,
+    follows_fresnel,
+    is_glossy,
+    is_wide,
+    sample_diffuse,
+    sample_specular,
+)
 from ..physics.radiometry import ALL, STRAIGHT
 from ..sampling.rng import path_key, uniform
-from ..sampling.vectors import put_vector, scaled
+from ..sampling.vectors import dot, put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
 from .walk import append, collect, fly_photons
-from .wave import CAUSTIC, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
+from .wave import CAUSTIC, FORWARDS, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
 
 # Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
 # of the survivors makes up for it.
@@ -58,6 +75,7 @@ def trace_photons(
     bands = stage.radiometry.reference.size
     wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer), batch.count, 0
     emit(emitters, stage, batch, wave)
+    rooms = np.empty(bands, np.float32), np.empty(bands, np.float32)
     scattered, flying = None, 0
     if tracer.holds_media:
         collect(tracer, wave, batch.key, emitters.surroundings)
@@ -70,7 +88,7 @@ def trace_photons(
         if on_hits:
             on_hits(hits, wave)
         stored = photon_arrays(count, bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
-        kept, alive = scatter(stage, optics, batch.key, bounce, hits, wave, stored)
+        kept, alive = scatter(stage, optics, batch.key, bounce, hits, wave, (stored, rooms))
         if kept:
             few = 2 * kept < count  # a copy, so that whoever keeps few photons does not keep the room for all
             yield Photons(*(array[:kept].copy() if few else array[:kept] for array in stored))
@@ -78,17 +96,19 @@ def trace_photons(
 
 
 @njit(**FAST_KERNEL)
-def scatter(stage, optics, key, bounce, hits, wave, stored):
+def scatter(stage, optics, key, bounce, hits, wave, out):
     """Store the photons that hit a surface, play roulette, and send the survivors on, moved to the front of the wave.
 
-    Returns the number of stored photons and the number of survivors.
+    out: where to store them, and two rooms (b,) float32 for reflectances. Returns the number of stored photons and the
+    number of survivors.
     """
     kept = alive = np.int64(0)  # no literal, see kernels
+    stored, rooms = out
     for i in range(hits.triangle.size):
         if not has_arrived(wave, i, hits.triangle[i]):
             continue
         at = arrive(stage.surfaces, hits, i, wave)
-        rho, lobes = reflectance_at(stage, at), lobes_at(stage, at)
+        rho, lobes = reflectance_at(stage, at, rooms[0]), lobes_at(stage, at)
         share = _reflected_share(optics, wave.power[i], rho)
         if not share > 0.0:
             continue
@@ -102,38 +122,78 @@ def scatter(stage, optics, key, bounce, hits, wave, stored):
             is_stored = straight and stores == STRAIGHT and wave.aimed[i] == 0.0
         if is_stored:
             _store(optics, at, straight, diffuse, wave, i, stored, kept)
+            enter(stage, at, at.cosine, stored.power[kept])
             if optics.keep_caustic:
                 stored.caustic[kept] = bounce > 0 and wave.chain[i] != 0
             kept += 1
-        survival = min(MAX_SURVIVAL, share)
         choice = uniform(path, _DIMENSIONS * bounce + _ROULETTE)
-        if choice >= survival:
-            continue
         s, w = uniform(path, _DIMENSIONS * bounce + _LOBE), uniform(path, _DIMENSIONS * bounce + _LOBE + 1)
-        scale, chain = 1.0 / survival, 0
-        if choice < survival * lobes.specular:
-            direction, weight = sample_specular_of_photon(lobes, at, s, w)
-            if weight <= 0.0:
+        if follows_fresnel(lobes):
+            numbers = choice, s, w, uniform(path, _DIMENSIONS * bounce + _STORING)
+            direction, scale, is_mirrored = _reflect_or_enter(stage, optics, at, wave.power[i], share, numbers, rooms)
+            if scale == 0.0:
                 continue
-            scale *= weight
+        else:
+            survival = min(MAX_SURVIVAL, share)
+            if choice >= survival:
+                continue
+            scale, is_mirrored = 1.0 / survival, choice < survival * lobes.specular
+            if is_mirrored:
+                direction, weight = sample_specular(lobes, at, s, w)
+                if weight <= 0.0:
+                    continue
+                scale *= weight
+            else:
+                direction = sample_diffuse(at.normal, s, w)
+        scale *= adjoint(at, direction) if is_mirrored else diffuse
+        if scale == 0.0:
+            continue
+        chain = 0
+        if is_mirrored:
             # A light's photon is straight as long as it meets mirrors alone, and part of a caustic after rough lobes,
             # too. What a wide lobe reflects straight from its source, shadow rays find there.
             chain = wave.chain[i]
             if chain != 0 and is_glossy(lobes):
                 chain = 0 if is_wide(lobes) and bounce == 0 else CAUSTIC
-        else:
-            direction = sample_diffuse(at.normal, s, w)
-            scale *= diffuse
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)
         factor = np.float32(scale)
         for b in range(rho.size):
             wave.power[alive, b] = wave.power[i, b] * rho[b] * factor
         wave.photon[alive], wave.aimed[alive] = wave.photon[i], 0.0
-        wave.chain[alive], wave.arrival[alive] = chain, -1
+        wave.chain[alive], wave.arrival[alive] = chain, FORWARDS
         if optics.keep_layer:
             wave.layer[alive] = wave.layer[i]
         alive += 1
     return kept, alive
+
+
+@njit(inline="always")
+def _reflect_or_enter(stage, optics, at, power, share, numbers, rooms):
+    """Roulette under Fresnel's law: a facet of the specular lobe reflects a photon, or lets it through to the diffuse
+    lobe, which reflects or absorbs it. So no photon's power (b,) grows, whatever lobe it met.
+
+    If the lobes were chosen first, by their albedos, powers would grow where a rough lobe loses samples, by factors
+    whose variance has no bound where surfaces are bright.
+
+    share: of its power that is reflected in all. numbers: four, in [0, 1). rooms: two of (b,), the first of which gets
+    the reflectance that the power is to be multiplied by. Returns the direction, a factor on the power, 0 if the photon
+    is absorbed, and whether the specular lobe reflects it.
+    """
+    lobes, (choice, s, w, other), (row, below) = lobes_at(stage, at), numbers, rooms
+    diffuse = diffuse_share(lobes) * _reflected_share(optics, power, diffuse_reflectance_at(stage, at, below))
+    direction, weight = sample_specular(lobes, at, s, w)
+    mirrored = lobe_reflectance_at(stage, at, lobes, direction, row)
+    chance = max(0.0, min(MAX_SURVIVAL, lobes.specular * weight * _reflected_share(optics, power, mirrored)))
+    if choice < chance:
+        return direction, lobes.specular * weight / chance, True
+    # A rough lobe lets through what its facets do in the mean; the chance of diffuse reflection is `diffuse` then.
+    through = 1.0 - chance if lobes.alpha == 0.0 else 1.0 - (share - diffuse)
+    left, survival = (choice - chance) / (1.0 - chance), min(1.0, diffuse / max(through, 1e-9))
+    if left >= survival:
+        return direction, 0.0, False
+    direction = sample_diffuse(at.normal, left / survival, other)
+    enter(stage, at, dot(direction, at.shading_normal), diffuse_reflectance_at(stage, at, row))
+    return direction, diffuse_share(lobes) / diffuse, False
 
 
 @njit(**FAST_INLINED)

@@ -4,6 +4,10 @@
 Photons from surfaces and lights lose what media absorb, and where media scatter they walk at random until they meet a
 surface. Photons from the surroundings, and from the media themselves, are sent backwards from where they arrive: their
 ray, and in media that scatter their walk, collects what media emit on the way, and at its end the surroundings.
+
+A sun's light has lost what the depth of the world's air takes, wherever it is met, as shadow rays to suns say. So
+photons of suns lose all of it at once, and then the world's air scatters them, and takes nothing more, until they meet
+something.
 """
 
 import numpy as np
@@ -14,7 +18,7 @@ from ..physics.sky import radiance_from
 from ..sampling.rng import path_key, path_keys, uniform
 from ..sampling.vectors import vector
 from ..system.kernels import KERNEL, njit
-from .wave import Wave
+from .wave import FORWARDS, FROM_SUN, Wave
 
 _WALKING, _COLLECTING = 1 << 20, 1 << 24  # first dimensions of a photon's random numbers in media
 _CHOOSING = (1 << 20) - 1  # dimension of the number that chooses what a photon brings
@@ -27,7 +31,10 @@ def fly_photons(tracer: Tracer, hits: Hits, wave: Wave, keys: tuple[np.uint64, i
     keys: of the photons' random numbers, and number of the bounce.
     """
     count = len(hits.triangle)
-    air = tracer.cross(wave.origin[:count], wave.direction[:count], ways(hits))
+    from_sun = wave.arrival[:count] == FROM_SUN
+    if from_sun.any():
+        wave.power[:count][from_sun] *= np.exp(-tracer.before_scene).astype(np.float32)
+    air = tracer.cross(wave.origin[:count], wave.direction[:count], ways(hits), from_sun if from_sun.any() else None)
     if tracer.scatters:
         return _walk(air, wave, keys, scattered)
     _absorb(air, wave)
@@ -54,7 +61,7 @@ def _walk(air, wave, keys, scattered):
             continue
         if end >= 0:
             scattered.photon[found], scattered.aimed[found] = wave.photon[i], 0.0
-            scattered.chain[found], scattered.arrival[found] = 0, -1
+            scattered.chain[found], scattered.arrival[found] = 0, FORWARDS
             if wave.layer.size:
                 scattered.layer[found] = wave.layer[i]
             found += 1

@@ -12,6 +12,7 @@ from ..sampling.vectors import scaled, vector
 from ..system.kernels import INLINED, njit
 
 STRAIGHT_FROM_LIGHT, CAUSTIC = 1, 2  # see Wave.chain
+FORWARDS, FROM_SUN = -1, -2  # see Wave.arrival
 
 
 class Wave(NamedTuple):
@@ -24,8 +25,9 @@ class Wave(NamedTuple):
     emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones too but no wide one first, since a
     light or a lamp that throws caustics emitted it, else 0.
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
-    ray leads back: it arrives if that ray leaves the scene. -1 for photons that travel forwards. u, v: (n,) float32,
-    barycentric coordinates on that side. layer: (n,) uint8 as in Photons.
+    ray leads back: it arrives if that ray leaves the scene. FORWARDS for photons that travel so, FROM_SUN for those of
+    them that have met nothing yet since a sun sent them. u, v: (n,) float32, barycentric coordinates on that side.
+    layer: (n,) uint8 as in Photons.
     """
 
     origin: np.ndarray

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Materials with a measured or computed spectral emissivity, each with its source.
 
-The data are two tables beside this file, both plain CSV with a header row, which anyone can read and edit:
+The data are three tables beside this file, all plain CSV with a header row, which anyone can read and edit:
 
     library.csv          material, wavelength_um, emissivity: the points of each curve, wavelengths ascending
     library_sources.csv  material, category, kind, source, note: one row for each material
 
+    optical_constants.csv  material, wavelength_um, n, k: of those whose emissivity was computed from one n and k
+
 docs/materials.md shows them and says how they were made.
 
-Artists keep materials of their own in a third file, which the environment variable INFRARED_PHOTONS_LIBRARY names (the
+Artists keep materials of their own in another file, which the environment variable INFRARED_PHOTONS_LIBRARY names (the
 add-on sets it to a file among Blender's data files of the user):
 
     material, wavelength_um, emissivity, source: the points of each curve; the source stands in its first row
@@ -35,8 +37,10 @@ log = logging.getLogger(__name__)
 
 POINTS_FILE = Path(__file__).with_name("library.csv")
 SOURCES_FILE = Path(__file__).with_name("library_sources.csv")
+CONSTANTS_FILE = Path(__file__).with_name("optical_constants.csv")
 POINTS_HEADER = ["material", "wavelength_um", "emissivity"]
 SOURCES_HEADER = ["material", "category", "kind", "source", "note"]
+CONSTANTS_HEADER = ["material", "wavelength_um", "n", "k"]
 USER_HEADER = [*POINTS_HEADER, "source"]
 USER_VARIABLE = "INFRARED_PHOTONS_LIBRARY"  # environment variable: the file of the artist's own materials
 COPIED = "my_materials_copied.txt"  # beside a file of the artist's materials: it was copied to another place
@@ -168,6 +172,31 @@ def find(name: str) -> np.ndarray:
     Raises KeyError if there is none; its one argument is a message that suggests close names.
     """
     return get(name).points
+
+
+@cache
+def load_constants() -> dict[str, np.ndarray]:
+    """Optical constants by name of the material, (n, 3) float64 [um, n, k], wavelengths ascending; read-only.
+
+    Raises LibraryError if the table is damaged.
+    """
+    rows: dict[str, list[list[float]]] = {}
+    for line, (name, *texts) in _rows(CONSTANTS_FILE, CONSTANTS_HEADER):
+        try:
+            rows.setdefault(name, []).append([float(text) for text in texts])
+        except ValueError:
+            raise LibraryError(f"{CONSTANTS_FILE}, line {line}: {', '.join(texts)} are not three numbers") from None
+    tables = {name: np.array(table) for name, table in rows.items()}
+    for table in tables.values():
+        table.flags.writeable = False
+    return tables
+
+
+def find_constants(name: str) -> np.ndarray | None:
+    """The optical constants of the material called name, letter case ignored: (n, 3) float64 [um, n, k], read-only.
+    None if the library has none of it, or has no such material."""
+    found = find_name(name, load_constants())
+    return None if found is None else load_constants()[found]
 
 
 def add_user_material(name: str, points: np.ndarray, source: str, replace: bool = False) -> None:

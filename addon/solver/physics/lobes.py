@@ -27,8 +27,8 @@ from ..scene import Material
 from ..system.kernels import INLINED, njit
 
 # Kinds of lobes, as flags that can be joined (pbrt's BxDFFlags): a mirror's lobe is SPECULAR, a rough one GLOSSY, and
-# WIDE, too, if rays find what it throws about.
-DIFFUSE, GLOSSY, SPECULAR, WIDE = 1, 2, 4, 8
+# WIDE, too, if rays find what it throws about. FRESNEL: what both lobes reflect depends on the angle (see fresnel).
+DIFFUSE, GLOSSY, SPECULAR, WIDE, FRESNEL = 1, 2, 4, 8, 16
 # alpha of a WIDE lobe. What a rough lobe throws onto other surfaces is found by rays that meet it, and shadow rays
 # there, or by photons, with their blur. With roughness .08 (alpha .0066) rays have 7 times the error of photons, with
 # .15 (.0225) 0.97 of it, without the bias of the picture's mean (members 1 and 0 of the family "rough" after 64 passes,
@@ -75,6 +75,7 @@ def build_lobe_table(materials: tuple[Material, ...]) -> LobeTable:
     specular = np.array([material.specular for material in materials], np.float32)
     sharp = np.where(alpha >= _WIDE, GLOSSY | WIDE, np.where(alpha > 0.0, GLOSSY, SPECULAR))
     flags = np.where(specular < 1.0, DIFFUSE, 0) | np.where(specular > 0.0, sharp, 0)
+    flags |= np.where([material.follows_fresnel for material in materials], FRESNEL, 0)
     albedo = [ggx_albedo(float(width)) if width > 0.0 else np.ones(ALBEDO_NODES) for width in alpha]
     return LobeTable(flags.astype(np.uint8), specular, alpha.astype(np.float32), np.array(albedo))
 
@@ -108,8 +109,28 @@ def diffuse_share(lobes):
 
 @njit(**INLINED)
 def is_glossy(lobes):
-    """Whether there is a rough lobe, with which emission and reflection depend on the angle."""
+    """Whether there is a rough lobe."""
     return lobes.flags & GLOSSY != 0
+
+
+@njit(**INLINED)
+def is_angular(lobes):
+    """Whether emission depends on the angle: with a rough lobe, or with Fresnel's law."""
+    return lobes.flags & (GLOSSY | FRESNEL) != 0
+
+
+@njit(**INLINED)
+def follows_fresnel(lobes):
+    """Whether what the lobes reflect depends on the angle by Fresnel's law."""
+    return lobes.flags & FRESNEL != 0
+
+
+@njit(**INLINED)
+def facet_cosine(lobes, at, direction):
+    """Cosine of the angle at which the specular lobe's facet reflects the ray of an Interaction in a unit direction."""
+    if lobes.alpha == 0.0:
+        return at.cosine
+    return math.sqrt(max(0.0, 0.5 * (1.0 - dot(at.incoming, direction))))
 
 
 @njit(**INLINED)
@@ -175,16 +196,16 @@ def sample_specular(lobes, at, s, w):
 
 
 @njit(**INLINED)
-def sample_specular_of_photon(lobes, at, s, w):
-    """As sample_specular, for a photon: light goes the other way, so on a smooth-shaded surface the weight has the
-    factor (s.i n.o) / (n.i s.o), with i and o the directions, n and s the normals (Veach 1997, eq. 5.19)."""
-    sample = sample_specular(lobes, at, s, w)
+def adjoint(at, direction):
+    """Factor on the weight of sample_specular for a photon, which travels the other way than a camera path. On a
+    smooth-shaded surface it is (s.i n.o) / (n.i s.o), with i and o the directions, n and s the normals (Veach 1997, eq.
+    5.19); 0 where no camera path could come from there."""
     if at.lean == 1.0:
-        return sample
-    out, shaded = dot(sample.direction, at.normal), dot(sample.direction, at.shading_normal)
+        return 1.0
+    out, shaded = dot(direction, at.normal), dot(direction, at.shading_normal)
     if out <= 0.0 or shaded <= 0.0:
-        return LobeSample(sample.direction, 0.0)
-    return LobeSample(sample.direction, sample.weight * (at.cosine * out) / (at.geometric_cosine * shaded))
+        return 0.0
+    return (at.cosine * out) / (at.geometric_cosine * shaded)
 
 
 @njit(**INLINED)

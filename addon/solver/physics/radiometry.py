@@ -12,6 +12,7 @@ import numpy as np
 
 from ..scene import Material
 from ..system.kernels import FAST_INLINED, njit
+from .fresnel import FresnelTable, build_fresnel_table, fill_emissivity, no_fresnel
 from .lobes import LobeTable, build_lobe_table, emitted_complement
 from .spectrum import band_emissivity, band_radiance, faintest
 
@@ -27,6 +28,7 @@ class Radiometry(NamedTuple):
     reflectance: (m, b) float32, 1 - eps, with eps averaged with what arrives as weight, see excess_emissivity.
     stores: (m,) uint8, see stored_photons.
     lobes: into which directions each material reflects, see lobes.
+    fresnel: how much, and what is emitted, at each angle, for materials that follow Fresnel's law.
     emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
     slope: the same, d/d(ln T) times the step.
     log_start: ln of the first temperature. base: (m + 1, b) float64, integral of eps B at T0, or zeros.
@@ -36,6 +38,7 @@ class Radiometry(NamedTuple):
     reflectance: np.ndarray
     stores: np.ndarray
     lobes: LobeTable
+    fresnel: FresnelTable
     emission: np.ndarray
     slope: np.ndarray
     log_start: float
@@ -99,6 +102,7 @@ def build_radiometry(
         reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
         stores=stored_photons(materials, edges),
         lobes=build_lobe_table(materials),
+        fresnel=build_fresnel_table(materials, edges, temperatures, weighting, reference),
         emission=emission,
         slope=slope,
         log_start=log_start,
@@ -108,16 +112,20 @@ def build_radiometry(
     )
 
 
-def grey_radiometry(materials: tuple[Material, ...], emissivity: np.ndarray) -> Radiometry:
+def grey_radiometry(
+    materials: tuple[Material, ...], emissivity: np.ndarray, fresnel: FresnelTable | None = None
+) -> Radiometry:
     """Tables of one band in which each material has one emissivity (m,) and nothing emits: for the pilot's paths.
 
     Before the reference temperature is chosen nothing more is known, and it suffices for the throughput of a path.
+    fresnel: of one band; None where no material follows Fresnel's law.
     """
     nothing = np.zeros((len(materials) + 1, 2, 1))
     return Radiometry(
         reflectance=(1.0 - emissivity)[:, None],
         stores=np.full(len(materials), ALL, np.uint8),
         lobes=build_lobe_table(materials),
+        fresnel=no_fresnel(len(materials)) if fresnel is None else fresnel,
         emission=nothing,
         slope=nothing,
         log_start=0.0,
@@ -177,6 +185,11 @@ def excess(radiometry, material, temperature, cosine, out):
         return
     row, t = locate(radiometry, temperature)
     black = radiometry.emission.shape[0] - 1
+    angular = radiometry.fresnel.row[material]
+    if angular >= 0:
+        fill_emissivity(radiometry.fresnel, angular, temperature, cosine, out)
+        _times_black_excess(radiometry, row, t, out)
+        return
     h0 = (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t)
     h1 = t * t * (3.0 - 2.0 * t)
     d0 = t * (1.0 - t) * (1.0 - t)
@@ -199,6 +212,20 @@ def excess(radiometry, material, temperature, cosine, out):
                 )
             value += lost * extra
         out[b] = value
+
+
+@njit(**FAST_INLINED)
+def _times_black_excess(radiometry, row, t, out):
+    """Multiply out (b,) by the radiance of a blackbody in excess of that at T0. row, t: see locate."""
+    black = radiometry.emission.shape[0] - 1
+    e, s = radiometry.emission[black], radiometry.slope[black]
+    h0, h1 = (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t), t * t * (3.0 - 2.0 * t)
+    d0, d1 = t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0)
+    for b in range(out.size):
+        value = -radiometry.base[black, b]
+        if row >= 0:
+            value += h0 * e[row, b] + h1 * e[row + 1, b] + d0 * s[row, b] + d1 * s[row + 1, b]
+        out[b] *= value
 
 
 def typical_emissivity(materials: tuple[Material, ...], edges: np.ndarray, temperature: np.ndarray) -> np.ndarray:

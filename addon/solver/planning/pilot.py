@@ -12,9 +12,10 @@ import numpy as np
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.interaction import emit_at, interact, leave
 from ..geometry.segments import Hits, RayBatch, Tracer, empty_ray_batch
-from ..geometry.stage import Stage, lobes_at, reflectance_at
+from ..geometry.stage import Stage, lobes_at, one_reflectance_at
 from ..geometry.surfaces import Surfaces, facing_side, sheet_count, sheet_of
-from ..physics.lobes import SPECULAR, sample_diffuse, sample_specular
+from ..physics.fresnel import BELOW, TOTAL
+from ..physics.lobes import SPECULAR, diffuse_share, follows_fresnel, sample_diffuse, sample_specular
 from ..sampling.rng import OPENNESS, PATH_PIXELS, PATHS, PILOT, PROBES, pass_key, path_key, strata, uniform
 from ..sampling.vectors import put_vector, vector
 from ..sampling.warps import triangle_point
@@ -291,10 +292,13 @@ def _bounce(stage, key, bounce, hits, paths, gathers, tally):
             tally.sources[label] += paths.throughput[i]
         paths.label[i] = label
         tally.left[label] += 1.0
-        paths.throughput[i] *= reflectance_at(stage, at)[0]
-        lobes, path = lobes_at(stage, at), path_key(key, i)
+        lobes, path, total = lobes_at(stage, at), path_key(key, i), one_reflectance_at(stage, at, TOTAL, at.cosine)
+        paths.throughput[i] *= total
+        specular = lobes.specular
+        if follows_fresnel(lobes) and total > 0.0:
+            specular = 1.0 - diffuse_share(lobes) * one_reflectance_at(stage, at, BELOW, at.cosine) / total
         s, w = uniform(path, 3 * bounce + 9), uniform(path, 3 * bounce + 10)
-        if lobes.flags & SPECULAR and uniform(path, 3 * bounce + 8) < lobes.specular:
+        if lobes.flags & SPECULAR and uniform(path, 3 * bounce + 8) < specular:
             leave(surfaces, at.side_id, at.point, sample_specular(lobes, at, s, w).direction, paths, i)
             continue
         if not gathers.found[i]:

@@ -27,13 +27,15 @@ from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
 from ..photons.transport import Optics, trace_photons
+from ..physics.fresnel import FresnelTable, build_fresnel_table, in_one_band
 from ..physics.heat import build_heat_table
 from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trace_apart, traced_temperature
-from ..physics.lobes import GLOSSY, SPECULAR, WIDE
+from ..physics.lobes import FRESNEL, GLOSSY, SPECULAR, WIDE
 from ..physics.media import build_medium_table
 from ..physics.molecules import MolecularMedia, build_molecular_media, warn_of_temperatures
 from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
 from ..physics.sensors import band_weights
+from ..physics.spectrum import faintest
 from ..sampling.heuristics import Looking, typical_looking
 from ..sampling.rng import AFAR, PILOT, SHEETS, TRIAL, pass_key
 from ..scene import MOLECULES, Scene
@@ -108,7 +110,7 @@ def prepare(
     radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)
     eye = build_eye(scene.camera, centre, max(radius, radius_of_media(scene.media, centre)))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
-    grey = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1)))
+    grey = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1), _typical_fresnel(scene)))
     pilot = explore(grey, tracer, eye, area)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
     if scene.media:
@@ -189,6 +191,13 @@ def prepare(
     )
 
 
+def _typical_fresnel(scene: Scene) -> FresnelTable:
+    """The FresnelTable for the pilot: means over the bands, in the light of a blackbody as warm as the surfaces."""
+    mean = float(np.mean(scene.temperature, dtype=np.float64))
+    kelvin = max(mean, faintest(float(scene.band_edges[0])))
+    return in_one_band(build_fresnel_table(scene.materials, scene.band_edges, (kelvin, kelvin), kelvin, 0.0))
+
+
 def _with_media(scene: Scene, settings: Settings, sources: Sources, seen: tuple, length: float) -> Sources:
     """The Sources of a scene with media. seen: tracer, surfaces and pilot. length: m, typical way through media.
 
@@ -248,7 +257,8 @@ def _log_needs(scene: Scene, stage: Stage, reference: float | None, photons: int
         len(stage.surfaces.corners),
         scene.band_count,
         len(used),
-        "rough specular" if flags & GLOSSY else "specular" if flags & SPECULAR else "diffuse",
+        ("rough specular" if flags & GLOSSY else "specular" if flags & SPECULAR else "diffuse")
+        + (" with Fresnel's law" if flags & FRESNEL else ""),
         len(scene.lights),
         "off" if reference is None else f"{reference:g} K",
         f"{photons} photons a pass"

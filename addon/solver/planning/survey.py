@@ -18,10 +18,20 @@ from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.flight import NUMBERS
 from ..geometry.interaction import emit_at, interact, leave
 from ..geometry.segments import RayBatch, Tracer
-from ..geometry.stage import Stage, emission_at, lobes_at, nothing_emitted, reflectance_at
+from ..geometry.stage import Stage, emission_at, lobes_at, nothing_emitted, one_reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..image.pooling import sum_around
-from ..physics.lobes import diffuse_density, diffuse_share, is_glossy, is_specular, sample_diffuse, sample_specular
+from ..physics.fresnel import BELOW, FACET, in_one_band
+from ..physics.lobes import (
+    diffuse_density,
+    diffuse_share,
+    facet_cosine,
+    follows_fresnel,
+    is_glossy,
+    is_specular,
+    sample_diffuse,
+    sample_specular,
+)
 from ..physics.sky import radiance_from
 from ..physics.spectrum import apparent_temperature
 from ..sampling.heuristics import ALONE, TYPICAL_RAYS
@@ -209,7 +219,8 @@ def survey_pixels(
 def _in_one_band(stage: Stage) -> Stage:
     """The stage with one column of reflectance, the mean over the bands, so that all bands are reflected alike."""
     mean = stage.radiometry.reflectance.mean(axis=1, keepdims=True)
-    return stage._replace(radiometry=stage.radiometry._replace(reflectance=mean))
+    radiometry = stage.radiometry
+    return stage._replace(radiometry=radiometry._replace(reflectance=mean, fresnel=in_one_band(radiometry.fresnel)))
 
 
 @dataclass(frozen=True)
@@ -444,7 +455,7 @@ def _moments(label: np.ndarray, value: np.ndarray, labels: int) -> tuple[np.ndar
 @njit(**INLINED)
 def _diffuse_reflectance(stage, at):
     """Diffuse reflectance at an Interaction, in the mean of all bands. stage: see _in_one_band."""
-    return diffuse_share(lobes_at(stage, at)) * reflectance_at(stage, at)[0]
+    return diffuse_share(lobes_at(stage, at)) * one_reflectance_at(stage, at, BELOW, at.cosine)
 
 
 @njit(**KERNEL)
@@ -464,7 +475,8 @@ def _see(stage, hits, rays, around, seen, room):
             continue
         at = interact(stage.surfaces, hits, i, direction)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
-        radiance = emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, _HEAD_ON), emitted)
+        cosine = at.cosine if follows_fresnel(lobes_at(stage, at)) else _HEAD_ON
+        radiance = emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, cosine), emitted)
         seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, at) if density[i] < ALONE else 1.0)
 
 
@@ -502,7 +514,9 @@ def _follow(stage, bounce, hits, samples, unclear, onward):
             continue
         s, w = uniform(path, _DIMENSION + 4 * bounce + 2), uniform(path, _DIMENSION + 4 * bounce + 3)
         lobe = sample_specular(lobes, at, s, w)
-        throughput = samples.throughput[i] * lobes.specular * reflectance_at(stage, at)[0] * lobe.weight
+        cosine = facet_cosine(lobes, at, lobe.direction)
+        reflectance = one_reflectance_at(stage, at, FACET, cosine)
+        throughput = samples.throughput[i] * lobes.specular * reflectance * lobe.weight
         ends = throughput < _FAINT or bounce == _BOUNCES
         unclear[samples.number[i]] |= ends or is_glossy(lobes)
         if ends:

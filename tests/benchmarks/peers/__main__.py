@@ -51,8 +51,8 @@ def main():
     runs = len(problem.groups)
     base = int.from_bytes(np.random.default_rng().bytes(3), "little")
     for run, bands in enumerate(problem.groups):
-        emission, reflectance, world, scale = problem.colours(bands)
-        peer = load(variant, problem, emission, reflectance, world, int(threads), CLOCKS[clock](int(threads)))
+        part, scale = problem.of_bands(bands)
+        peer = load(variant, part, int(threads), CLOCKS[clock](int(threads)))
         rate = sample_rate(peer, min(budgets) / runs, base + 500 + 1000 * run)
         for i, budget in enumerate(budgets):
             samples = max(1, round(rate * budget / runs))

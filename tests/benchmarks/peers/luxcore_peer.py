@@ -17,12 +17,14 @@ _LITTLE = 1e-3  # share of the light that is left when roulette starts
 pyluxcore.Init(lambda message: None)
 
 
-def load(variant, problem, emission, reflectance, world, threads, clock):
-    return _LuxCore(variant, problem, emission, reflectance, world, threads, clock)
+def load(variant, problem, threads, clock):
+    return _LuxCore(variant, problem, threads, clock)
 
 
 class _LuxCore:
-    def __init__(self, variant, problem, emission, reflectance, world, threads, clock):
+    def __init__(self, variant, problem, threads, clock):
+        if problem.gas is not None:
+            raise ValueError("LuxCore's gas is not compared: what it emits is not what it absorbs")
         self.clock = clock
         self.variant, self.threads = variant, threads
         self.width, self.height = int(problem.width), int(problem.height)
@@ -38,13 +40,13 @@ class _LuxCore:
             "scene.camera.screenwindow": [-tangent, tangent, -vertical - row, vertical],
             "scene.camera.cliphither": 1e-3,
         }
-        if np.any(world):
+        if np.any(problem.world):
             properties |= {
                 "scene.lights.world.type": "constantinfinite",
-                "scene.lights.world.color": list(map(float, world)),
+                "scene.lights.world.color": list(map(float, problem.world)),
                 "scene.lights.world.visibilitymapcache.enable": False,
             }
-        brightest = min(0.9, max(reflectance[~problem.mirror].max(initial=0.0), 0.1))
+        brightest = min(0.9, max(problem.reflectance[~problem.mirror].max(initial=0.0), 0.1))
         self.roulette_depth = int(np.ceil(np.log(_LITTLE) / np.log(brightest)))
         self.scene = pyluxcore.Scene()
         for part, vertices, triangles in problem.meshes():
@@ -54,14 +56,14 @@ class _LuxCore:
                 [tuple(map(int, t)) for t in triangles],
                 None, None, None, None,
             )  # fmt: skip
-            colour = list(map(float, reflectance[part]))
+            colour = list(map(float, problem.reflectance[part]))
             material = f"scene.materials.material{part}"
             if problem.mirror[part]:
                 properties |= {f"{material}.type": "mirror", f"{material}.kr": colour}
             else:
                 properties |= {f"{material}.type": "matte", f"{material}.kd": colour}
-            if np.any(emission[part]):
-                properties[f"{material}.emission"] = list(map(float, emission[part]))
+            if np.any(problem.emission[part]):
+                properties[f"{material}.emission"] = list(map(float, problem.emission[part]))
             properties |= {
                 f"scene.objects.object{part}.shape": f"mesh{part}",
                 f"scene.objects.object{part}.material": f"material{part}",

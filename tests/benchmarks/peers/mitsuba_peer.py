@@ -76,8 +76,8 @@ class _Rough(mi.BSDF):
 mi.register_bsdf("rough", _Rough)
 
 
-def load(variant, problem, emission, reflectance, world, threads, clock):
-    return _Mitsuba(variant, problem, emission, reflectance, world, threads, clock)
+def load(variant, problem, threads, clock):
+    return _Mitsuba(variant, problem, threads, clock)
 
 
 def _rgb(values):
@@ -97,8 +97,47 @@ def _bsdf(reflectance, specular, alpha):
     return {"type": "blendbsdf", "weight": float(specular), "diffuse": diffuse, "sharp": sharp}
 
 
+def _medium(gas):
+    """Medium of the gas, and the integrator that it needs."""
+    if gas.emits:
+        raise ValueError("Mitsuba has no gas that emits; take away its temperature, if it has one")
+    scale = gas.extinction.max()  # colours are at most 1
+    extinction = gas.extinction / scale
+    grey = np.ptp(extinction) == 0.0
+    medium = {
+        "type": "homogeneous",
+        "albedo": _rgb(gas.scattering / np.where(extinction > 0.0, gas.extinction, 1.0)),
+        "sigma_t": float(extinction[0]) if grey else _rgb(extinction),
+        "scale": float(scale),
+        "phase": {"type": "hg", "g": float(gas.anisotropy)},
+    }
+    if gas.density is not None:
+        cells = gas.density[..., None] * (extinction[:1] if grey else extinction)
+        to_world = gas.matrix @ np.diag([*gas.density.shape, 1.0])
+        medium |= {
+            "type": "heterogeneous",
+            "sigma_t": {
+                "type": "gridvolume",
+                "grid": mi.VolumeGrid(np.ascontiguousarray(cells.transpose(2, 1, 0, 3), np.float32)),
+                "filter_type": "nearest",
+                "raw": True,
+                "to_world": mi.ScalarTransform4f(to_world.tolist()),
+            },
+        }
+    return mi.load_dict(medium), "volpath" if grey else "volpathmis"
+
+
+def _mesh(name, vertices, triangles, properties):
+    mesh = mi.Mesh(name, len(vertices), len(triangles), properties)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = vertices.ravel().astype(np.float32)
+    parameters["faces"] = triangles.ravel()
+    parameters.update()
+    return mesh
+
+
 class _Mitsuba:
-    def __init__(self, variant, problem, emission, reflectance, world, threads, clock):
+    def __init__(self, variant, problem, threads, clock):
         self.clock = clock
         dr.set_thread_count(threads)
         position, ahead, up = problem.camera
@@ -117,28 +156,35 @@ class _Mitsuba:
                 "type": "perspective",
                 "fov": float(np.degrees(2 * np.arctan(problem.tangent))),
                 "fov_axis": "x",
-                "near_clip": 1e-3,
+                "near_clip": 1e-6,
                 "to_world": mi.ScalarTransform4f().look_at(list(position), list(ahead), list(up)),
                 "film": film,
                 "sampler": {"type": "multijitter"},
             },
         }
-        if np.any(world):
-            scene["world"] = {"type": "constant", "radiance": _rgb(world)}
+        if np.any(problem.world):
+            scene["world"] = {"type": "constant", "radiance": _rgb(problem.world)}
         for part, vertices, triangles in problem.meshes():
             lobes = (problem.mirror[part], 0.0) if problem.lobes is None else problem.lobes[part]
             properties = mi.Properties()
-            properties["bsdf"] = mi.load_dict({"type": "twosided", "nested": _bsdf(reflectance[part], *lobes)})
-            if np.any(emission[part]):
-                properties["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(emission[part])})
-            mesh = mi.Mesh(f"part{part}", len(vertices), len(triangles), properties)
-            parameters = mi.traverse(mesh)
-            parameters["vertex_positions"] = vertices.ravel()
-            parameters["faces"] = triangles.ravel()
-            parameters.update()
-            scene[f"part{part}"] = mesh
+            properties["bsdf"] = mi.load_dict({"type": "twosided", "nested": _bsdf(problem.reflectance[part], *lobes)})
+            if np.any(problem.emission[part]):
+                properties["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(problem.emission[part])})
+            scene[f"part{part}"] = _mesh(f"part{part}", vertices, triangles, properties)
+        if problem.gas is not None:
+            self._fill(scene, problem.gas)
         self.scene = mi.load_dict(scene)
         self.compiled = set()
+
+    def _fill(self, scene, gas):
+        medium, scene["integrator"]["type"] = _medium(gas)
+        if gas.world:
+            scene["sensor"]["medium"] = medium
+            return
+        properties = mi.Properties()
+        properties["bsdf"] = mi.load_dict({"type": "null"})
+        properties["interior"] = medium
+        scene["gas"] = _mesh("gas", gas.vertices, gas.triangles, properties)
 
     def render(self, samples, seed):
         """Mean image (height, width, 3) of about so many samples, row 0 the bottom, and the seconds it took."""

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene of diffuse and mirror materials as any renderer can take it: radiances and reflectances in numbers."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from tests.benchmarks.peers.gas import Gas, build_gas
+
 _WALKS, _BOUNCES, _SHIFT = 200_000, 12, 1e-5
+_SLIPS = 1e-4  # share of rays that slip through edges, which do not count
 
 
 @dataclass
@@ -17,6 +20,7 @@ class Problem:
     reflectance (p, B); mirror (p,) bool, else diffuse. world (B,) radiance of the surroundings. matrix (4, 4) camera to
     world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top. lobes (p, 2):
     share of the reflectance that is specular, and its alpha; None where `mirror` says all, as most peers need it.
+    gas: between the surfaces, None without.
     """
 
     vertices: np.ndarray
@@ -32,15 +36,24 @@ class Problem:
     height: int
     offset: np.ndarray
     lobes: np.ndarray | None = None
+    gas: Gas | None = None
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that it consists of, by name."""
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "gas"}
+        return {name: array for name, array in own.items() if array is not None} | (
+            self.gas.arrays() if self.gas else {}
+        )
 
     def save(self, path):
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        np.savez(path, **{name: array for name, array in arrays.items() if array is not None})
+        np.savez(path, **self.arrays())
 
     @classmethod
     def load(cls, path):
         with np.load(path) as file:
-            return cls(**{name: array[()] for name, array in file.items()})
+            arrays = {name: array[()] for name, array in file.items()}
+        gas = Gas.from_arrays(arrays)
+        return cls(**arrays, gas=gas)
 
     @property
     def groups(self) -> list[list[int]]:
@@ -48,15 +61,25 @@ class Problem:
         count = len(self.world)
         return [list(range(first, min(first + 3, count))) for first in range(0, count, 3)]
 
-    def colours(self, bands: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Emission (p, 3), reflectance (p, 3), world (3,) of three bands (the last repeated if there are fewer).
+    def of_bands(self, bands: list[int]) -> tuple["Problem", np.ndarray]:
+        """The problem of three bands (the last repeated if there are fewer), and the unit (3,) of its radiances.
 
-        Emission and world are in units of `scale` (3,), so that they are near 1.
+        These are in units of the largest in the band, so that they are near 1.
         """
         three = (bands + [bands[-1]] * 2)[:3]
         scale = np.maximum(np.abs(self.emission[:, three]).max(axis=0), np.abs(self.world[three]))
+        if self.gas is not None:
+            scale = np.maximum(scale, self.gas.brightest()[three])
         scale[scale == 0] = 1.0
-        return self.emission[:, three] / scale, self.reflectance[:, three], self.world[three] / scale, scale
+        part = replace(
+            self,
+            emission=self.emission[:, three] / scale,
+            reflectance=self.reflectance[:, three],
+            world=self.world[three] / scale,
+            offset=self.offset[three] / scale,
+            gas=self.gas and self.gas.of_bands(three, scale),
+        )
+        return part, scale
 
     def meshes(self):
         """(part, vertices (n, 3) float32, triangles (m, 3) int32) of every part."""
@@ -98,7 +121,9 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
     material = parts[:, 0].astype(int)
     emission = np.array([band_radiance(edges, t, scene.materials[int(m)].curve) for m, t in parts])
     black = band_radiance(edges, reference)
-    vertices, triangles, part = _fronts(scene, part.ravel().astype(np.int32))
+    vertices, triangles, part, lost = _fronts(scene, part.ravel().astype(np.int32))
+    if lost > _SLIPS and any(medium.outline is None for medium in scene.media):
+        raise ValueError("Peers get the gas of the world in a box around the scene, which must let no ray out")
     return Problem(
         vertices,
         triangles,
@@ -113,15 +138,16 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
         scene.camera.height,
         black,
         np.array([(scene.materials[m].specular, scene.materials[m].alpha) for m in material]) if all_lobes else None,
+        build_gas(scene, black),
     )
 
 
 def _fronts(scene, part):
     """Triangles turned so that the sides that paths from the camera reach are fronts (most renderers' lights shine from
-    fronts only); where both sides are reached, two triangles, a hair apart.
+    fronts only); where both sides are reached, two triangles, a hair apart. And the share of the paths that get lost.
     """
     vertices, triangles = np.asarray(scene.vertices, float), np.asarray(scene.triangles, np.int32)
-    reached = _reached_sides(scene, vertices, triangles)
+    reached, lost = _reached_sides(scene, vertices, triangles)
     both = reached.all(axis=1)
     back_only = reached[:, 1] & ~both
     triangles = np.where(back_only[:, None], triangles[:, ::-1], triangles)
@@ -130,11 +156,13 @@ def _fronts(scene, part):
     normal *= _SHIFT * np.ptp(vertices, axis=0).min() / np.linalg.norm(normal, axis=1, keepdims=True)
     behind = (vertices[triangles[both]] - normal[:, None])[:, ::-1].reshape(-1, 3)
     twins = len(vertices) + np.arange(len(behind), dtype=np.int32).reshape(-1, 3)
-    return np.concatenate((vertices, behind)), np.concatenate((triangles, twins)), np.concatenate((part, part[both]))
+    both_sides = (vertices, behind), (triangles, twins), (part, part[both])
+    return *map(np.concatenate, both_sides), lost
 
 
 def _reached_sides(scene, vertices, triangles):
-    """(m, 2) bool: whether walks from the camera, bouncing at random, meet the front and the back of each triangle."""
+    """(m, 2) bool: whether walks from the camera, bouncing at random, meet the front and the back of each triangle; and
+    the share of the walks that leave the scene."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -166,4 +194,4 @@ def _reached_sides(scene, vertices, triangles):
         is_mirror = np.array([m.specular for m in scene.materials])[scene.material[triangle]] == 1
         direction = np.where(is_mirror[:, None], mirrored, diffuse)
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    return counts > 1e-4 * np.maximum(counts.sum(axis=1, keepdims=True), 1)  # rays that slip through edges do not count
+    return counts > _SLIPS * np.maximum(counts.sum(axis=1, keepdims=True), 1), 1.0 - len(origin) / _WALKS
