@@ -22,6 +22,7 @@ from .scene import (
     Response,
     Scene,
     SceneError,
+    Sky,
     SpotLight,
     SunLight,
 )
@@ -56,6 +57,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Settings",
+    "Sky",
     "SpotLight",
     "SunLight",
     "first_hit_images",

@@ -22,6 +22,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                1024 (6 + 10 r) f b            what f materials that follow Fresnel's law reflect and emit at 256
                                               angles; e^r is the ratio of the highest to the lowest temperature
     grids      max(20, 8 + 8 c) v + 4 p       of v cells with c components, in p places for leaves (see geometry.grids)
+    sky        8 b n                          of n pixels of an image, or 720 zenith angles
 
 Trial photons tell how many hits a photon stores (see preparation): 1 / (1 - rho) in a closed room of reflectance rho,
 and far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
@@ -39,6 +40,7 @@ from .physics.fresnel import bytes_of_fresnel
 from .physics.layers import scene_layers
 from .physics.molecules import probe_count
 from .physics.radiometry import emission_range, table_rows
+from .physics.sky import sky_size
 from .scene import Medium, Scene, SceneError
 from .settings import Settings
 
@@ -54,6 +56,7 @@ _PARTS = {
     "geometry": ("the triangles", "the subdivision of the meshes"),
     "tables": ("the tables of what materials emit", "the number of materials or of bands"),
     "grids": ("the cells of volumes", "the resolution of the volumes"),
+    "sky": ("the radiance of the sky", "the resolution of its image or the number of bands"),
 }
 
 
@@ -79,6 +82,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
         "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
         "grids": sum(memory_of_grids(scene.media).values()),
+        "sky": float(sky_size(scene.sky, scene.band_count)),
     }
 
 

@@ -113,6 +113,61 @@ def _check_constants(table: np.ndarray, name: str, fresnel: bool) -> None:
 
 
 @dataclass(frozen=True)
+class Sky:
+    """What rays that leave the scene see, by direction: apparent temperatures, with +z up.
+
+    kelvin: (n,) float, K, by zenith angle; or (n, m) by zenith angle and wavelength; or, without zenith angles, an
+        equirectangular image (height, width), whose row 0 looks straight down and whose middle looks along +x, as
+        Blender has it.
+    zenith: (n,) degrees, ascending, 0 straight up; linear between, held constant outside. None of an image.
+    wavelengths: (m,) um, ascending; likewise. None where the apparent temperature is the same at all.
+
+    Raises SceneError if a value makes no sense.
+    """
+
+    kelvin: np.ndarray
+    zenith: np.ndarray | None = None
+    wavelengths: np.ndarray | None = None
+
+    def __post_init__(self):
+        shape = self.kelvin.shape
+        if self.zenith is None:
+            if self.kelvin.ndim != 2 or 0 in shape or self.wavelengths is not None:
+                raise SceneError(f"World: an image of temperatures has two dimensions, not the shape {shape}")
+        else:
+            expected = (len(self.zenith),) if self.wavelengths is None else (len(self.zenith), len(self.wavelengths))
+            if shape != expected or 0 in shape:
+                raise SceneError(f"World: temperatures of the sky have the shape {shape}, expected {expected}")
+            self._check_axes()
+        for at in (np.argmin(self.kelvin), np.argmax(self.kelvin)):  # NaN is both
+            check_temperature(float(self.kelvin.flat[at]), "World, sky")
+
+    def _check_axes(self) -> None:
+        bad = ~((self.zenith >= 0.0) & (self.zenith <= 180.0))
+        if bad.any():
+            raise SceneError(f"World: zenith angle {self.zenith[bad][0]:g}; 0 is straight up, 180 straight down")
+        if np.any(np.diff(self.zenith) <= 0):
+            at = int(np.flatnonzero(np.diff(self.zenith) <= 0)[0])
+            raise SceneError(
+                f"World: zenith angles must increase, but {self.zenith[at]:g} is followed by {self.zenith[at + 1]:g}"
+            )
+        if self.wavelengths is not None:
+            check_wavelengths(self.wavelengths, "World: temperature of the sky")
+
+    @property
+    def mean_temperature(self) -> float:
+        """Mean over all directions, and all wavelengths alike, K."""
+        angle = np.linspace(0.5, 179.5, 180)
+        if self.zenith is None:
+            rows = self.kelvin.mean(axis=1, dtype=np.float64)
+            weight = np.sin(np.pi * (np.arange(len(rows)) + 0.5) / len(rows))
+        else:
+            by_angle = self.kelvin if self.kelvin.ndim == 1 else self.kelvin.mean(axis=1)
+            rows, weight = np.interp(angle, self.zenith, by_angle), np.sin(np.radians(angle))
+        return float(np.average(rows, weights=weight))
+
+
+@dataclass(frozen=True)
 class Grid:
     """Where a gas is and how hot it is there, in n leaves of 8 x 8 x 8 cells. Between the leaves there is none.
 
@@ -540,7 +595,8 @@ class Scene:
     temperature: (m,) or (m, 3) float32, K, per triangle or per triangle corner (interpolated linearly).
     materials: Material for each index.
     band_edges: (b + 1,) um, ascending: b bands side by side.
-    world_temperature: K, what rays that leave the scene see.
+    world_temperature: K, what rays that leave the scene see. sky: what they see by direction, instead; then
+        world_temperature is its mean.
     lights: they light surfaces, and the camera never sees them.
     response: of the sensor, through which all bands together are seen; None counts all wavelengths alike.
     groups: names of temperature groups, whose light the film keeps apart (see layers); each has one temperature.
@@ -569,6 +625,7 @@ class Scene:
     media: tuple[Medium, ...] = ()
     world_depth: float = 0.0
     corner_normals: np.ndarray | None = None
+    sky: Sky | None = None
 
     def __post_init__(self):
         check_band_edges(self.band_edges)
@@ -587,6 +644,12 @@ class Scene:
             raise SceneError(f"temperature has shape {self.temperature.shape}, expected ({count},) or ({count}, 3)")
         for at in (self.temperature.argmin(), self.temperature.argmax()):  # NaN is both
             check_temperature(self.temperature.flat[at], f"Triangle {at * count // self.temperature.size}")
+        if self.sky is not None:
+            if self.world_group >= 0:
+                raise SceneError("World: a sky that depends on the direction cannot be in a temperature group")
+            object.__setattr__(self, "world_temperature", self.sky.mean_temperature)
+            if self.sky.kelvin.min() == self.sky.kelvin.max():
+                object.__setattr__(self, "sky", None)
         check_temperature(self.world_temperature, "World")
         # rounded as surfaces' temperatures are, so that equal temperatures stay equal
         object.__setattr__(self, "world_temperature", float(np.float32(self.world_temperature)))

@@ -11,10 +11,11 @@ from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, r
 from ..geometry.surfaces import sheet_of
 from ..physics.lobes import follows_fresnel
 from ..physics.radiometry import NONE
+from ..physics.sky import radiance_from
 from ..planning.lamps import share_of_ray
 from ..sampling.heuristics import ALONE, shared_part
 from ..sampling.rng import uniform
-from ..sampling.vectors import put_vector
+from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
 from .rays import BLIND, largest_throughput, shares_by_lobe
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
@@ -94,14 +95,15 @@ def meet(stage, lighting, bounce, rows) -> Gathers:
     """
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
-    rooms = np.empty(count, np.int32), np.empty(stage.radiometry.reference.size, np.float32)
+    bands = stage.radiometry.reference.size
+    rooms = np.empty(count, np.int32), np.empty(bands, np.float32), np.empty(bands)
     kept = _meet(stage, lighting, bounce, rows, gathers, emitted, rooms)
     return first_gathers(gathers, kept)
 
 
 @njit(**FAST_KERNEL)
 def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
-    kept_as, room = rooms
+    kept_as, room, from_sky = rooms
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
     found = newest = np.int64(0)  # no literal, see kernels
@@ -111,8 +113,9 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
             pixel, newest = rays.pixel[i], found
         throughput = rays.throughput[i]
         if hits.triangle[i] < 0:
+            around = radiance_from(surroundings, vector(rays.direction, i), from_sky)
             for b in range(bands):
-                rows.image[pixel, sky + b] += throughput[b] * surroundings.radiance[b]
+                rows.image[pixel, sky + b] += throughput[b] * around[b]
             continue
         at = interact(stage.surfaces, hits, i, rays.direction)
         side = at.side_id & 1

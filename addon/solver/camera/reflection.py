@@ -172,7 +172,7 @@ def shadow_rays(stage, lighting, bounce, samples, gathers) -> Shadows:
 @njit(**FAST_KERNEL)
 def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, rooms):
     room, row = rooms
-    surroundings, rays, sky = lighting.surroundings, bounce.rays, False
+    surroundings, rays, sky = lighting.surroundings, bounce.rays, lighting.surroundings.sky.size > 0
     for b in range(surroundings.radiance.size):
         sky |= surroundings.radiance[b] != 0.0
     sent, lit = np.int64(0), lighting.points.entry.size > 0
@@ -194,7 +194,7 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, rooms):
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
-            send_sky(surroundings, stage, receiver, shadows, sent)
+            send_sky(surroundings, stage, receiver, room, shadows, sent)
             sent += SKY_RAYS
         if lit and (looking.together > 0.0 or receiver.in_lobe[0] > 0.0):
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)

@@ -33,6 +33,7 @@ from ..physics.lobes import (
     follows_fresnel,
     glossy_density,
 )
+from ..physics.sky import radiance_from
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
 from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, rays_to
@@ -355,7 +356,7 @@ def _brought_to_surface(lighting, receiver, i):
 
 
 @njit(inline="always")
-def send_sky(surroundings, stage, receiver, shadows, count):
+def send_sky(surroundings, stage, receiver, room, shadows, count):
     """Fill SKY_RAYS shadow rays from `count` on towards the surroundings, cosine-distributed and stratified."""
     at, path, rho = receiver.at, receiver.path, receiver.reflectance
     scale = receiver.weight * diffuse_share(receiver.lobes) / SKY_RAYS
@@ -364,9 +365,9 @@ def send_sky(surroundings, stage, receiver, shadows, count):
         local = cosine_stratum(stratum, _SIDE, uniform(path, dimension), uniform(path, dimension + 1))
         direction = to_world(local, at.normal)
         _start(stage.surfaces, receiver, direction, 1e37, surroundings.layer, shadows, count + stratum)
-        received = scale * evaluate_diffuse(at, direction)
+        received, around = scale * evaluate_diffuse(at, direction), radiance_from(surroundings, direction, room.value)
         for b in range(rho.size):
-            radiance = surroundings.radiance[b] * received
+            radiance = around[b] * received
             shadows.radiance[count + stratum, b] = receiver.throughput[b] * rho[b] * radiance
         enter(stage, at, local[2], shadows.radiance[count + stratum])
 

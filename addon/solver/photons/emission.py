@@ -10,6 +10,7 @@ from ..geometry.interaction import LEAST_COSINE, emit_at, emit_towards, leave
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..geometry.surfaces import unit_normal
+from ..physics.sky import build_sky_table, mean_excess, radiance_from
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
@@ -40,14 +41,16 @@ class Batch(NamedTuple):
 class Surroundings(NamedTuple):
     """What rays that leave the scene see.
 
-    radiance: (b,) float64, excess radiance, W m-2 sr-1. sent: (b,) float64, radiance with which photons start: this,
-    or 1 where there are media, as only their segment tells what photons bring. flux: W m-2, what typically arrives on a
-    surface from directions in which it sees surroundings. layer: of the image, to which this radiance adds (see
-    layers). open: (t, 2) bool, sides from which shadow rays are sent to the surroundings, so that photons that come
-    from there are not stored on these sides.
+    radiance: (b,) float64, excess radiance, W m-2 sr-1; the mean of a sky that depends on the direction. sky: (rows,
+    columns, b) float64, that of such a sky, see build_sky_table; else (0, 0, b). sent: (b,) float64, radiance with
+    which photons start; 1 where there are media, as only their segment tells what photons bring; (0,) of a sky, whose
+    photons bring what it has in their direction. flux: W m-2, what typically arrives on a surface from directions in
+    which it sees surroundings. layer: of the image, to which this radiance adds (see layers). open: (t, 2) bool, sides
+    from which shadow rays are sent to the surroundings, so that photons that come from there are not stored there.
     """
 
     radiance: np.ndarray
+    sky: np.ndarray
     sent: np.ndarray
     flux: float
     layer: int
@@ -109,10 +112,14 @@ def side_power(stage, area):
 
 def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: int, kelvin: float) -> Surroundings:
     """The Surroundings of a scene. is_open, layer: see there. kelvin: the temperature at which they are traced, K."""
-    radiance = np.zeros_like(stage.radiometry.reference)
+    reference = stage.radiometry.reference
+    sky, radiance = build_sky_table(scene.sky, scene.band_edges, reference), np.zeros_like(reference)
+    if sky.size:
+        flux = math.pi * float(mean_excess(np.abs(sky)).sum())
+        return Surroundings(mean_excess(sky), sky, np.empty(0), flux, layer, is_open)
     if kelvin != stage.radiometry.quiet:  # else photons would carry the rounding of the reference and nothing else
-        radiance = band_radiance(scene.band_edges, kelvin) - stage.radiometry.reference
-    return Surroundings(radiance, radiance, math.pi * float(np.abs(radiance).sum()), layer, is_open)
+        radiance = band_radiance(scene.band_edges, kelvin) - reference
+    return Surroundings(radiance, sky, radiance, math.pi * float(np.abs(radiance).sum()), layer, is_open)
 
 
 def fill_surroundings(
@@ -136,7 +143,7 @@ def fill_surroundings(
     emitters = build_emitters(stage, afar, no_lights(lights), reach, area, np.zeros_like(area), lamps)
     wave = empty_wave(_AFAR, len(afar.radiance), False)
     emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
-    collect(tracer, wave, key, surroundings.radiance)
+    collect(tracer, wave, key, surroundings)
     power = np.abs(wave.power).sum(axis=1, dtype=np.float64)
     return afar._replace(flux=float(np.sqrt(np.mean(power**2))) * _AFAR / float((area[:, None] * reach.arrival).sum()))
 
@@ -182,11 +189,12 @@ def build_emitters(
 
 def emit(emitters: Emitters, stage: Stage, batch: Batch, wave) -> None:
     """Fill the wave with the photons of a batch."""
-    _emit(emitters, stage, batch, wave, nothing_emitted(stage.radiometry.reference.size, np.float64))
+    bands = stage.radiometry.reference.size
+    _emit(emitters, stage, batch, wave, nothing_emitted(bands, np.float64), np.empty(bands))
 
 
 @njit(**FAST_KERNEL)
-def _emit(emitters, stage, batch, wave, emitted):
+def _emit(emitters, stage, batch, wave, emitted, room):
     # One random shift spreads all photons evenly over the emitters (systematic sampling).
     # Positions and directions are independent random numbers: the estimate from the k nearest photons assumes that
     # photons lie at random. A low-discrepancy sequence lays them out evenly, and the estimate then counts half a photon
@@ -232,7 +240,10 @@ def _emit(emitters, stage, batch, wave, emitted):
                 layer = surroundings.layer
                 wave.arrival[i], wave.u[i], wave.v[i] = side_id, u, v
                 wave.aimed[i] = np.inf if surroundings.open[at.triangle, side_id & 1] else 0.0
-                _set_power(wave, i, surroundings.sent, scale)
+                if surroundings.sent.size > 0:
+                    _set_power(wave, i, surroundings.sent, scale)
+                else:
+                    _set_power(wave, i, radiance_from(surroundings, direction, room), scale)
             leave(stage.surfaces, side_id, at.point, direction, wave, i)
         if wave.layer.size:
             wave.layer[i] = layer

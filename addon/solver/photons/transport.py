@@ -78,7 +78,7 @@ def trace_photons(
     rooms = np.empty(bands, np.float32), np.empty(bands, np.float32)
     scattered, flying = None, 0
     if tracer.holds_media:
-        collect(tracer, wave, batch.key, emitters.surroundings.radiance)
+        collect(tracer, wave, batch.key, emitters.surroundings)
         scattered = empty_wave(count, bands, optics.keep_layer)
     while count and not cancelled():
         hits = tracer.trace(wave.origin[:count], wave.direction[:count])

@@ -14,7 +14,9 @@ import numpy as np
 
 from ..geometry.flight import ARRIVED, NUMBERS, walk
 from ..geometry.segments import Hits, Tracer, glow, transmit, ways
+from ..physics.sky import radiance_from
 from ..sampling.rng import path_key, path_keys, uniform
+from ..sampling.vectors import vector
 from ..system.kernels import KERNEL, njit
 from .wave import FORWARDS, FROM_SUN, Wave
 
@@ -75,15 +77,15 @@ def append(wave: Wave, count: int, more: Wave, extra: int) -> int:
     return count + extra
 
 
-def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings: np.ndarray) -> None:
+def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings) -> None:
     """Give the photons of a new wave that arrive from afar the power that they bring: what they have times the excess
-    radiance that reaches their origin. surroundings: (b,) float64, excess radiance, W m-2 sr-1.
+    radiance that reaches their origin. surroundings: see emission.Surroundings.
 
     With layers the photon brings either the surroundings' light, or that of the media, which is in the first layer.
     """
     photon = np.flatnonzero(wave.arrival >= 0)
     rays, count, segment = (wave.origin[photon], wave.direction[photon]), len(photon), 0
-    weight = np.ones((count, len(surroundings)), np.float32)
+    weight, room = np.ones((count, len(surroundings.radiance)), np.float32), np.empty(len(surroundings.radiance))
     brought, index = np.zeros_like(weight), np.arange(count)
     sky = np.zeros_like(brought) if wave.layer.size else brought
     path = path_keys(key, wave.photon[photon])
@@ -91,7 +93,7 @@ def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings: np.ndarray
         hits = tracer.trace(*(column[:count] for column in rays))
         air = tracer.cross(*(column[:count] for column in rays), ways(hits))
         first = _COLLECTING + NUMBERS * segment
-        count = _collect(air, hits.triangle, rays, (index, path, first), (weight, brought, sky), surroundings)
+        count = _collect(air, hits.triangle, rays, (index, path, first), (weight, brought, sky), (surroundings, room))
         segment += 1
     if wave.layer.size:
         _choose(path, photon, brought, sky, wave.layer)
@@ -102,13 +104,15 @@ def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings: np.ndarray
 def _collect(air, triangle, rays, numbers, light, surroundings):
     """Let walks cross a segment more; those that are scattered move to the front of all arrays; returns how many."""
     (index, path, first), (weight, brought, sky), kept = numbers, light, np.int64(0)
+    around, room = surroundings
     for i in range(triangle.size):
         j = index[i]
         glow(air, i, weight[j], brought[j])
         end = walk(air, i, rays, weight[j], (path[j], first), (rays[0], rays[1], kept, weight[j]))
         if end == ARRIVED and triangle[i] < 0:
-            for b in range(surroundings.size):
-                sky[j, b] += weight[j, b] * surroundings[b]
+            radiance = radiance_from(around, vector(rays[1], i), room)
+            for b in range(radiance.size):
+                sky[j, b] += weight[j, b] * radiance[b]
         if end >= 0:
             index[kept] = j
             kept += 1

@@ -32,9 +32,11 @@ from ..physics.lobes import (
     sample_diffuse,
     sample_specular,
 )
+from ..physics.sky import radiance_from
 from ..physics.spectrum import apparent_temperature
 from ..sampling.heuristics import ALONE, TYPICAL_RAYS
 from ..sampling.rng import PILOT, SURVEY, pass_key, path_key, uniform
+from ..sampling.vectors import vector
 from ..system.kernels import INLINED, KERNEL, njit
 from .lamps import share_of_ray
 from .media import Scattered, cross_samples
@@ -274,10 +276,10 @@ class _Surveyor:
 
     def _see(self, hits, rays) -> np.ndarray:
         """(n,) excess radiance of all bands, W m-2 sr-1, that rays see."""
-        lamps, radiance = self.excess.lamps, self.excess.surroundings.radiance
-        seen, emitted = np.empty(len(rays.origin)), nothing_emitted(len(radiance), np.float64)
-        around = self.sheets.reflected, float(radiance.sum()), lamps
-        _see(self.stage, hits, (rays.direction, rays.density), around, seen, emitted)
+        mean = self.excess.surroundings.radiance
+        seen, room = np.empty(len(rays.origin)), (nothing_emitted(len(mean), np.float64), np.empty(len(mean)))
+        around = self.sheets.reflected, float(mean.sum()), *self.excess
+        _see(self.stage, hits, (rays.direction, rays.density), around, seen, room)
         return seen
 
     def _follow_through_media(self, met, rays) -> None:
@@ -457,17 +459,19 @@ def _diffuse_reflectance(stage, at):
 
 
 @njit(**KERNEL)
-def _see(stage, hits, rays, around, seen, emitted):
+def _see(stage, hits, rays, around, seen, room):
     """Fill seen (n,) with the excess radiance of all bands, W m-2 sr-1, that rays see: the emission, and the mean
     diffuse reflection of the sheet. Specular reflection is left out.
 
-    rays: direction and density, see _Samples. around: (labels,) radiance reflected, see Sheets; that of the
-    surroundings, W m-2 sr-1; and Lamps.
+    rays: direction and density, see _Samples. around: (labels,) radiance reflected, see Sheets; mean radiance of the
+    surroundings, W m-2 sr-1; Surroundings; Lamps. room: for emission, and for the sky's radiance.
     """
-    (direction, density), (reflected, surroundings, lamps) = rays, around
+    (direction, density), (reflected, even, surroundings, lamps), (emitted, from_sky) = rays, around, room
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
-            seen[i] = surroundings
+            seen[i] = even
+            if surroundings.sky.size > 0:
+                seen[i] = radiance_from(surroundings, vector(direction, i), from_sky).sum()
             continue
         at = interact(stage.surfaces, hits, i, direction)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
