@@ -98,6 +98,14 @@ CUSTOM_PROPERTIES = {
         "precision": 1,
         "description": "Pressure of the gas that fills the mesh, or the world, in pascals",
     },
+    "temperature_image": {
+        "description": "Equirectangular image of the sky's temperatures: of a float image in kelvin, or with "
+        "temperature_range = [low, high] what 0 and 1 mean. It wins over the temperature",
+    },
+    "temperature_table": {
+        "description": "The sky's temperatures over zenith angle and wavelength, lists zenith (degrees), wavelength "
+        "(um) and kelvin. It wins over the temperature",
+    },
     "temperature_group": {
         "description": "Name of a group whose light a render keeps apart, so that it takes new temperatures "
         "afterwards. All in a group have one temperature; empty is none",

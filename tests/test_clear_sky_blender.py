@@ -9,6 +9,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.heat_settings import in_scene_unit  # noqa: E402
+from addon.reading.bands import read_band_range  # noqa: E402
+from addon.reading.world import read_sky  # noqa: E402
 from addon.solver.physics.clear_sky import ZENITH, band_temperatures, clear_sky, sky_emissivity  # noqa: E402
 from addon.solver.physics.humidity import dew_point  # noqa: E402
 from addon.ui import panels  # noqa: E402
@@ -26,8 +28,10 @@ def world():
 
 
 def table(world):
-    """Zenith angles and temperatures that a world holds, (n,) each."""
-    return np.array(world["temperature"].to_list()).reshape(-1, 2).T
+    """Zenith angles that a world holds, and the temperatures in its scene's bands, (n,) each."""
+    sky = read_sky(world)
+    bands = read_band_range(bpy.context.scene.infrared)
+    return sky.zenith, band_temperatures((sky.zenith, sky.wavelengths, sky.kelvin), *bands)
 
 
 def test_temperatures_of_the_bands(world):
@@ -56,8 +60,9 @@ def test_a_temperature_is_only_replaced_if_asked(world, present):
     with pytest.raises(RuntimeError, match="World 'Sky' has a temperature already, .*: replace it, or remove it"):
         operator()
     value = world["temperature"]
-    assert (value.to_list() if hasattr(value, "to_list") else value) == present
+    assert (value.to_list() if hasattr(value, "to_list") else value) == present and "temperature_table" not in world
     assert operator(replace=True) == {"FINISHED"} and len(table(world)[0]) == len(ZENITH)
+    assert "temperature" not in world
     with pytest.raises(RuntimeError, match="already"):
         operator()  # the answer is not kept for the next time
 
@@ -73,7 +78,7 @@ def test_a_temperature_is_only_replaced_if_asked(world, present):
 def test_impossible_weather_changes_nothing(world, weather, message):
     with pytest.raises(RuntimeError, match=message):
         operator(**weather)
-    assert "temperature" not in world
+    assert not list(world.keys())
 
 
 def test_impossible_bands_change_nothing(world):
@@ -81,7 +86,7 @@ def test_impossible_bands_change_nothing(world):
     infrared.band_mode, infrared.band_edges = "CUSTOM", "8, much"
     with pytest.raises(RuntimeError, match="Band edges: 'much' is not a number"):
         operator()
-    assert "temperature" not in world
+    assert not list(world.keys())
 
 
 def test_one_step_back(world):
@@ -104,7 +109,7 @@ def test_the_world_of_the_view_layer(world):
     assert shown_world(bpy.context) == other
     with bpy.context.temp_override(world=world):  # that of the panel comes first
         assert operator() == {"FINISHED"}
-    assert "temperature" in world and "temperature" not in other
+    assert "temperature_table" in world and not list(other.keys())
 
 
 class Dialog:
@@ -160,7 +165,6 @@ def test_text_of_no_temperature(world):
 
 def test_the_panel_counts_the_numbers(world, monkeypatch):
     """A field for each of them would fill it."""
-    operator()
     texts = []
     monkeypatch.setattr(panels, "draw_text", lambda row, _key, text: texts.append(text) or row)
 
@@ -174,5 +178,8 @@ def test_the_panel_counts_the_numbers(world, monkeypatch):
         def prop(self, *_, **__):
             raise AssertionError
 
+    operator()
+    panels.draw_sky(Row(), world, "temperature_table")
+    world["temperature"] = [0.0, 250.0, 90.0, 280.0]
     panels.draw_custom_property(Row(), world, "WORLD", "temperature", "none")
-    assert texts == [f"{2 * len(ZENITH)} numbers"]
+    assert texts == [f"{len(ZENITH)} angles, 200 wavelengths", "4 numbers"]

@@ -52,7 +52,6 @@ from tests.helpers.exact_cases import (
 )
 from tests.helpers.path_tracer import _face_reflectance, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, sphere
-from tests.test_ledger import is_compared
 
 BANDS = np.array([8.0, 9.0, 10.0, 12.0])  # um
 DEGREES = 0, 30, 60, 75, 85
@@ -401,7 +400,7 @@ COATED = {
 @pytest.mark.parametrize("lobes", ["G", "d", "s", *(pytest.param(c, marks=pytest.mark.long) for c in LONG_CHAINS)])
 def test_every_kind_once(monkeypatch, lobes, emitter):
     """As in tests/test_ledger.py: chains of plates between which light can take one way alone."""
-    if not is_compared(lobes, emitter):
+    if not chains.is_compared(lobes, emitter):
         pytest.skip("lights are not seen in mirrors alone, lamps not found behind what other surfaces mirror")
     monkeypatch.setattr(chains, "LOBES", chains.LOBES | COATED)
     scene = chains.chain(lobes, emitter)

@@ -31,14 +31,13 @@ import numpy as np
 import pytest
 
 from addon.solver import Settings
-from tests.helpers.chains import COLD, EDGES, EMITTERS, chain, kinds_of
+from tests.helpers.chains import BEHIND, COLD, EDGES, EMITTERS, LENGTH, chain, is_compared, kinds_of
 from tests.helpers.path_tracer import black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import pass_means
 
 pytestmark = pytest.mark.statistics
 
 TABLE = Path(__file__).parent / "helpers" / "ledger.csv"
-LENGTH = 4  # lobes of the longest kinds
 SHORT = 3  # of the longest that are not left to --long
 MIXED = tuple("ds")  # plates with two lobes
 MIXED += ("dd", "ds", "sd", "ss", "dD", "dG", "dS", "sD", "sG", "Dd", "Gd", "Sd", "Ds", "Gs", "Ss", "dsd", "sds")
@@ -46,7 +45,6 @@ TRACED = {"plate": "plate", "lamp": "lamp", "sky": "plate", "light": "plate"}  #
 PASSES = (8, 8, 16, 24, 48)  # by number of lobes, of chains without much noise, see passes_of
 SIGMAS, LARGEST_ERROR = 4.0, 0.1
 LEAST_SHARE = 0.85  # of the light, of the kinds that a chain is for
-_BEHIND = re.compile("[GS]*D([GS]+)")  # what rays of a visible point's gather find by way of further lobes
 _ERRORS = (0.01, 0.01, 0.01, 0.02, 0.04)  # relative errors at which references are good enough, by number of lobes
 _SECONDS = 240.0  # for one reference, about, if it does not get so good
 
@@ -80,7 +78,7 @@ def pure(length):
 
 def passes_of(lobes):
     """Number of passes after which the error of a chain is small enough."""
-    behind, is_longest = _BEHIND.match(lobes), len(lobes) == LENGTH
+    behind, is_longest = BEHIND.match(lobes), len(lobes) == LENGTH
     if behind:
         factor = 16 if is_longest and lobes[0] == "D" else 4 * len(behind[1])
     elif lobes[:3] == "GSS":
@@ -90,21 +88,9 @@ def passes_of(lobes):
     return PASSES[len(lobes)] * factor
 
 
-def is_compared(lobes, emitter, forced=False):
-    """Whether a chain is rendered. Lights are not seen in mirrors alone, and as planned rays hardly ever find a lamp
-    behind mirrors that other surfaces show: in their place the plate tells, and lamps where they are forced to throw
-    caustics. The longest of these chains are rendered with the plate, whose light rays find, and with the light."""
-    if emitter == "light":
-        return not any(set(kind) <= {"S"} for kind in kinds_of(lobes))
-    if len(lobes) == LENGTH and _BEHIND.match(lobes):
-        return emitter == "plate"
-    hidden = "D[GS]+$" if len(lobes) == LENGTH else "^[GS]*D[GS]*S$"
-    return forced or emitter != "lamp" or not re.search(hidden, lobes)
-
-
 def is_long(lobes, emitter):
     """Whether a chain is left to --long: where it is long or takes many passes, and half of those of two lobes."""
-    behind = len(lobes) == SHORT and _BEHIND.match(lobes)
+    behind = len(lobes) == SHORT and BEHIND.match(lobes)
     return len(lobes) > SHORT or bool(behind) or (not set(lobes) <= set("DGS") and emitter in ("plate", "sky"))
 
 

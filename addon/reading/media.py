@@ -12,6 +12,7 @@ from ..solver.scene import ATMOSPHERE, Medium, SceneError
 from .custom_properties import describe, is_number, read_number
 from .materials import pair_points
 from .warnings import Warnings
+from .world import unset_surroundings
 
 # Of a world with gas in a temperature group
 GROUPED_AIR = (
@@ -119,7 +120,7 @@ def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -
     depth = read_number(world, "depth", 0.0, owner, " in metres") / metres
     if world.get("depth") is None:
         warnings.add(world.name, "its gas has no depth, so rays that leave the scene cross none of it")
-    if world.get("temperature") is None:
+    if unset_surroundings(world):
         warnings.add(world.name, "its gas has no temperature; it absorbs, and emits nothing, as at 0 K")
     optics = read_optics(world, owner, metres) | {"pressure": read_pressure(world, owner)}
     return (build_medium(owner, temperature=kelvin, **optics),), depth

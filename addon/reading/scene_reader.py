@@ -24,7 +24,7 @@ from .settings import read_defaults
 from .shaders import read_shader, unseen_message
 from .surfaces import SurfaceReader
 from .warnings import Warnings
-from .world import layer_world, world_temperature
+from .world import layer_world, read_sky, world_temperature
 
 UNSUPPORTED = {
     "CURVES": "hair curves",
@@ -97,10 +97,16 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
         warnings.add(world.name, remark)
     return surfaces.arrays(world) | {
         "band_edges": read_band_edges(scene.infrared),
-        "world_temperature": world_temperature(world),
+        **_surroundings(world),
         "lights": tuple(lights),
         "response": read_response(scene.infrared),
     }
+
+
+def _surroundings(world) -> dict:
+    """The arguments of Scene that say what rays see that leave it."""
+    sky = None if world is None else read_sky(world)
+    return {"world_temperature": world_temperature(world)} if sky is None else {"sky": sky}
 
 
 def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.Object, np.ndarray]]:

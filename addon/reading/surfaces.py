@@ -13,7 +13,7 @@ from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_med
 from .meshes import MeshData, read_mesh
 from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
-from .world import world_temperature
+from .world import air_temperature, world_temperature
 
 
 class SurfaceReader:
@@ -153,7 +153,7 @@ class SurfaceReader:
 
     def _media(self, world) -> dict:
         """The arguments of Scene that describe gases, if there are any."""
-        of_world, depth = read_world_medium(world, world_temperature(world), self.warnings, self.metres)
+        of_world, depth = read_world_medium(world, air_temperature(world), self.warnings, self.metres)
         media = (*self.media, *of_world)
         return {"media": media, "world_depth": depth} if media else {}
 

@@ -13,6 +13,7 @@ from ..reading.custom_properties import is_number
 from ..reading.media import is_medium
 from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
+from ..reading.world import SKY_KEYS
 from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, settings_checks
 from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
 from .band_presets import INFRARED_PT_band_presets
@@ -251,7 +252,12 @@ class INFRARED_PT_world(WorldPanel, Panel):
     def draw(self, context):
         column = self.column()
         none = f"{in_scene_unit(0.0, context.scene)} (no radiation)"
-        draw_custom_property(column, context.world, "WORLD", "temperature", none)
+        sky = next((key for key in SKY_KEYS if context.world.get(key) is not None), None)
+        if sky is None:
+            draw_custom_property(column, context.world, "WORLD", "temperature", none)
+        else:
+            draw_sky(column, context.world, sky)
+        column.operator("infrared.sky_image", text="Temperature Image...", icon="IMAGE_DATA")
         column.operator("infrared.clear_sky", text="Clear Sky from Weather...", icon="LIGHT_SUN")
         draw_group(column, context.world, "WORLD", context.scene)
 
@@ -325,6 +331,17 @@ def draw_custom_property(column, id_block, owner: str, key: str, without: str) -
     else:
         operator = draw_text(row, key, without).operator("infrared.property_add", text="", icon="ADD")
     operator.owner, operator.key = owner, key
+
+
+def draw_sky(column, world, key: str) -> None:
+    """One line: the image or the table that says what the sky is like, and a button to remove it."""
+    value = world[key]
+    if hasattr(value, "id_type"):  # an image; a group of properties has a name, too
+        text = value.name
+    else:
+        text = f"{len(value.get('zenith', ()))} angles, {len(value.get('wavelength', ()))} wavelengths"
+    operator = draw_text(column.row(align=True), key, text).operator("infrared.property_remove", text="", icon="X")
+    operator.owner, operator.key = "WORLD", key
 
 
 def shown_label(id_block, key: str) -> str:

@@ -8,6 +8,7 @@ may still go back and forth between two plates; these are longer kinds of paths.
 """
 
 import itertools
+import re
 
 import numpy as np
 
@@ -32,6 +33,8 @@ _WIDTH, _HEIGHT = 1.5, 0.7  # half of the width of the plates, and between the p
 _LAMP = 0.2  # half of the edge of a lamp, m
 _CLEAR = 0.002  # m, in front of which lamps and lights hang
 _PIXELS = 8  # on each side of the picture
+LENGTH = 4  # lobes of the longest kinds
+BEHIND = re.compile("[GS]*D([GS]+)")  # what rays of a visible point's gather find by way of further lobes
 
 
 def chain(lobes, emitter):
@@ -98,3 +101,15 @@ def _light(centre, side):
     power = SIGMA * HOT**4 * 4.0 * 0.5 * _WIDTH * (hot - cold) / hot
     v = (0.0, _WIDTH if side else -_WIDTH, 0.0)
     return AreaLight(centre, np.array((0.5, 0.0, 0.0)), np.array(v), power, temperature=HOT)
+
+
+def is_compared(lobes, emitter, forced=False):
+    """Whether a chain is rendered. Lights are not seen in mirrors alone, and as planned rays hardly ever find a lamp
+    behind mirrors that other surfaces show: in their place the plate tells, and lamps where they are forced to throw
+    caustics. The longest of these chains are rendered with the plate, whose light rays find, and with the light."""
+    if emitter == "light":
+        return not any(set(kind) <= {"S"} for kind in kinds_of(lobes))
+    if len(lobes) == LENGTH and BEHIND.match(lobes):
+        return emitter == "plate"
+    hidden = "D[GS]+$" if len(lobes) == LENGTH else "^[GS]*D[GS]*S$"
+    return forced or emitter != "lamp" or not re.search(hidden, lobes)

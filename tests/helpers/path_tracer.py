@@ -364,7 +364,7 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
         direction, lobe, weight = _reflect(tables, material, t, paths.direction[i], uniforms[i])
         factor[:] = (1.0 - tables.emissivity[material]) * weight
         if tables.fresnel[material]:
-            _coat(tables, material, t, paths.direction[i], direction, lobe, weight, uniforms[i], factor)
+            _coat(tables, t, paths.direction[i], (direction, lobe, weight), uniforms[i], factor)
         # A sample of a rough lobe stands for what the lobe loses, too.
         _add(throughput, (1.0 - factor) * black, pixel, kind, image, tally)
         throughput *= factor
@@ -553,8 +553,10 @@ def _reflect(tables, material, t, incoming, uniforms):
 
 
 @numba.njit(cache=True, nogil=True)
-def _coat(tables, material, t, incoming, direction, lobe, weight, uniforms, factor):
-    """Set factor (b,) to BRDF times cosine over density of a material that follows Fresnel's law."""
+def _coat(tables, t, incoming, reflected, uniforms, factor):
+    """Set factor (b,) to BRDF times cosine over density of a material that follows Fresnel's law. reflected: what
+    _reflect returned."""
+    material, (direction, lobe, weight) = tables.material[t], reflected
     z = tables.normal[t] if np.dot(tables.normal[t], incoming) < 0.0 else -tables.normal[t]
     specular, alpha, share = tables.specular[material], tables.alpha[material], tables.share[material]
     for band in range(factor.size):

@@ -8,7 +8,7 @@ from bpy.types import Panel
 
 from ...reading.custom_properties import read_temperature
 from ...reading.media import is_medium, read_gas_alone, read_pressure
-from ...reading.world import world_temperature
+from ...reading.world import air_temperature
 from ...rendering.checks import material_checks, world_gas_checks
 from ...solver.scene import SOOT, SceneError
 from ..checks import draw_problems, kept
@@ -72,7 +72,7 @@ class INFRARED_PT_world_transmittance(WorldPanel, Panel):
 
     def draw(self, context):
         world = context.world
-        draw_picture(self.column(), world, world, lambda: world_temperature(world), context.scene.infrared)
+        draw_picture(self.column(), world, world, lambda: air_temperature(world), context.scene.infrared)
 
 
 def draw_picture(column, block, holder, kelvin, infrared) -> None:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Give the world the temperatures of a sky, by zenith angle, from the weather."""
+"""Give the world the temperatures of a sky: by zenith angle and wavelength, from the weather, or an image."""
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from bpy.types import Operator
@@ -10,14 +11,15 @@ from bpy.utils import register_classes_factory
 
 from ...heat_settings import in_scene_unit
 from ...interface import redraw, temperature_property
-from ...properties import ROOM_TEMPERATURE, set_custom_property
+from ...properties import CUSTOM_PROPERTIES, ROOM_TEMPERATURE, set_custom_property
 from ...reading.bands import read_band_range
 from ...reading.custom_properties import describe, is_number
-from ...reading.world import layer_world
+from ...reading.world import SKY_KEYS, layer_world, read_sky
 from ...solver.physics.clear_sky import band_temperatures, check_weather, clear_sky, sky_emissivity
 from ...solver.physics.humidity import FREEZING, dew_point
 from ...solver.scene import SceneError
 
+SKY_VALUES = (*SKY_KEYS, "temperature")  # what says what the surroundings are like; the first that is set counts
 MOISTURES = (
     ("HUMIDITY", "Humidity", "Relative humidity near the ground", 0),
     ("DEW_POINT", "Dew Point", "Temperature to which the air cools until dew falls", 1),
@@ -133,8 +135,12 @@ class INFRARED_OT_clear_sky(Operator):
         except SceneError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        zenith, wavelength, temperatures = sky
+        for key in SKY_VALUES:
+            world.pop(key, None)
+        table = {"zenith": zenith.tolist(), "wavelength": wavelength.tolist(), "kelvin": temperatures.ravel().tolist()}
+        set_custom_property(world, "temperature_table", table)
         kelvin = band_temperatures(sky, *bands)
-        set_custom_property(world, "temperature", np.column_stack((sky[0], kelvin)).ravel().tolist())
         world.update_tag()
         redraw("PROPERTIES")
         self.report({"INFO"}, f"World '{world.name}': {summary(sky[0], kelvin, bands, context.scene)}")
@@ -143,10 +149,13 @@ class INFRARED_OT_clear_sky(Operator):
 
 def present_text(world, scene) -> str:
     """The temperature that a world has, in words; an empty text without one."""
-    value = world.get("temperature")
-    if value is None:
+    key = next((key for key in SKY_VALUES if world.get(key) is not None), None)
+    if key is None:
         return ""
-    return in_scene_unit(value, scene) if is_number(value) else describe(value)
+    value = world[key]
+    if key == "temperature":
+        return in_scene_unit(value, scene) if is_number(value) else describe(value)
+    return f"image '{value.name}'" if hasattr(value, "id_type") else "a table over zenith angle and wavelength"
 
 
 def summary(zenith: np.ndarray, kelvin: np.ndarray, bands: tuple[float, float], scene) -> str:
@@ -156,4 +165,42 @@ def summary(zenith: np.ndarray, kelvin: np.ndarray, bands: tuple[float, float], 
     return f"{overhead} overhead, {slanted} at 60° from there, {level} at the horizon, from {low:g} to {high:g} µm"
 
 
-register, unregister = register_classes_factory((INFRARED_OT_clear_sky,))
+class INFRARED_OT_sky_image(Operator):
+    """Let an equirectangular image say how warm the sky is in each direction: of a float image, values in kelvin"""
+
+    bl_idname = "infrared.sky_image"
+    bl_label = "Temperature Image"
+    bl_options = {"REGISTER", "UNDO"}
+
+    image: StringProperty(name="Image", description="Name of an image of this file")
+
+    @classmethod
+    def poll(cls, context):
+        return INFRARED_OT_clear_sky.poll.__func__(cls, context)
+
+    def invoke(self, context, _event):
+        return context.window_manager.invoke_props_dialog(self, width=360, confirm_text="Set Image")
+
+    def draw(self, _context):
+        self.layout.prop_search(self, "image", bpy.data, "images")
+        self.layout.label(text=CUSTOM_PROPERTIES["temperature_image"]["description"].split(". It")[0], translate=False)
+
+    def execute(self, context):
+        world, image = shown_world(context), bpy.data.images.get(self.image)
+        if image is None:
+            self.report({"ERROR"}, f"There is no image '{self.image}' in this file")
+            return {"CANCELLED"}
+        set_custom_property(world, "temperature_image", image)
+        try:
+            kelvin = read_sky(world).kelvin
+        except SceneError as error:
+            self.report({"WARNING"}, str(error))
+            return {"FINISHED"}
+        low, high = (in_scene_unit(float(each), context.scene) for each in (kelvin.min(), kelvin.max()))
+        self.report({"INFO"}, f"World '{world.name}': a sky of {low} to {high}")
+        world.update_tag()
+        redraw("PROPERTIES")
+        return {"FINISHED"}
+
+
+register, unregister = register_classes_factory((INFRARED_OT_clear_sky, INFRARED_OT_sky_image))

@@ -12,9 +12,8 @@ from mathutils.kdtree import KDTree
 
 from ...reading.arrays import read_values
 from ...reading.surface_temperature import NAME
-from ...reading.temperature_fields import TemperatureError, inverse_distance, pick_channel
+from ...reading.temperature_fields import TemperatureError, inverse_distance
 
-UNALTERED = {"Non-Color", "Raw", "Linear Rec.709"}  # color spaces whose float pixels Blender keeps as they are
 QUERIES = 1 << 16  # vertices looked up at a time, which bounds the memory
 
 
@@ -82,25 +81,6 @@ def vertex_weights(context, obj, group: str) -> np.ndarray:
     finally:
         bpy.data.objects.remove(reader)
         bpy.data.node_groups.remove(tree)
-
-
-def image_channel(image, channel: str) -> np.ndarray:
-    """(h, w) float32 values of one channel of an image as its file has them, 0..1 if they are integers.
-
-    Row 0 is at the bottom. Raises TemperatureError, naming the image, if its values cannot be had.
-    """
-    owner = f"Image '{image.name}'"
-    if image.source not in ("FILE", "GENERATED"):
-        raise TemperatureError(f"{owner}: {image.source.lower()} images cannot be read, use a single image")
-    if not image.has_data and not image.size[0]:  # has_data is False until an image on disk is first used
-        raise TemperatureError(f"{owner} has no pixels: '{image.filepath}'")
-    if image.is_float and image.colorspace_settings.name not in UNALTERED:
-        space = image.colorspace_settings.name
-        raise TemperatureError(f"{owner}: its color space {space} alters the file's values, set it to Non-Color")
-    width, height = image.size
-    pixels = np.empty(width * height * image.channels, dtype=np.float32)
-    image.pixels.foreach_get(pixels)
-    return pick_channel(pixels.reshape(-1, image.channels), channel).reshape(height, width)
 
 
 def interpolate(positions, points, kelvin, neighbours: int, power: float, reach: float, own: float) -> np.ndarray:

@@ -16,6 +16,7 @@ from ...interface import temperature_property
 from ...output.temperature_scale import UNITS
 from ...properties import ROOM_TEMPERATURE, add_custom_property, initial_value
 from ...reading.arrays import read_values, same_elements
+from ...reading.images import image_channel
 from ...reading.objects import SURFACE_TYPES
 from ...reading.surface_temperature import DOMAINS, NAME, own_temperature
 from ...reading.temperature_fields import (
@@ -28,7 +29,6 @@ from ...reading.temperature_fields import (
 )
 from .temperature_sources import (
     check_writable,
-    image_channel,
     interpolate,
     selected_meshes,
     vertex_weights,

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's images as arrays, of one channel or of temperatures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..solver.scene import SceneError
+from .custom_properties import describe
+from .temperature_fields import TemperatureError, pick_channel
+
+UNALTERED = {"Non-Color", "Raw", "Linear Rec.709"}  # color spaces whose float pixels Blender keeps as they are
+
+
+def image_channel(image, channel: str) -> np.ndarray:
+    """(h, w) float32 values of one channel of an image as its file has them, 0..1 if they are integers.
+
+    Row 0 is at the bottom. Raises TemperatureError, naming the image, if its values cannot be had.
+    """
+    owner = f"Image '{image.name}'"
+    if image.source not in ("FILE", "GENERATED"):
+        raise TemperatureError(f"{owner}: {image.source.lower()} images cannot be read, use a single image")
+    if not image.has_data and not image.size[0]:  # has_data is False until an image on disk is first used
+        raise TemperatureError(f"{owner} has no pixels: '{image.filepath}'")
+    if image.is_float and image.colorspace_settings.name not in UNALTERED:
+        space = image.colorspace_settings.name
+        raise TemperatureError(f"{owner}: its color space {space} alters the file's values, set it to Non-Color")
+    width, height = image.size
+    pixels = np.empty(width * height * image.channels, dtype=np.float32)
+    image.pixels.foreach_get(pixels)
+    return pick_channel(pixels.reshape(-1, image.channels), channel).reshape(height, width)
+
+
+def read_kelvin(image, id_block, owner: str) -> np.ndarray:
+    """(height, width) float32 K of the first channel of an image, row 0 at the bottom.
+
+    Float images hold kelvin; with id_block["temperature_range"] = [low, high] K, values from 0 to 1 of any image mean
+    what lies between. Raises SceneError, naming owner and image, if it holds no temperatures.
+    """
+    if getattr(image, "id_type", "") != "IMAGE":
+        raise SceneError(f"{owner}: temperature_image is {describe(image)}, expected an image")
+    span = _range(id_block, owner)
+    try:
+        values = image_channel(image, "R")
+    except TemperatureError as error:
+        raise SceneError(f"{owner}: {error}") from None
+    if span is None and not image.is_float:
+        raise SceneError(
+            f"{owner}: Image '{image.name}' has 8 bits and holds no kelvin; set temperature_range to what 0 and 1 mean"
+        )
+    return values if span is None else (span[0] + (span[1] - span[0]) * values).astype(np.float32)
+
+
+def _range(id_block, owner: str) -> tuple[float, float] | None:
+    value = id_block.get("temperature_range")
+    if value is None:
+        return None
+    if getattr(value, "typecode", None) not in ("i", "f", "d") or len(value) != 2:
+        raise SceneError(f"{owner}: temperature_range is {describe(value)}, expected the kelvin that 0 and 1 mean")
+    return float(value[0]), float(value[1])
