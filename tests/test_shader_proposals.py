@@ -124,7 +124,7 @@ def test_a_name_makes_no_metal(name):
         ("plexiglass", {"Roughness": 0.0}, "Plastic, PMMA (acrylic)"),
         ("acrylic paint", {}, DIELECTRIC),
         ("Silicone", {}, "Silicone rubber (PDMS)"),
-        ("Silicon", {}, DIELECTRIC),
+        ("Silicon", {}, "Silicon"),
         ("pet", {}, DIELECTRIC),
         ("PET bottle", {}, "Plastic, PET"),
         ("Snowboard", {}, DIELECTRIC),

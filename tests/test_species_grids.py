@@ -18,6 +18,7 @@ from addon.solver.physics.molecules import build_molecular_media, species_coeffi
 from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.physics.soot import soot_curve
 from addon.solver.physics.spectrum import band_radiance
+from addon.solver.planning import preparation
 from addon.solver.planning.preparation import prepare
 from tests.helpers.grids import (
     atmosphere,
@@ -61,8 +62,10 @@ def filled(values):
     ({"temperature": 912.0}, MIXTURE | {"soot": 2.0**-20}),
     ({"H2O": 0.125, "temperature": 912.0}, {"CO2": 0.0625, "CO": 0.03125, "soot": 2.0**-20}),
 ], ids=["grids", "own temperature", "numbers", "both"])  # fmt: skip
-def test_a_uniform_grid_is_a_closed_mesh(grid, gas):
-    """Pixel by pixel and pass by pass, with a grey absorption; numbers of species that have grids do not count."""
+def test_a_uniform_grid_is_a_closed_mesh(monkeypatch, grid, gas):
+    """Pixel by pixel and pass by pass, with a grey absorption; numbers of species that have grids do not count. Both
+    send as many camera rays: rounding may move the plan from one power of two to the next."""
+    monkeypatch.setattr(preparation, "choose_samples", lambda variance, *_: np.full(len(variance), 4, np.uint16))
     vertices, triangles = box(SIZE)
     mesh = Medium("gas", 0.02, 912.0, vertices=vertices + LOW, triangles=triangles, gas=MIXTURE | {"soot": 2.0**-20})
     media = mesh, Medium("gas", 0.02, 912.0, gas=gas, grid=filled(grid))
