@@ -416,7 +416,7 @@ def test_every_kind_once(monkeypatch, lobes, emitter):
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 def test_random_rooms(seed):
     """A room of random materials with a hot ball and a plate in it, in two bands: blocks of the picture against those
     of the path tracer, none of which may be off by 5 standard errors (of 48 blocks one is by 2.9)."""
