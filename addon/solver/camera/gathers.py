@@ -17,13 +17,17 @@ from ..sampling.heuristics import ALONE, shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
-from .rays import BLIND, largest_throughput, shares_by_lobe
+from .rays import ASTRAY, BLIND, largest_throughput, shares_by_lobe
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
 # Largest relative difference of the cosines of rays that share a gather, where Fresnel's law holds: what they reflect
 # then differs by about as much.
 _TURNED = 0.1
 _LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
+# The same where media have scattered the path: its noise is mostly that of where it went, so many rays from one point
+# hardly help. In the benchmarks' fog (64 x 48 pixels, 30,000 photons) 1 / (error^2 x time) is 11.7 with 1/32, 13.7 with
+# this and 13.3 with 1/2.
+_LITTLE_ASTRAY = 1.0 / 8.0
 
 
 class Gathers(NamedTuple):
@@ -173,7 +177,8 @@ def _roulette(stage, bounce, gathers, found, kept_as, room):
     rays, kept = bounce.rays, 0
     for g in range(found):
         i, kept_as[g] = gathers.ray[g], -1
-        chance = min(1.0, gathers.throughput[g] / _LITTLE)
+        astray = rays.density[i] == ASTRAY or rays.density[i] < 0.0
+        chance = min(1.0, gathers.throughput[g] / (_LITTLE_ASTRAY if astray else _LITTLE))
         if uniform(rays.path[i], GATHERING + bounce.number) < chance:
             rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays.direction), room)
             reflected = largest_throughput(rays.throughput[i], rho)
