@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from addon.solver import SceneError
 from addon.solver.physics.clear_sky import (
@@ -32,7 +33,7 @@ def emitted(kelvin, zenith):
     the horizon. Zenith angles (n,) degrees; (n,)."""
     fine = np.geomspace(1.5, 2000.0, 8000)
     rows = [np.interp(zenith, ZENITH, column) for column in kelvin.T]
-    found = [np.trapezoid(planck(fine, np.interp(fine, WAVELENGTHS, row)), fine) for row in np.transpose(rows)]
+    found = [trapezoid(planck(fine, np.interp(fine, WAVELENGTHS, row)), fine) for row in np.transpose(rows)]
     return np.array(found) / (SIGMA * kelvin[-1, 0] ** 4 / np.pi)
 
 
@@ -89,7 +90,7 @@ def test_the_window_at_the_zenith(air, dew):
     fine = np.linspace(8.0, 14.0, 2001)
 
     def signal(kelvin):
-        return np.trapezoid(planck(fine, kelvin), fine)
+        return trapezoid(planck(fine, kelvin), fine)
 
     candidates = np.arange(150.0, air, 0.05)
     idso = candidates[np.argmin([abs(signal(kelvin) - measured * signal(air)) for kelvin in candidates])]
@@ -139,7 +140,7 @@ def test_vapour_is_hardly_changed(air, dew):
 def test_all_of_the_table_is_the_total(air, dew, clouds):
     """To 1e-3: what a horizontal plate receives from the table, as the solver reads it."""
     zenith = np.linspace(0.0, 90.0, 361)
-    total = np.trapezoid(emitted(clear_sky(air, dew, *clouds)[2], zenith) * np.sin(np.radians(2.0 * zenith)))
+    total = trapezoid(emitted(clear_sky(air, dew, *clouds)[2], zenith) * np.sin(np.radians(2.0 * zenith)))
     assert total * np.radians(zenith[1]) == pytest.approx(sky_emissivity(dew, *clouds), abs=1e-3)
 
 

@@ -432,7 +432,8 @@ def assert_between_the_coldest_and_the_hottest(scene, radiance, temperature, noi
     together: what surfaces emit and reflect is a mean of what they receive and a blackbody (the maximum principle, for
     each of the two sources). Within 5 standard errors, and rounding of float32."""
     weights, edges = band_weights(scene.response, scene.band_edges), scene.band_edges
-    kelvin = np.append(scene.temperature.ravel().astype(float), scene.world_temperature)
+    around = scene.world_temperature if scene.sky is None else scene.sky.kelvin.ravel()
+    kelvin = np.append(scene.temperature.ravel().astype(float), around)
     (lamp,) = scene.lights
     shining = lamp.power * light_spectrum(lamp, edges) / (4.0 * np.pi**2 * lamp.radius**2)  # of a Lambertian sphere
     most = weights @ (band_radiance(edges, kelvin.max()) + shining)

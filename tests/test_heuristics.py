@@ -38,7 +38,7 @@ def met(distance, cosine):
     """An Interaction with the second side of triangle 1, at a distance (m) and with a cosine."""
     zero, up = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     return Interaction(
-        np.int64(1), np.int32(3), zero, up, up, np.int32(0), 0.0, 0.0, (0.0, 0.0, -1.0), cosine, distance
+        np.int64(1), np.int32(3), zero, up, up, 1.0, np.int32(0), 0.0, 0.0, (0.0, 0.0, -1.0), cosine, cosine, distance
     )
 
 

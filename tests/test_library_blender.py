@@ -335,7 +335,8 @@ def test_checks_report_temperatures():
     world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
     world["temperature"] = "cold"
     assert texts("ERROR") == [
-        "World 'Sky': temperature is 'cold', expected a number in kelvin",
+        "World 'Sky': temperature is 'cold', expected a number in kelvin or a flat list of zenith angles (degrees) and "
+        "temperatures",
         "Object 'Cube': temperature -1 K; temperatures are finite and at least 0 K",
     ]
 

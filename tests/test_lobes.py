@@ -64,7 +64,8 @@ def direction_at(cosine, azimuth=AZIMUTH):
 def interaction(incident, normal=NORMAL):
     """The Interaction of a ray that comes from a local direction of the frame that `frame` gives the normal."""
     incoming = -(np.array(incident) @ frame(normal))
-    return Interaction(0, 0, (0.0, 0.0, 0.0), normal, normal, 0, 0.2, 0.3, tuple(incoming), float(incident[2]), 1.0)
+    cosine = float(incident[2])
+    return Interaction(0, 0, (0.0, 0.0, 0.0), normal, normal, 1.0, 0, 0.2, 0.3, tuple(incoming), cosine, cosine, 1.0)
 
 
 def frame(normal):

@@ -114,7 +114,9 @@ def measured(world, trial=None, sky=0.0, left_to_rays=None, **found):
         **told,
     )
     surroundings = np.full(len(EDGES) - 1, sky / (len(EDGES) - 1))
-    excess = Excess(Surroundings(surroundings, surroundings, math.pi * surroundings.sum(), 0, sides), lamps)
+    flux = math.pi * surroundings.sum()
+    no_sky = np.empty((0, 0, len(surroundings)))
+    excess = Excess(Surroundings(surroundings, no_sky, surroundings, flux, 0, sides), lamps)
     gathering = Gathering(REACH2, NEIGHBOURS, PASS)
     area, key = areas(world.surfaces.corners), pass_key(0, SHEETS, PILOT)
     return measure_sheets(world.stage, world.tracer, excess, pilot, trial or no_hits(), area, gathering, key)

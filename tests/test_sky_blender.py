@@ -79,7 +79,7 @@ def test_a_table_over_zenith_angle_and_wavelength(world):
         (
             "temperature",
             [60.0, 250.0, 30.0, 280.0],
-            "World 'Sky': zenith angles must increase, but 60 is followed by 30",
+            "World 'Sky': temperature: zenith angles must increase, but 60 is followed by 30",
         ),
         ("temperature_table", {"zenith": [0.0]}, "expected lists named zenith, wavelength, kelvin"),
         (
@@ -119,5 +119,7 @@ def test_the_operator_sets_an_image(world):
 def test_a_group_takes_no_sky(world):
     world["temperature"], world["temperature_group"] = [0.0, 230.0, 90.0, 285.0], "sky"
     bpy.context.scene.infrared.group_exr_path = "//groups.exr"
-    with pytest.raises(SceneError, match="a sky that depends on the direction cannot be in a temperature group"):
+    with pytest.raises(
+        SceneError, match="World 'Sky': a temperature that depends on the direction cannot be in a temperature group"
+    ):
         read()

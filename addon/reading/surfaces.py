@@ -13,7 +13,7 @@ from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_med
 from .meshes import MeshData, read_mesh
 from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
-from .world import air_temperature, world_temperature
+from .world import air_temperature, read_sky, world_temperature
 
 
 class SurfaceReader:
@@ -163,7 +163,12 @@ class SurfaceReader:
             return {}
         of_world = -1
         if world is not None:
-            of_world = self.groups.number(world, f"World '{world.name}'", np.float32([world_temperature(world)]))
+            kelvin = np.float32([world_temperature(world)])
+            of_world = self.groups.number(world, f"World '{world.name}'", kelvin)
+            if of_world >= 0 and read_sky(world) is not None:
+                raise SceneError(
+                    f"World '{world.name}': a temperature that depends on the direction cannot be in a temperature group"
+                )
             if of_world >= 0 and is_medium(world):
                 self.warnings.add(world.name, GROUPED_AIR)
         if not self.groups.names:

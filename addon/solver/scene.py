@@ -145,12 +145,13 @@ class Sky:
     def _check_axes(self) -> None:
         bad = ~((self.zenith >= 0.0) & (self.zenith <= 180.0))
         if bad.any():
-            raise SceneError(f"World: zenith angle {self.zenith[bad][0]:g}; 0 is straight up, 180 straight down")
+            raise SceneError(
+                f"World: temperature at zenith angle {self.zenith[bad][0]:g}; 0 is straight up, 180 straight down"
+            )
         if np.any(np.diff(self.zenith) <= 0):
             at = int(np.flatnonzero(np.diff(self.zenith) <= 0)[0])
-            raise SceneError(
-                f"World: zenith angles must increase, but {self.zenith[at]:g} is followed by {self.zenith[at + 1]:g}"
-            )
+            one, other = self.zenith[at], self.zenith[at + 1]
+            raise SceneError(f"World: temperature: zenith angles must increase, but {one:g} is followed by {other:g}")
         if self.wavelengths is not None:
             check_wavelengths(self.wavelengths, "World: temperature of the sky")
 
@@ -646,7 +647,7 @@ class Scene:
             check_temperature(self.temperature.flat[at], f"Triangle {at * count // self.temperature.size}")
         if self.sky is not None:
             if self.world_group >= 0:
-                raise SceneError("World: a sky that depends on the direction cannot be in a temperature group")
+                raise SceneError("World: a temperature that depends on the direction cannot be in a temperature group")
             object.__setattr__(self, "world_temperature", self.sky.mean_temperature)
             if self.sky.kelvin.min() == self.sky.kelvin.max():
                 object.__setattr__(self, "sky", None)

@@ -198,7 +198,8 @@ def unchanged():
 
 
 def draw(results, path):
-    """A panel with the times of each series; and one with the memory of all."""
+    """A panel with the times of each series in the room without fog; and one with the memory of all of these."""
+    results = {name: result for name, result in results.items() if name not in FOGGY}
     figure, axes = pyplot().subplots(2, 3, figsize=(13, 7.5), layout="constrained")
     *panels, last = axes.flat
     for axis, (name, (sizes, costs)) in zip(panels, results.items(), strict=True):

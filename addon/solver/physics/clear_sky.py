@@ -122,7 +122,7 @@ def band_temperatures(sky: tuple[np.ndarray, np.ndarray, np.ndarray], low: float
     """
     _, wavelengths, kelvin = sky
     fine = np.linspace(low, high, _POINTS)
-    radiance = [np.trapezoid(planck(fine, np.interp(fine, wavelengths, row)), fine) for row in kelvin]
+    radiance = [_integral(planck(fine, np.interp(fine, wavelengths, row)), fine) for row in kelvin]
     return apparent_temperature(np.array(radiance), np.array([low, high]))
 
 
@@ -225,13 +225,18 @@ def _ozone() -> np.ndarray:
     return np.exp(-_malkmus(depth[None], np.full((1, 1), _OZONE_OVERLAP))[:, 0])
 
 
+def _integral(values: np.ndarray, places: np.ndarray) -> float:
+    """By the trapezoidal rule, of values (n,) at places (n,). NumPy's function has another name before 2.0."""
+    return float(np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(places)))
+
+
 def _total(radiance: np.ndarray, air: float) -> float:
     """Emissivity of the whole sky from its spectral radiance (a, m). Beyond the last wavelength it is as warm as there,
     as tables go on; little is before the first one."""
     received = _hemisphere(np.vstack((radiance, planck(WAVELENGTHS, air))))
     last = float(_brightness(received)[-1])
-    beyond = SIGMA * last**4 / math.pi - np.trapezoid(planck(WAVELENGTHS, last), WAVELENGTHS)
-    return (np.trapezoid(received, WAVELENGTHS) + beyond) / (SIGMA * air**4 / math.pi)
+    beyond = SIGMA * last**4 / math.pi - _integral(planck(WAVELENGTHS, last), WAVELENGTHS)
+    return (_integral(received, WAVELENGTHS) + beyond) / (SIGMA * air**4 / math.pi)
 
 
 def _hemisphere(radiance: np.ndarray) -> np.ndarray:
