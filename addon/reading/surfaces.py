@@ -166,9 +166,7 @@ class SurfaceReader:
             kelvin = np.float32([world_temperature(world)])
             of_world = self.groups.number(world, f"World '{world.name}'", kelvin)
             if of_world >= 0 and read_sky(world) is not None:
-                raise SceneError(
-                    f"World '{world.name}': a temperature that depends on the direction cannot be in a temperature group"
-                )
+                raise SceneError(f"World '{world.name}': a temperature that depends on the direction is in no group")
             if of_world >= 0 and is_medium(world):
                 self.warnings.add(world.name, GROUPED_AIR)
         if not self.groups.names:
