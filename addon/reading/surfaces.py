@@ -153,7 +153,8 @@ class SurfaceReader:
 
     def _media(self, world) -> dict:
         """The arguments of Scene that describe gases, if there are any."""
-        of_world, depth = read_world_medium(world, air_temperature(world), self.warnings, self.metres)
+        kelvin = air_temperature(world) if is_medium(world) else 0.0  # a sky's image takes time to read
+        of_world, depth = read_world_medium(world, kelvin, self.warnings, self.metres)
         media = (*self.media, *of_world)
         return {"media": media, "world_depth": depth} if media else {}
 

@@ -39,12 +39,7 @@ def world_temperature(world) -> float:
 def air_temperature(world) -> float:
     """Temperature of the gas that fills a world, K: that of the surroundings, of a sky that at the horizon."""
     sky = None if world is None else read_sky(world)
-    if sky is None:
-        return world_temperature(world)
-    by_angle = sky.kelvin.reshape(len(sky.kelvin), -1).mean(axis=1, dtype=np.float64)
-    angles = 180.0 - (np.arange(len(by_angle)) + 0.5) * 180.0 / len(by_angle) if sky.zenith is None else sky.zenith
-    order = np.argsort(angles)
-    return float(np.interp(_HORIZON, angles[order], by_angle[order]))
+    return world_temperature(world) if sky is None else float(sky.temperature_at(_HORIZON))
 
 
 def read_sky(world) -> Sky | None:

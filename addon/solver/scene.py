@@ -155,17 +155,18 @@ class Sky:
         if self.wavelengths is not None:
             check_wavelengths(self.wavelengths, "World: temperature of the sky")
 
+    def temperature_at(self, zenith: np.ndarray) -> np.ndarray:
+        """Mean temperature, K, at zenith angles (degrees, any shape): around them, and over all wavelengths alike."""
+        by_angle, angles = self.kelvin.reshape(len(self.kelvin), -1).mean(axis=1, dtype=np.float64), self.zenith
+        if angles is None:  # rows of an image, the last of which looks up
+            angles, by_angle = (np.arange(len(by_angle)) + 0.5) * 180.0 / len(by_angle), by_angle[::-1]
+        return np.interp(zenith, angles, by_angle)
+
     @property
     def mean_temperature(self) -> float:
-        """Mean over all directions, and all wavelengths alike, K."""
+        """Mean over all directions, K."""
         angle = np.linspace(0.5, 179.5, 180)
-        if self.zenith is None:
-            rows = self.kelvin.mean(axis=1, dtype=np.float64)
-            weight = np.sin(np.pi * (np.arange(len(rows)) + 0.5) / len(rows))
-        else:
-            by_angle = self.kelvin if self.kelvin.ndim == 1 else self.kelvin.mean(axis=1)
-            rows, weight = np.interp(angle, self.zenith, by_angle), np.sin(np.radians(angle))
-        return float(np.average(rows, weights=weight))
+        return float(np.average(self.temperature_at(angle), weights=np.sin(np.radians(angle))))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ..sampling.heuristics import ALONE, shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
-from .rays import ASTRAY, BLIND, largest_throughput, shares_by_lobe
+from .rays import BLIND, is_astray, largest_throughput, shares_by_lobe
 from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
 
 # Largest relative difference of the cosines of rays that share a gather, where Fresnel's law holds: what they reflect
@@ -177,8 +177,8 @@ def _roulette(stage, bounce, gathers, found, kept_as, room):
     rays, kept = bounce.rays, 0
     for g in range(found):
         i, kept_as[g] = gathers.ray[g], -1
-        astray = rays.density[i] == ASTRAY or rays.density[i] < 0.0
-        chance = min(1.0, gathers.throughput[g] / (_LITTLE_ASTRAY if astray else _LITTLE))
+        little = _LITTLE_ASTRAY if is_astray(rays, i) else _LITTLE
+        chance = min(1.0, gathers.throughput[g] / little)
         if uniform(rays.path[i], GATHERING + bounce.number) < chance:
             rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays.direction), room)
             reflected = largest_throughput(rays.throughput[i], rho)

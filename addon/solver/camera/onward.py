@@ -21,7 +21,7 @@ from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, put_vector, vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
-from .rays import ASTRAY, BLIND, largest_throughput, shares_by_lobe
+from .rays import ASTRAY, BLIND, is_astray, largest_throughput, shares_by_lobe
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
@@ -185,7 +185,7 @@ def _reflect_specularly(stage, at, bounce, i, counts, out, sent):
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
     onward.doubts[sent] = rays.doubts[i]
-    astray = rays.density[i] == ASTRAY or rays.density[i] < 0.0
+    astray = is_astray(rays, i)
     onward.density[sent] = ASTRAY if astray else BLIND if rays.final[i] else ALONE
     if shares_by_lobe(lobes, rays.final[i]):
         density = alike * glossy_density(lobes, at, direction)

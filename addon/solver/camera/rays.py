@@ -124,6 +124,13 @@ def empty_rows(image: np.ndarray) -> Rows:
 
 
 @njit(**INLINED)
+def is_astray(rays, i):
+    """Whether media have scattered the path of ray i, and no surface has reflected it diffusely since: see
+    Rays.density."""
+    return rays.density[i] == ASTRAY or rays.density[i] < 0.0
+
+
+@njit(**INLINED)
 def shares_by_lobe(lobes, final):
     """Whether a ray in a rough lobe shares what it finds with a shadow ray: from visible points always, from what rays
     of a final gather meet if the lobe is wide. What narrow lobes throw about, photons of caustics find."""

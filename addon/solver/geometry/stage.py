@@ -33,33 +33,29 @@ class Stage(NamedTuple):
 def reflectance_at(stage, at, room):
     """(b,) float32 reflectance in each band at an Interaction, of all lobes together, for light along its ray: a row of
     a table, or the room (b,), of the same dtype, where it depends on the angle."""
-    angular = stage.radiometry.fresnel.row[at.material]
-    row = stage.radiometry.reflectance[at.material]
-    if angular >= 0:
-        fill_reflectance(stage.radiometry.fresnel, angular, TOTAL, at.cosine, room)
-        row = room
-    return row
+    return _reflectance_of(stage, at, TOTAL, at.cosine, room)
 
 
 @njit(inline="always")
 def diffuse_reflectance_at(stage, at, room):
     """As reflectance_at, of the diffuse lobe, over its share (see lobes.diffuse_share)."""
-    angular = stage.radiometry.fresnel.row[at.material]
-    row = stage.radiometry.reflectance[at.material]
-    if angular >= 0:
-        fill_reflectance(stage.radiometry.fresnel, angular, BELOW, at.cosine, room)
-        row = room
-    return row
+    return _reflectance_of(stage, at, BELOW, at.cosine, room)
 
 
 @njit(inline="always")
 def lobe_reflectance_at(stage, at, lobes, direction, room):
     """As reflectance_at, of the specular lobe, over its share, where it reflects the ray in a unit direction: that of
     the facet that does."""
+    return _reflectance_of(stage, at, FACET, facet_cosine(lobes, at, direction), room)
+
+
+@njit(inline="always")
+def _reflectance_of(stage, at, kind, cosine, room):
+    """In the room, the row of a kind of the FresnelTable at a cosine; of a material without one, its reflectance."""
     angular = stage.radiometry.fresnel.row[at.material]
     row = stage.radiometry.reflectance[at.material]
     if angular >= 0:
-        fill_reflectance(stage.radiometry.fresnel, angular, FACET, facet_cosine(lobes, at, direction), room)
+        fill_reflectance(stage.radiometry.fresnel, angular, kind, cosine, room)
         row = room
     return row
 
