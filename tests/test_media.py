@@ -363,7 +363,7 @@ def test_bad_media_are_named(values, message):
 @pytest.mark.parametrize("change, message", [
     (lambda v, t: (v, t[:0]), "Medium 'gas': its mesh has no triangles"),
     (lambda v, t: (v[:5], t), "Medium 'gas': a triangle names a vertex that does not exist"),
-    (lambda v, t: (np.where(v > 0, np.nan, v), t), r"Medium 'gas': vertex 1 is not finite: \[ 0.  0. nan\]"),
+    (lambda v, t: (np.where(v > 0, np.nan, v), t), r"Medium 'gas': vertex 1 is not finite: \[0.0, 0.0, nan\]"),
     (lambda v, t: (v, None), "Medium 'gas': a mesh has both vertices and triangles"),
 ])  # fmt: skip
 def test_bad_meshes_are_named(change, message):

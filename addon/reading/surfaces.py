@@ -220,7 +220,7 @@ def _in_world_space(vertices: np.ndarray, matrix: np.ndarray, owner: str) -> np.
         vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     if not np.isfinite(vertices.sum()):
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
-        raise SceneError(f"Object '{owner}': vertex {bad} is not finite: {vertices[bad]}")
+        raise SceneError(f"Object '{owner}': vertex {bad} is not finite: {vertices[bad].tolist()}")
     return vertices
 
 

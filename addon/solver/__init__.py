@@ -25,6 +25,8 @@ from .scene import (
     Sky,
     SpotLight,
     SunLight,
+    Texture,
+    Textures,
 )
 from .settings import Settings
 
@@ -60,6 +62,8 @@ __all__ = [
     "Sky",
     "SpotLight",
     "SunLight",
+    "Texture",
+    "Textures",
     "first_hit_images",
     "layered_image",
     "mix_in",

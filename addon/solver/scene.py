@@ -28,6 +28,7 @@ MOLECULES = "H2O", "CO2", "CO", "CH4"  # whose lines a gas may have
 SOOT = "soot"
 SPECIES = *MOLECULES, SOOT
 ATMOSPHERE = 101325.0  # Pa
+_ROUNDING = 1e-6  # of sums of properties that were given in float32
 _STEP = 1e-9  # width of the step to 0 at the ends of a response, as a share of the wavelength
 LEAF = 8  # cells along an edge of a leaf of a grid, as in OpenVDB
 _WIDEST = 1 << 24  # leaves in the box around those of a grid, at most: 2048^3 cells; 4 bytes are kept for each
@@ -35,11 +36,14 @@ _WIDEST = 1 << 24  # leaves in the box around those of a grid, at most: 2048^3 c
 
 @dataclass(frozen=True)
 class Material:
-    """An opaque surface: emissivity eps, reflectance 1 - eps (Kirchhoff). Two lobes share the reflectance.
+    """A surface: emissivity eps, transmittance tau, reflectance 1 - eps - tau (Kirchhoff). Two lobes share the
+    reflectance.
 
     name: shown in messages.
     emissivity: a float (grey), or an (n, 2) array of [wavelength um, emissivity], wavelengths ascending,
         linear between the points and held constant outside. 0..1. With Fresnel's law it is that along the normal.
+    transmittance: likewise, what passes straight through a thin sheet, from both sides alike and at every angle; 0 for
+        what is opaque. eps + tau is at most 1 at every wavelength.
     specular: share of the reflectance in the specular lobe, 0..1; the rest is diffuse.
     roughness: 0 is a mirror, 1 the roughest GGX lobe (alpha = roughness^2).
     fresnel: whether the specular lobe follows Fresnel's law, see physics.fresnel.
@@ -53,6 +57,7 @@ class Material:
     roughness: float = 0.0
     fresnel: bool = False
     constants: np.ndarray | None = None
+    transmittance: float | np.ndarray = 0.0
 
     @property
     def alpha(self) -> float:
@@ -65,27 +70,35 @@ class Material:
         """Whether emission and reflection depend on the angle by Fresnel's law: it is that of the specular lobe."""
         return self.fresnel and self.specular > 0
 
+    @property
+    def is_sheet(self) -> bool:
+        """Whether light passes straight through, at some wavelength."""
+        return bool(np.any(self.transmitted_curve[1] > 0.0))
+
     def __post_init__(self):
-        points = np.asarray(self.emissivity, dtype=np.float64)
-        if points.ndim == 2 and points.shape[1] == 2 and len(points):
-            wavelengths, values = points[:, 0], points[:, 1]
-            check_wavelengths(wavelengths, f"Material '{self.name}': emissivity")
-        elif points.ndim == 0:
-            values = points[None]
-        else:
-            raise SceneError(
-                f"Material '{self.name}': emissivity must be a number or pairs of um and emissivity, "
-                f"got an array of shape {points.shape}"
-            )
-        outside = ~((values >= 0.0) & (values <= 1.0))  # also true for NaN
-        if np.any(outside):
-            raise SceneError(f"Material '{self.name}': emissivity {values[outside][0]:g} is outside 0..1")
+        for label in ("emissivity", "transmittance"):
+            _check_curve(np.asarray(getattr(self, label), dtype=np.float64), f"Material '{self.name}': {label}")
         for label in ("specular", "roughness"):
             value = getattr(self, label)
             if not 0.0 <= value <= 1.0:
                 raise SceneError(f"Material '{self.name}': {label} {value:g} is outside 0..1")
         if self.constants is not None:
             _check_constants(np.asarray(self.constants, dtype=np.float64), self.name, self.fresnel)
+        if self.is_sheet:
+            self._check_sheet()
+
+    def _check_sheet(self) -> None:
+        if self.follows_fresnel:
+            raise SceneError(f"Material '{self.name}': a thin sheet with a transmittance cannot follow Fresnel's law")
+        curves = self.curve, self.transmitted_curve
+        um = np.unique(np.concatenate([wavelengths for wavelengths, _ in curves]))
+        emitted, passed = (np.interp(um, *curve) for curve in curves)
+        worst = int(np.argmax(emitted + passed))
+        if emitted[worst] + passed[worst] > 1.0 + _ROUNDING:
+            raise SceneError(
+                f"Material '{self.name}': at {um[worst]:g} um the emissivity {emitted[worst]:g} and the transmittance "
+                f"{passed[worst]:g} are more than 1 together"
+            )
 
     @property
     def curve(self) -> tuple[np.ndarray, np.ndarray]:
@@ -93,10 +106,36 @@ class Material:
         if self.constants is not None:
             wavelengths, n, k = np.asarray(self.constants, dtype=np.float64).T
             return np.ascontiguousarray(wavelengths), 4.0 * n / ((n + 1.0) ** 2 + k * k)
-        points = np.asarray(self.emissivity, dtype=np.float64)
-        if points.ndim == 0:
-            return np.array([1.0]), points[None]
-        return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+        return _points_of(self.emissivity)
+
+    @property
+    def transmitted_curve(self) -> tuple[np.ndarray, np.ndarray]:
+        """Wavelengths (n,) in um and transmittances (n,), float64; one point if it is the same at all."""
+        return _points_of(self.transmittance)
+
+
+def _points_of(value: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (n,) in um and values (n,), float64, of a number or of pairs."""
+    points = np.asarray(value, dtype=np.float64)
+    if points.ndim == 0:
+        return np.array([1.0]), points[None]
+    return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+
+
+def _check_curve(points: np.ndarray, owner: str) -> None:
+    """Raise SceneError unless points are one number or pairs of wavelength and value, 0..1. owner: as messages begin,
+    with the property's name last."""
+    name = owner.rpartition(" ")[2]
+    if points.ndim == 2 and points.shape[1] == 2 and len(points):
+        wavelengths, values = points[:, 0], points[:, 1]
+        check_wavelengths(wavelengths, owner)
+    elif points.ndim == 0:
+        values = points[None]
+    else:
+        raise SceneError(f"{owner} must be a number or pairs of um and {name}, got an array of shape {points.shape}")
+    outside = ~((values >= 0.0) & (values <= 1.0))  # also true for NaN
+    if np.any(outside):
+        raise SceneError(f"{owner} {values[outside][0]:g} is outside 0..1")
 
 
 def _check_constants(table: np.ndarray, name: str, fresnel: bool) -> None:
@@ -110,6 +149,83 @@ def _check_constants(table: np.ndarray, name: str, fresnel: bool) -> None:
         raise SceneError(f"{owner} at {um:g} um: n {n:g} must be above 0 and k {k:g} not below 0")
     if not fresnel:
         raise SceneError(f"{owner} are given, but no Fresnel's law")
+
+
+EXTENSIONS = "REPEAT", "EXTEND", "CLIP", "MIRROR"
+
+
+@dataclass(frozen=True)
+class Texture:
+    """An image of numbers over the unit square of texture coordinates, u to the right and v upwards.
+
+    values: (height, width) float32; row 0 is the lowest. extension: what there is outside the square, one of
+        EXTENSIONS: the image again, its edge, nothing, or the image mirrored; where there is nothing, what a surface
+        has without the image counts. closest: whether values are constant over each texel; else they are bilinear
+        between the middles of texels.
+    """
+
+    values: np.ndarray
+    extension: str = "REPEAT"
+    closest: bool = False
+
+    def __post_init__(self):
+        if self.values.ndim != 2 or self.values.size == 0:
+            raise SceneError(f"A texture needs values (height, width), got an array of shape {self.values.shape}")
+        if self.extension not in EXTENSIONS:
+            raise SceneError(f"Extension '{self.extension}' of a texture is none of {', '.join(EXTENSIONS)}")
+
+
+@dataclass(frozen=True)
+class Textures:
+    """What varies over r of a scene's triangles, sampled where light meets them.
+
+    triangle: (r,) int32, ascending, which triangles. uv: (r, 3, 2) float32, texture coordinates at their corners.
+    temperature_image: (r,) int32, index into images, of kelvin; -1 where the scene's temperature counts.
+    mixed: (r,) int32, material that is there in part, in place of the triangle's own; -1 for none.
+    share: (r, 3) float32, 0..1, how much of it, at the corners; linear between. share_image: (r,) int32, index into
+        images, which say how much instead; -1 for none.
+    images: see Texture.
+    """
+
+    triangle: np.ndarray
+    uv: np.ndarray
+    temperature_image: np.ndarray
+    mixed: np.ndarray
+    share: np.ndarray
+    share_image: np.ndarray
+    images: tuple[Texture, ...] = ()
+
+    @property
+    def temperatures(self) -> tuple[Texture, ...]:
+        """The images of temperatures."""
+        return self._used(self.temperature_image)
+
+    def _used(self, index: np.ndarray) -> tuple[Texture, ...]:
+        return tuple(self.images[i] for i in np.unique(index[index >= 0]))
+
+    def check(self, triangles: int, materials: int) -> None:
+        """Raise SceneError for what makes no sense in a scene of so many triangles and materials."""
+        count = len(self.triangle)
+        for name, shape in (("uv", (3, 2)), ("share", (3,)), *((index, ()) for index in self._INDICES)):
+            if getattr(self, name).shape != (count, *shape):
+                raise SceneError(f"Textures: {name} has shape {getattr(self, name).shape}, expected {(count, *shape)}")
+        limits = (triangles, len(self.images), len(self.images), materials)
+        for name, low, stop in zip(("triangle", *self._INDICES), (0, -1, -1, -1), limits, strict=True):
+            index = getattr(self, name)
+            if count and not (low <= index.min() and index.max() < stop):
+                raise SceneError(f"Textures: {name} runs from {index.min()} to {index.max()}, of {stop}")
+        if np.any(np.diff(self.triangle) <= 0):
+            raise SceneError("Textures: triangles must ascend")
+        if not np.isfinite(self.uv).all():
+            bad = self.triangle[int(np.flatnonzero(~np.isfinite(self.uv).all(axis=(1, 2)))[0])]
+            raise SceneError(f"Triangle {bad}: its texture coordinates are not finite")
+        for kelvin in (end for image in self.temperatures for end in (image.values.min(), image.values.max())):
+            check_temperature(float(kelvin), "Image of temperatures")  # NaN is both ends
+        for values in (self.share, *(image.values for image in self._used(self.share_image))):
+            if values.size and not (values.min() >= 0.0 and values.max() <= 1.0):
+                raise SceneError(f"A share of a mixed material runs from {values.min():g} to {values.max():g}, not 0..1")
+
+    _INDICES = "temperature_image", "share_image", "mixed"
 
 
 @dataclass(frozen=True)
@@ -388,7 +504,7 @@ class Medium:
         finite = np.isfinite(self.vertices).all(axis=1)
         if not finite.all():
             bad = int(np.argmin(finite))
-            raise SceneError(f"{owner}: vertex {bad} is not finite: {self.vertices[bad]}")
+            raise SceneError(f"{owner}: vertex {bad} is not finite: {self.vertices[bad].tolist()}")
 
     @property
     def outline(self) -> np.ndarray | None:
@@ -605,6 +721,7 @@ class Scene:
     group: (m,) int16, the group of each triangle, -1 for none; required with groups. world_group: of the surroundings.
     media: gases between the surfaces. world_depth: m, how far those without a mesh reach along rays that leave the
         scene.
+    textures: what varies over triangles, by images or from corner to corner; None if nothing does but `temperature`.
     corner_normals: (m, 3, 3) float32, normals at the corners of triangles, on their front side, of a surface that is
         shaded smooth; zero, or the triangle's own, where it is flat. None if all are.
 
@@ -628,6 +745,7 @@ class Scene:
     world_depth: float = 0.0
     corner_normals: np.ndarray | None = None
     sky: Sky | None = None
+    textures: Textures | None = None
 
     def __post_init__(self):
         check_band_edges(self.band_edges)
@@ -639,7 +757,7 @@ class Scene:
             raise SceneError("A triangle names a vertex that does not exist")
         if not np.isfinite([self.vertices.min(), self.vertices.max()]).all():  # NaN is both; neither takes a copy
             bad = int(np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))[0])
-            raise SceneError(f"Vertex {bad} is not finite: {self.vertices[bad]}")
+            raise SceneError(f"Vertex {bad} is not finite: {self.vertices[bad].tolist()}")
         if len(self.material) != count or self.material.min() < 0 or self.material.max() >= len(self.materials):
             raise SceneError("Every triangle needs the index of a material")
         if self.temperature.shape not in ((count,), (count, 3)):
@@ -662,6 +780,15 @@ class Scene:
             self._check_groups()
         if self.corner_normals is not None:
             _check_corner_normals(self.corner_normals, count)
+        if self.textures is not None:
+            self._check_textures()
+
+    @property
+    def temperature_range(self) -> tuple[float, float]:
+        """Lowest and highest temperature of any surface, K."""
+        images = self.textures.temperatures if self.textures else ()
+        every = (self.temperature, *(image.values for image in images))
+        return min(float(values.min()) for values in every), max(float(values.max()) for values in every)
 
     @property
     def band_count(self) -> int:
@@ -680,6 +807,15 @@ class Scene:
                 "group have one temperature"
             )
         return float(kelvin[0])
+
+    def _check_textures(self) -> None:
+        self.textures.check(len(self.triangles), len(self.materials))
+        varies = self.textures.triangle[self.textures.temperature_image >= 0]
+        if self.groups and len(varies) and self.group[varies].max() >= 0:
+            raise SceneError(
+                f"Temperature group '{self.groups[self.group[varies].max()]}' holds an image of temperatures; all in a "
+                "group have one temperature"
+            )
 
     def _check_groups(self) -> None:
         if not all(self.groups) or len(set(self.groups)) < len(self.groups):
