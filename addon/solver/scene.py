@@ -223,7 +223,9 @@ class Textures:
             check_temperature(float(kelvin), "Image of temperatures")  # NaN is both ends
         for values in (self.share, *(image.values for image in self._used(self.share_image))):
             if values.size and not (values.min() >= 0.0 and values.max() <= 1.0):
-                raise SceneError(f"A share of a mixed material runs from {values.min():g} to {values.max():g}, not 0..1")
+                raise SceneError(
+                    f"Shares of a mixed material run from {values.min():g} to {values.max():g}, beyond 0..1"
+                )
 
     _INDICES = "temperature_image", "share_image", "mixed"
 
