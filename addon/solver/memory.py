@@ -76,7 +76,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
 
     copies: number of float32 copies of all images that are held at once beside the film.
     """
-    temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1))
+    temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1), scene.images_of_temperature)
     rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
     return _images_of(scene, copies) | {
         "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),

@@ -124,7 +124,7 @@ def _log_quadrature(scene: Scene, model: Model, film: Film) -> None:
     pixels share, whatever their noise."""
     _, first, stop = film.ranges[0]
     surroundings = [scene.world_temperature] if model.openness > 0.0 else []
-    kelvin = np.append(scene.temperature.ravel(), surroundings)
+    kelvin = np.append(scene.temperature_range, surroundings)
     sensor, passes = (scene.band_edges, model.weights), min(stop - first, _MOST_DRAWS)
     error = model.molecular.quadrature_error(first, passes, model.diameter, (kelvin.min(), kelvin.max()), sensor)
     log.info(

@@ -786,10 +786,14 @@ class Scene:
             self._check_textures()
 
     @property
+    def images_of_temperature(self) -> tuple[Texture, ...]:
+        """The images of temperatures over surfaces."""
+        return self.textures.temperatures if self.textures else ()
+
+    @property
     def temperature_range(self) -> tuple[float, float]:
         """Lowest and highest temperature of any surface, K."""
-        images = self.textures.temperatures if self.textures else ()
-        every = (self.temperature, *(image.values for image in images))
+        every = self.temperature, *(image.values for image in self.images_of_temperature)
         return min(float(values.min()) for values in every), max(float(values.max()) for values in every)
 
     @property

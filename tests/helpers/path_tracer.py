@@ -14,6 +14,9 @@ isothermal enclosure brings exactly the blackbody's radiance.
 Under Fresnel's law the facets that a sample meets reflect by their angle, and the diffuse lobe gets what others, drawn
 anew, let through on the way in and on the way out: so no table of albedos is needed there, either.
 
+A thin sheet lets a path pass straight on, or reflects it, in proportion to what it transmits and reflects. A mixed
+material is one of its two, by chance. Neither is told apart in the kinds of paths.
+
 Along a ray all distances are known at which gas may change: where it crosses a mesh or a plane between cells of a grid.
 Between two of them everything is constant, and what is there is asked in the middle. A path collects what gas emits on
 its way and loses what it absorbs, both exactly; where it is scattered is drawn.
@@ -32,6 +35,7 @@ from scipy.stats import qmc
 
 from tests.helpers.exact_cases import C1, C2, blackbody
 from tests.helpers.traced_gas import Bodies, Gas, build_gas, check_gas
+from tests.helpers.traced_textures import Painted, build_painted, kelvin_at, mixed_at
 
 LOBES = "DGS"  # diffuse, glossy (a rough lobe), specular (a mirror)
 KIND_LENGTH = 4  # lobes that are told apart in a path
@@ -42,17 +46,19 @@ _NODES = 32  # of Planck's law in a band, where the temperature runs over a tria
 _CLEARANCE = 1e-6  # of the scene's size, by which a ray leaves a surface: some 16 roundings of float32
 _ROULETTE_FROM = 4  # bounces that no path is ended before
 _MOST_SURVIVE = 0.98
-_UNIFORMS = 9  # random numbers of a bounce: lobe or medium, direction (2), roulette, free path in gas, facets (4)
+# random numbers of a bounce: lobe or medium, direction (2), roulette, free path in gas, facets (4), sheet, mixture
+_UNIFORMS = 11
 _COATINGS = 200_000  # samples of what gets through a rough lobe, in the mean of all directions
 
 
 class _Tables(NamedTuple):
     """corners (m, 3, 3) m and normal (m, 3) of triangles; material (m,). black (m, b): radiance of a blackbody at their
     temperature less that at T0. kelvin (m, 3), varies (m,) bool: where it is to be taken at the point instead, with
-    wavelength (b, n) um and weight (b, n) of Planck's law, and at_reference (b,). emissivity (k, b), specular (k,),
-    alpha (k,) of materials. fresnel (k,) bool, whether the specular lobe follows Fresnel's law: with face (k, b),
-    complex, the index, and share (k,), a factor on what a face reflects; beneath (k, b), what the body below reflects,
-    over the mean (k, b) of what gets through the lobe. world (b,) excess radiance of the surroundings. clearance: m.
+    wavelength (b, n) um and weight (b, n) of Planck's law, and at_reference (b,). emissivity, transmittance (k, b),
+    specular (k,), alpha (k,) of materials. fresnel (k,) bool, whether the specular lobe follows Fresnel's law: with
+    face (k, b), complex, the index, and share (k,), a factor on what a face reflects; beneath (k, b), what the body
+    below reflects, over the mean (k, b) of what gets through the lobe. world (b,) excess radiance of the surroundings.
+    clearance: m. painted: textures.
     """
 
     corners: np.ndarray
@@ -65,6 +71,7 @@ class _Tables(NamedTuple):
     weight: np.ndarray
     at_reference: np.ndarray
     emissivity: np.ndarray
+    transmittance: np.ndarray
     specular: np.ndarray
     alpha: np.ndarray
     fresnel: np.ndarray
@@ -74,6 +81,7 @@ class _Tables(NamedTuple):
     world: np.ndarray
     clearance: float
     gas: Gas
+    painted: Painted
 
 
 class _Paths(NamedTuple):
@@ -176,6 +184,8 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
 def _check(scene):
     if scene.lights or scene.groups or scene.response is not None:
         raise ValueError("Light objects, groups and responses are not traced")
+    if scene.corner_normals is not None or scene.sky is not None:
+        raise ValueError("Smooth shading and skies are not traced")
     check_gas(scene.media)
     camera = scene.camera
     if camera.kind == "PANORAMA" or camera.lens_radius or camera.window or camera.clip != (0.0, np.inf):
@@ -206,23 +216,25 @@ def _tables(scene, reference, centre):
         wavelength,
         C1 / wavelength**4 * weights * np.diff(log, axis=0) / 2,
         at_reference,
-        np.array([_emissivities(material, edges) for material in materials]),
+        np.array([_in_bands(material.curve, material, edges) for material in materials]),
+        np.array([_in_bands(material.transmitted_curve, material, edges) for material in materials]),
         np.array([material.specular for material in materials], float),
         np.array([material.alpha for material in materials], float),
         *_coatings(materials, edges),
         world,
         _CLEARANCE * np.abs(corners).max(),
         build_gas(scene.media, scene.world_depth, centre, world, lambda k: black_radiance(edges, k) - at_reference),
+        build_painted(scene.textures, len(scene.triangles)),
     )
 
 
-def _emissivities(material, edges):
-    """(b,) of a material, which must be constant within each band."""
-    wavelengths, values = material.curve
+def _in_bands(curve, material, edges):
+    """(b,) values of a curve of a material, which must be constant within each band."""
+    wavelengths, values = curve
     inside = np.linspace(edges[:-1] * (1 + 1e-8), edges[1:] * (1 - 1e-8), 101)
     curve = np.interp(inside, wavelengths, values)
     if np.any(np.ptp(curve, axis=0) > 1e-6):
-        raise ValueError(f"The emissivity of '{material.name}' varies within a band")
+        raise ValueError(f"A property of '{material.name}' varies within a band")
     return curve[0]
 
 
@@ -232,7 +244,8 @@ def _coatings(materials, edges):
     fresnel = np.array([bool(material.fresnel and material.specular) for material in materials])
     face, share, beneath = np.ones((count, bands), complex), np.ones(count), np.zeros((count, bands))
     for i in np.flatnonzero(fresnel):
-        material, normal = materials[i], 1.0 - _emissivities(materials[i], edges)
+        material = materials[i]
+        normal = 1.0 - _in_bands(material.curve, material, edges)
         if material.constants is None:
             root = np.sqrt(material.specular * normal)
             face[i] = (1.0 + root) / (1.0 - root)
@@ -359,28 +372,51 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
         if t < 0:
             _add(throughput, tables.world, pixel, kind, image, tally)
             continue
-        material = tables.material[t]
+        material, (other, share) = tables.material[t], mixed_at(tables.painted, t, u[i], v[i])
+        if uniforms[i, 10] < share:
+            material = other
         _black_at(tables, t, u[i], v[i], black)
+        tau = tables.transmittance[material]
+        through = tau.max() / (tau.max() + (1.0 - tau - tables.emissivity[material]).max() + 1e-300)
+        if uniforms[i, 9] < through:
+            _add(throughput, tables.emissivity[material] * black, pixel, kind, image, tally)
+            throughput *= tau / through
+            survival = 1.0 if paths.bounces[i] < _ROULETTE_FROM else min(_MOST_SURVIVE, throughput.max())
+            if throughput.max() > 0.0 and uniforms[i, 3] < survival:
+                paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, kind, paths.bounces[i]
+                ahead = paths.direction[i].copy()
+                _leave(tables, t, (u[i], v[i]), ahead, paths, kept)
+                paths.throughput[kept] = throughput / survival
+                kept += 1
+            continue
         direction, lobe, weight = _reflect(tables, material, t, paths.direction[i], uniforms[i])
-        factor[:] = (1.0 - tables.emissivity[material]) * weight
+        rho = 1.0 - tau - tables.emissivity[material]
+        factor[:] = rho * weight
         if tables.fresnel[material]:
-            _coat(tables, t, paths.direction[i], (direction, lobe, weight), uniforms[i], factor)
+            _coat(tables, material, t, paths.direction[i], (direction, lobe, weight), uniforms[i], factor)
         # A sample of a rough lobe stands for what the lobe loses, too.
-        _add(throughput, (1.0 - factor) * black, pixel, kind, image, tally)
-        throughput *= factor
+        lost = (rho - factor) / (1.0 - through)
+        _add(throughput, (tables.emissivity[material] + lost) * black, pixel, kind, image, tally)
+        throughput *= factor / (1.0 - through)
         survival = 1.0 if paths.bounces[i] < _ROULETTE_FROM else min(_MOST_SURVIVE, throughput.max())
         if throughput.max() <= 0.0 or uniforms[i, 3] >= survival:
             continue
         paths.pixel[kept] = pixel
         paths.kind[kept] = min(4 * kind + lobe, _CODES - 1) if paths.bounces[i] < KIND_LENGTH else _CODES - 1
         paths.bounces[kept] = paths.bounces[i] + 1
-        a, b, c = tables.corners[t]
-        away = 1.0 if np.dot(direction, tables.normal[t]) > 0.0 else -1.0
-        paths.origin[kept] = a + u[i] * (b - a) + v[i] * (c - a) + away * tables.clearance * tables.normal[t]
-        paths.direction[kept] = direction
+        _leave(tables, t, (u[i], v[i]), direction, paths, kept)
         paths.throughput[kept] = throughput / survival
         kept += 1
     return kept
+
+
+@numba.njit(cache=True, nogil=True)
+def _leave(tables, t, at, direction, paths, kept):
+    """Let path `kept` set out from a point of a triangle in a direction."""
+    (a, b, c), (u, v) = tables.corners[t], at
+    away = 1.0 if np.dot(direction, tables.normal[t]) > 0.0 else -1.0
+    paths.origin[kept] = a + u * (b - a) + v * (c - a) + away * tables.clearance * tables.normal[t]
+    paths.direction[kept] = direction
 
 
 @numba.njit(cache=True, nogil=True)
@@ -520,11 +556,12 @@ def _add(throughput, emitted, pixel, kind, image, tally):
 @numba.njit(cache=True, nogil=True)
 def _black_at(tables, t, u, v, black):
     """Set the excess of a blackbody at a point of a triangle, (b,)."""
-    black[:] = tables.black[t]
-    if not tables.varies[t]:
-        return
-    a, b, c = tables.kelvin[t]
-    kelvin = a + u * (b - a) + v * (c - a)
+    black[:], kelvin = tables.black[t], kelvin_at(tables.painted, t, u, v)
+    if np.isnan(kelvin):
+        if not tables.varies[t]:
+            return
+        a, b, c = tables.kelvin[t]
+        kelvin = a + u * (b - a) + v * (c - a)
     for band in range(black.size):
         black[band] = -tables.at_reference[band]
         for node in range(tables.wavelength.shape[1]):
@@ -553,10 +590,10 @@ def _reflect(tables, material, t, incoming, uniforms):
 
 
 @numba.njit(cache=True, nogil=True)
-def _coat(tables, t, incoming, reflected, uniforms, factor):
+def _coat(tables, material, t, incoming, reflected, uniforms, factor):
     """Set factor (b,) to BRDF times cosine over density of a material that follows Fresnel's law. reflected: what
     _reflect returned."""
-    material, (direction, lobe, weight) = tables.material[t], reflected
+    direction, lobe, weight = reflected
     z = tables.normal[t] if np.dot(tables.normal[t], incoming) < 0.0 else -tables.normal[t]
     specular, alpha, share = tables.specular[material], tables.alpha[material], tables.share[material]
     for band in range(factor.size):

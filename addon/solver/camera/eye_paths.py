@@ -10,16 +10,17 @@ import numpy as np
 from ..geometry.eye import Eye, eye_rays
 from ..geometry.free_space import free_space, unlimited
 from ..geometry.segments import Tracer
-from ..geometry.stage import Stage
+from ..geometry.stage import Stage, has_sheets
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
 from .final_gather import choose_splits, open_finals, share
 from .gathers import asking_photons, locate_gathers, meet, part_near
-from .media import cross_media, join
+from .media import cross_media
 from .onward import follow
-from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, start_paths
+from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, join, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
 from .shadow_rays import Lighting, add_unshadowed
+from .sheets import ENDLESS, pass_sheets
 
 
 class CameraPass(NamedTuple):
@@ -60,13 +61,18 @@ def render_pixels(
     # the pixels, and two rows for each that check what is recalled, see follow
     rows = empty_rows(np.zeros((3 * pixels.size, shared.weights.size), np.float32))
     seen, finals = np.zeros(pixels.size, np.float32), []
-    count, number = len(rays.origin), 0
+    count, number, sheets = len(rays.origin), 0, has_sheets(stage)
     while count and not cancelled():
+        limit = reach.copy() if sheets else reach  # a trace overwrites it
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
+        # what passes a sheet is not parted here, but where it ends
+        whole = rays._replace(pixel=rays.pixel.copy(), density=rays.density.copy()) if sheets else rays
         if estimate.photons and number > 0:
             part_near(bounce, rows)
         scattered = cross_media(tracer, stage, lighting, bounce, rows) if tracer.holds_media else None
+        if sheets:
+            passed, left = pass_sheets(stage, bounce._replace(rays=whole), samples, limit)
         if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)
@@ -77,13 +83,15 @@ def render_pixels(
             rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
         shadows = shadow_rays(stage, lighting, bounce, samples, gathers)
         if len(shadows.reach):
-            add_unshadowed(tracer, shadows, rows.image)
+            add_unshadowed(tracer, stage, shadows, rows.image)
         room = count + int(gathers.rays.sum()) + 2 * np.count_nonzero(gathers.rays) + np.count_nonzero(bounce.goes_on)
-        rays = empty_rays(room, bands)
+        rays = empty_rays(room, bands, sheets)
         count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1
         if scattered is not None:
             rays, count = join(rays, count, scattered)
-        reach = np.full(count, 1e37, np.float32)
+        reach = np.full(count, ENDLESS, np.float32)
+        if sheets:
+            (rays, count), reach = join(rays, count, passed), np.concatenate((reach, left))
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)
     image, goes_on, recalls, *_ = np.split(rows.image, (pixels.size, 2 * pixels.size, 3 * pixels.size))
@@ -93,7 +101,9 @@ def render_pixels(
 def _camera_rays(shared, samples, numbers):
     """The camera rays of some pixels, and their reach, (n,) float32, see eye_rays."""
     count = int(samples.sum())
-    rays, reach = empty_rays(count, shared.stage.radiometry.reference.size), np.empty(count, np.float32)
+    stage = shared.stage
+    rays = empty_rays(count, stage.radiometry.reference.size, has_sheets(stage))
+    reach = np.empty(count, np.float32)
     eye_rays(shared.eye, shared.keys[0], shared.index, samples, numbers, rays.origin, rays.direction, reach)
     start_paths(shared.keys[1], samples, numbers, rays)
     return rays, reach

@@ -12,16 +12,19 @@ from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from ..geometry.eye import build_eye, empty_eye_rays, middle_rays
 from ..geometry.interaction import interact
 from ..geometry.media import radius_of_media
+from ..geometry.see_through import with_holes
 from ..geometry.segments import Hits, RayBatch
 from ..geometry.surfaces import Geometry, build_geometry, build_surfaces
+from ..geometry.textures import mixed_share, row_of, temperature_in_image
 from ..geometry.triangles import scene_radius
-from ..physics.radiometry import Radiometry, build_radiometry, excess
+from ..physics.radiometry import Radiometry, build_radiometry, excess, mean_transmittance
 from ..physics.sensors import band_weights
 from ..physics.spectrum import faintest
 from ..sampling.vectors import put_vector
@@ -63,6 +66,7 @@ def first_hit_images(
     """
     geometry = build_geometry(scene, geometry)
     surfaces, tracer, centre = build_surfaces(scene, geometry)
+    tracer = with_holes(tracer, surfaces, mean_transmittance(scene.materials, scene.band_edges))
     through = Transmittance(scene, tracer, centre) if "transmittance" in names and scene.media else None
     radius = max(scene_radius(surfaces.corners), radius_of_media(scene.media, centre) if through else 0.0)
     pinhole = build_eye(scene.camera, centre, radius)._replace(lens_radius=0.0)
@@ -85,8 +89,9 @@ def first_hit_images(
         met = np.flatnonzero(hits.triangle >= 0)
         rays, hits = RayBatch(origin[met], direction[met]), Hits(*(column[met] for column in hits))
         normal, cosine = np.empty((len(met), 3), np.float32), np.empty(len(met))
-        _meet(surfaces, hits, rays, normal, cosine)
-        seen = _Seen(scene, radiometry, geometry.kept[hits.triangle], hits, normal, cosine)
+        looked_up = _LookedUp(np.empty(len(met)), np.empty(len(met), np.int32), np.empty(len(met)))
+        _meet(surfaces, hits, rays, normal, cosine, looked_up)
+        seen = _Seen(scene, radiometry, geometry.kept[hits.triangle], hits, normal, cosine, looked_up)
         for name in of_surfaces:
             image = images[name]
             values = getattr(seen, name) if name in QUANTITIES else labels[name][seen.row]
@@ -98,14 +103,27 @@ def first_hit_images(
     return {name: image.reshape(shape if image.shape[1] == 1 else (*shape, 3)) for name, image in images.items()}
 
 
+class _LookedUp(NamedTuple):
+    """What textures say where n rays meet triangles. kelvin: (n,) float64, -1 where no image says it. mixed: (n,)
+    int32, material that is mixed in, -1 for none. share: (n,) float64, how much of it."""
+
+    kelvin: np.ndarray
+    mixed: np.ndarray
+    share: np.ndarray
+
+
 @njit(**KERNEL)
-def _meet(surfaces, hits, rays, normal, cosine):
-    """Fill in, for n rays that meet triangles, the shading normal (n, 3) of the side that faces the ray, and the cosine
-    (n,) between that and the ray."""
+def _meet(surfaces, hits, rays, normal, cosine, looked_up):
+    """Fill in, for n rays that meet triangles, the shading normal (n, 3) of the side that faces the ray, the cosine
+    (n,) between that and the ray, and what textures say."""
+    table = surfaces.textures
     for i in range(cosine.size):
         at = interact(surfaces, hits, i, rays.direction)
         put_vector(at.shading_normal, normal, i)
-        cosine[i] = at.cosine
+        row, cosine[i] = row_of(table, at.triangle), at.cosine
+        looked_up.kelvin[i] = temperature_in_image(table, row, at.u, at.v)
+        looked_up.mixed[i] = table.mixed[row] if row >= 0 else -1
+        looked_up.share[i] = mixed_share(table, row, at.u, at.v)
 
 
 @dataclass(frozen=True)
@@ -114,7 +132,7 @@ class _Seen:
     computed from the scene's own arrays in float64.
 
     radiometry: see _radiometry. row: (n,) rows of the triangles in the scene. hits: see Hits. normal: (n, 3)
-    float32. cosine: (n,) float64, between the normal and the ray.
+    float32. cosine: (n,) float64, between the normal and the ray. looked_up: see _LookedUp.
     """
 
     scene: Scene
@@ -123,6 +141,7 @@ class _Seen:
     hits: Hits
     normal: np.ndarray
     cosine: np.ndarray
+    looked_up: _LookedUp
 
     def _interpolate(self, corners: np.ndarray) -> np.ndarray:
         """Interpolate values (n, 3[, d]) at the corners of triangles to the hits: (n[, d]) float64."""
@@ -131,8 +150,8 @@ class _Seen:
 
     @cached_property
     def surface_temperature(self) -> np.ndarray:
-        kelvin = self.scene.temperature[self.row]
-        return kelvin if kelvin.ndim == 1 else self._interpolate(kelvin)
+        kelvin, in_image = self.scene.temperature[self.row], self.looked_up.kelvin
+        return np.where(in_image >= 0.0, in_image, kelvin if kelvin.ndim == 1 else self._interpolate(kelvin))
 
     @cached_property
     def position(self) -> np.ndarray:
@@ -150,9 +169,13 @@ class _Seen:
     def emissivity(self) -> np.ndarray:
         kelvin = np.maximum(self.surface_temperature, faintest(float(self.scene.band_edges[0])))
         weights = band_weights(self.scene.response, self.scene.band_edges)
-        values = np.empty(len(kelvin))
-        _emissivities(self.radiometry, weights, self.scene.material[self.row], kelvin, self.cosine, values)
-        return values
+        own, (_, mixed, share) = np.empty(len(kelvin)), self.looked_up
+        _emissivities(self.radiometry, weights, self.scene.material[self.row], kelvin, self.cosine, own)
+        if not share.any():
+            return own
+        other = np.empty(len(kelvin))
+        _emissivities(self.radiometry, weights, np.where(share > 0.0, mixed, 0), kelvin, self.cosine, other)
+        return own + share * (other - own)
 
 
 def _radiometry(scene: Scene) -> Radiometry:
@@ -161,7 +184,7 @@ def _radiometry(scene: Scene) -> Radiometry:
     Surfaces colder than `faintest` emit next to nothing in any band: they are taken to be as warm as that.
     """
     cold = faintest(float(scene.band_edges[0]))
-    low, high = (max(float(kelvin), cold) for kelvin in (scene.temperature.min(), scene.temperature.max()))
+    low, high = (max(kelvin, cold) for kelvin in scene.temperature_range)
     return build_radiometry((*scene.materials, Material(emissivity=1.0)), scene.band_edges, (low, high), high, 0.0)
 
 

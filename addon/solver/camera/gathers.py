@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import interact
-from ..geometry.stage import emission_at, layer_at, lobes_at, nothing_emitted, reflectance_at, stored_at
+from ..geometry.stage import asked_at, emission_at, layer_at, lobes_at, nothing_emitted, reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..physics.lobes import follows_fresnel
 from ..physics.radiometry import NONE
@@ -82,6 +82,8 @@ def part_near(bounce, rows):
         if hits.triangle[i] < 0 or not rays.final[i] or rays.continued[i]:
             continue
         row, distance = rays.pixel[i], max(hits.distance[i], np.float32(1e-15))
+        if rays.passed.size:
+            distance += rays.passed[i]
         rows.closeness[row] += 1.0 / distance
         if 0.0 <= rays.density[i] < ALONE:  # negative after a medium has scattered the ray
             shared = shared_part(float(rows.near[row]), float(distance))
@@ -132,7 +134,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
             radiance, first = emission_at(stage, at, emitted), bands * layer_at(stage, at)
             for b in range(bands):
                 rows.image[pixel, first + b] += throughput[b] * (share * radiance[b])
-        if stored_at(stage, at) == NONE:
+        if asked_at(stage, at) == NONE:
             continue
         asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
         if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky or shares_by_lobe(lobes_at(stage, at), True)):

@@ -52,11 +52,12 @@ def cross_media(tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce
     if not tracer.scatters:
         _cross(air, bounce, rows.image)
         return None
-    scattered, shadows = empty_rays(count, bands), empty_shadows(count if len(lighting.points.entry) else 0, bands)
+    scattered = empty_rays(count, bands, len(bounce.rays.passed) > 0)
+    shadows = empty_shadows(count if len(lighting.points.entry) else 0, bands)
     room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
     found, sent = _scatter(air, stage, lighting, bounce, rows.image, (scattered, shadows), room)
     if sent:
-        add_unshadowed(tracer, Shadows(*(column[:sent] for column in shadows)), rows.image)
+        add_unshadowed(tracer, stage, Shadows(*(column[:sent] for column in shadows)), rows.image)
     return Rays(*(column[:found] for column in scattered))
 
 
@@ -127,9 +128,3 @@ def _brought_to_vertex(lighting, vertex, i):
     scattered = mean_phase(vertex.anisotropy, vertex.rays.throughput[vertex.i], cosine)
     share = balance(competing(points, i, way, distance), SINGLE_RAY * scattered) if points.density[i] > 0.0 else 1.0
     return received * points.strength[i] * scattered * share
-
-
-def join(onward: Rays, count: int, scattered: Rays) -> tuple[Rays, int]:
-    """The first `count` rays of onward, and behind them those that were scattered; and how many there are."""
-    rays = (np.concatenate((column[:count], more)) for column, more in zip(onward, scattered, strict=True))
-    return Rays(*rays), count + len(scattered.pixel)

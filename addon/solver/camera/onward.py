@@ -26,7 +26,7 @@ from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
 _DOUBTED = 256.0  # rays of final gathers of which about one is sent twice more, to check what rays recall
-_WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
+WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
 
 
 def follow(stage, together, bounce, samples, gathers, onward) -> int:
@@ -50,7 +50,7 @@ def _follow(stage, together, bounce, samples, gathers, onward, groups):
             if rays.final[i]:
                 full, alike = _largest(rays.throughput[i]), SINGLE_RAY
             else:
-                full, alike = _WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
+                full, alike = WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
             sent += _reflect_specularly(stage, at, bounce, i, (full, alike), (onward, room), sent)
         if bounce.goes_on[i] > 0.0:
             _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, (onward, room), sent)

@@ -44,6 +44,8 @@ class Rays(NamedTuple):
     where photons find the light of the lamps that throw caustics. After media have scattered it, until it is reflected
     diffusely, photons are no part of a caustic: negative where shadow rays could find what it meets, else ASTRAY.
     doubts: (n,) bool, whether the ray goes on from its end though the cache resolves the light there, see onward.doubt.
+    passed: (n,) float32, length of the way, in units of the direction's length, that the ray had come before it passed
+    the thin sheet at its origin; (0,) in a scene without sheets.
     """
 
     origin: np.ndarray
@@ -55,10 +57,11 @@ class Rays(NamedTuple):
     continued: np.ndarray
     density: np.ndarray
     doubts: np.ndarray
+    passed: np.ndarray
 
 
-def empty_rays(count: int, bands: int) -> Rays:
-    """Room for count rays."""
+def empty_rays(count: int, bands: int, sheets: bool = False) -> Rays:
+    """Room for count rays. sheets: whether the scene has thin sheets."""
     return Rays(
         np.empty((count, 3), np.float32),
         np.empty((count, 3), np.float32),
@@ -69,7 +72,14 @@ def empty_rays(count: int, bands: int) -> Rays:
         np.empty(count, np.bool_),
         np.empty(count, np.float32),
         np.zeros(count, np.bool_),
+        np.zeros(count if sheets else 0, np.float32),
     )
+
+
+def join(onward: Rays, count: int, more: Rays) -> tuple[Rays, int]:
+    """The first `count` rays of onward, and behind them more of them; and how many there are."""
+    rays = (np.concatenate((column[:count], added)) for column, added in zip(onward, more, strict=True))
+    return Rays(*rays), count + len(more.pixel)
 
 
 @njit(**KERNEL)

@@ -6,9 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.interaction import LEAST_COSINE, Interaction, emit_at, emit_towards, leave, stand_at
-from ..geometry.segments import transmit
-from ..geometry.stage import enter, fill_emission, layer_at, lobes_at
+from ..geometry.interaction import (
+    LEAST_COSINE,
+    Interaction,
+    emit_at,
+    emit_towards,
+    interact,
+    leave,
+    pass_on,
+    stand_at,
+)
+from ..geometry.segments import Hits, RayBatch, transmit
+from ..geometry.stage import enter, fill_emission, has_sheets, layer_at, lobes_at, shine_through
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, normal
 from ..photons.emission import Surroundings
@@ -379,12 +388,51 @@ def _start(surfaces, receiver, direction, reach, layer, shadows, count):
     shadows.pixel[count], shadows.layer[count] = receiver.pixel, layer
 
 
-def add_unshadowed(tracer, shadows, image) -> None:
-    """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through."""
-    hits = tracer.trace(shadows.origin, shadows.direction, shadows.reach)
+def add_unshadowed(tracer, stage, shadows, image) -> None:
+    """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through
+    thin sheets and media."""
+    sheets = has_sheets(stage)
+    reach = shadows.reach.copy() if sheets else shadows.reach
+    hits = tracer.trace(shadows.origin, shadows.direction, reach)
+    if sheets:
+        _pass_sheets(tracer, stage, shadows, hits)
     if tracer.holds_media:
         _transmit(tracer.cross(shadows.origin, shadows.direction, hits.distance), shadows.radiance)
     _add_unshadowed(hits, shadows, image)
+
+
+def _pass_sheets(tracer, stage, shadows, hits) -> None:
+    """Let the shadow rays that met these hits go on through thin sheets, as far as they reach; hits then tell where
+    they end."""
+    ray = np.flatnonzero(hits.triangle >= 0)
+    onward, met = RayBatch(shadows.origin[ray], shadows.direction[ray]), Hits(*(column[ray] for column in hits))
+    while len(ray):
+        left = _pass_on(stage, met, onward, ray, shadows.radiance)
+        ray, way = ray[:left], met.distance[:left]
+        onward = RayBatch(*(column[:left] for column in onward))
+        met = tracer.trace(*onward, np.maximum(shadows.reach[ray] - way, np.float32(0.0)))
+        met.distance[:] += way
+        for column, found in zip(hits, met, strict=True):
+            column[ray] = found
+        stopped = met.triangle >= 0
+        ray, onward = ray[stopped], RayBatch(*(column[stopped] for column in onward))
+        met = Hits(*(column[stopped] for column in met))
+
+
+@njit(**KERNEL)
+def _pass_on(stage, hits, rays, ray, radiance):
+    """Lower what shadow rays bring by what the sheets that n rays meet take, and send those that pass on behind them,
+    as the first rays; returns how many these are. ray: (n,) int64, which shadow rays these are; it and the distance
+    are moved alike."""
+    kept = np.int64(0)
+    for i in range(hits.triangle.size):
+        at, way = interact(stage.surfaces, hits, i, rays.direction), vector(rays.direction, i)
+        if shine_through(stage, at, radiance[ray[i]]):
+            pass_on(stage.surfaces, at, rays, kept)
+            put_vector(way, rays.direction, kept)  # of its own length, as that is the unit of distances
+            ray[kept], hits.distance[kept] = ray[i], hits.distance[i]
+            kept += 1
+    return kept
 
 
 @njit(**KERNEL)
@@ -442,7 +490,7 @@ def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray
         room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
         sent = _send_from_points(stage, lighting, points, (key, first), np.ones(bands, np.float32), shadows, room)
         shadows = Shadows(*(column[:sent] for column in shadows))
-        add_unshadowed(tracer, shadows, value)
+        add_unshadowed(tracer, stage, shadows, value)
     return value
 
 

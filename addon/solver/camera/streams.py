@@ -9,4 +9,5 @@ DIMENSIONS = 4
 LOBE, SURVIVAL, GROUPING = 0, 2, 3  # first among the numbers of a bounce: two numbers, one, one
 RECALLING, GATHERING, FEELING, LAMPS, SPLITTING, CONTINUING, PARTING, DOUBTING = (1 << k for k in range(17, 25))
 WALKING, WALK_NUMBERS = 1 << 25, 16  # in media, first number and how many for each bounce
+PASSING = 1 << 16  # through a thin sheet
 LAMP_NUMBERS = 16  # numbers from LAMPS on, for each bounce

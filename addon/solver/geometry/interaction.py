@@ -10,7 +10,7 @@ import numpy as np
 
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
-from .surfaces import clear_of, facing_side, shading_normal, unit_normal
+from .surfaces import clear_of, facing_side, material_at, shading_normal, unit_normal
 from .triangles import barycentric, point
 
 LEAST_COSINE = 1e-6  # least cosine of an Interaction, so that nothing is divided by 0 at grazing rays
@@ -59,7 +59,7 @@ def interact_at(surfaces, triangle, u, v, direction, length):
     n = unit_normal(surfaces, side_id)
     geometric_cosine = max(LEAST_COSINE, -dot(incoming, n))
     ns, lean, cosine = _shaded(surfaces, side_id, (u, v), scaled(incoming, -1.0), n, geometric_cosine)
-    at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
+    at, material = point(surfaces.corners, triangle, u, v), material_at(surfaces, triangle, u, v)
     return Interaction(
         triangle, side_id, at, n, ns, lean, material, u, v, incoming, cosine, geometric_cosine, length * norm
     )
@@ -80,7 +80,7 @@ def emit_at(surfaces, side_id, u, v, cosine):
     """The Interaction at (u, v) of a side that emits in any direction with this cosine, where it does not matter which
     one it is. There is no ray that arrives, so incoming is the reversed normal and distance is 0."""
     n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
-    at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
+    at, material = point(surfaces.corners, triangle, u, v), material_at(surfaces, triangle, u, v)
     return Interaction(triangle, np.int32(side_id), at, n, n, 1.0, material, u, v, scaled(n, -1.0), cosine, cosine, 0.0)
 
 
@@ -89,7 +89,7 @@ def emit_towards(surfaces, side_id, u, v, direction, cosine):
     """The Interaction at (u, v) of a side that emits in a unit direction, with this cosine; see emit_at."""
     n, triangle = unit_normal(surfaces, side_id), np.int64(side_id >> 1)
     ns, lean, shaded = _shaded(surfaces, side_id, (u, v), direction, n, cosine)
-    at, material = point(surfaces.corners, triangle, u, v), np.int32(surfaces.material[triangle])
+    at, material = point(surfaces.corners, triangle, u, v), material_at(surfaces, triangle, u, v)
     incoming = scaled(direction, -1.0)
     return Interaction(triangle, np.int32(side_id), at, n, ns, lean, material, u, v, incoming, shaded, cosine, 0.0)
 
@@ -99,10 +99,10 @@ def stand_at(surfaces, side_id, point):
     """The Interaction at a point of a side, seen from straight above: for light that arrives there, whichever way it
     goes on. distance is 0."""
     n, triangle, u, v = unit_normal(surfaces, side_id), np.int64(side_id >> 1), 0.0, 0.0
-    if surfaces.smooth.size > 0:
+    if surfaces.smooth.size > 0 or surfaces.textures.row.size > 0:
         u, v = barycentric(surfaces.corners, triangle, point)
     ns, lean, cosine = _shaded(surfaces, side_id, (u, v), n, n, 1.0)
-    material = np.int32(surfaces.material[triangle])
+    material = material_at(surfaces, triangle, u, v)
     return Interaction(
         triangle, np.int32(side_id), point, n, ns, lean, material, u, v, scaled(n, -1.0), cosine, 1.0, 0.0
     )
@@ -114,3 +114,9 @@ def leave(surfaces, side_id, point, direction, rays, i):
     origin and direction (n, 3) float32."""
     put_vector(clear_of(surfaces, side_id, point), rays.origin, i)
     put_vector(direction, rays.direction, i)
+
+
+@njit(inline="always")
+def pass_on(surfaces, at, rays, i):
+    """Let the ray of an Interaction go straight on through the surface, as ray i; see leave."""
+    leave(surfaces, at.side_id ^ 1, at.point, at.incoming, rays, i)

@@ -9,6 +9,7 @@ the first crossing is an exit, it has been inside from its start on.
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from ..scene import Medium, SceneError
 from ..system.kernels import KERNEL, njit
 from .closed import leak_place, outward
 from .grids import cross_boxes, empty_march, fill_cells, place_grids
-from .segments import Air, RayBatch, Tracer, empty_bands
+from .segments import Air, Hits, RayBatch, Tracer, empty_bands
 from .triangles import CLEAR
 
 # A ray that runs within a face would meet it again after every step over it. So steps grow, by 2 in so many crossings:
@@ -90,13 +91,25 @@ class Atmosphere(Tracer):
     def __init__(self, surfaces: Tracer, media: tuple[Medium, ...], centre: np.ndarray, depth: float):
         """surfaces: tracer of the scene. centre: (3,) m, subtracted from world coordinates. depth: m, length in a
         medium without a mesh, the world's, of rays that leave the scene."""
-        self._scene = surfaces._scene
+        self._surfaces = surfaces
         self._bodies = [None if medium.triangles is None else _Body(medium, centre) for medium in media]
         self._media, self._grids = media, place_grids(media, centre)
         self._depth = depth
         self._everywhere = np.array([body is None for body in self._bodies]) & (self._grids.number < 0)
         self._optics = self.before_scene = None
         self.scatters = any(medium.scatters for medium in media)
+
+    def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
+        return self._surfaces.trace(origin, direction, reach)
+
+    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
+        return self._surfaces.trace_uncut(origin, direction)
+
+    def between(self, surfaces: Tracer) -> Atmosphere:
+        """The same media between surfaces that another tracer finds."""
+        other = copy.copy(self)
+        other._surfaces = surfaces
+        return other
 
     def fill(self, table: MediumTable, heat: HeatTable | None = None) -> None:
         """Say what the media absorb, emit and scatter; before_scene is then the optical depth (b,) that the world's has

@@ -75,6 +75,10 @@ class Tracer:
         hits = self._scene.run(origin, direction, reach, output=True)
         return Hits(hits["primID"], hits["u"], hits["v"], hits["tfar"])
 
+    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
+        """The first Hits also where a surface has a hole, see see_through."""
+        return self.trace(origin, direction)
+
     def visible(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""
         return self.trace(origin, direction, reach).triangle < 0

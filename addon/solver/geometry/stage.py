@@ -15,7 +15,8 @@ from ..physics.fresnel import BELOW, ENTERING, FACET, TOTAL, fill_reflectance, m
 from ..physics.lobes import facet_cosine, is_angular, lobes_of
 from ..physics.radiometry import Radiometry, excess
 from ..system.kernels import FAST_INLINED, INLINED, njit
-from .surfaces import Surfaces, layer_of
+from .surfaces import Surfaces, layer_of, material_at
+from .textures import mixed_share, row_of, temperature_in_image
 
 
 class Stage(NamedTuple):
@@ -23,6 +24,11 @@ class Stage(NamedTuple):
 
     surfaces: Surfaces
     radiometry: Radiometry
+
+
+def has_sheets(stage: Stage) -> bool:
+    """Whether light passes straight through any surface."""
+    return bool(stage.radiometry.transmittance.any())
 
 
 # What a surface reflects is a row of the table of materials, and nothing is computed, unless it follows Fresnel's law.
@@ -79,6 +85,32 @@ def enter(stage, at, cosine, value):
 
 
 @njit(inline="always")
+def transmittance_at(stage, at):
+    """(b,) float32 transmittance in each band of the thin sheet at an Interaction, at every angle."""
+    return stage.radiometry.transmittance[at.material]
+
+
+@njit(**FAST_INLINED)
+def shine_through(stage, at, value):
+    """Multiply value (b,) by the transmittance at an Interaction; returns whether anything is left."""
+    tau, left = stage.radiometry.transmittance, False
+    for b in range(value.size):
+        value[b] *= tau[at.material, b]
+        left |= value[b] != 0.0
+    return left
+
+
+@njit(**INLINED)
+def mixed_at(stage, at):
+    """Of a mixed material at an Interaction: the material that is mixed in, and its share; else its own, and 0."""
+    table = stage.surfaces.textures
+    row = row_of(table, at.triangle)
+    if row < 0 or table.mixed[row] < 0:
+        return stage.surfaces.material[at.triangle], 0.0
+    return table.mixed[row], mixed_share(table, row, at.u, at.v)
+
+
+@njit(inline="always")
 def lobes_at(stage, at):
     """The Lobes at an Interaction, see physics.lobes."""
     return lobes_of(stage.radiometry.lobes, at.material)
@@ -87,19 +119,33 @@ def lobes_at(stage, at):
 @njit(inline="always")
 def lobes_met(stage, hits, i):
     """The Lobes where ray i met a triangle, for those who only then need the Interaction, which takes longer."""
-    return lobes_of(stage.radiometry.lobes, stage.surfaces.material[hits.triangle[i]])
+    return lobes_of(
+        stage.radiometry.lobes, material_at(stage.surfaces, np.int64(hits.triangle[i]), hits.u[i], hits.v[i])
+    )
 
 
-@njit(inline="always")
+@njit(**INLINED)
 def stored_at(stage, at):
-    """Which photons are stored at an Interaction: NONE, ALL or STRAIGHT, see radiometry.stored_photons."""
+    """Which photons are stored at an Interaction: NONE, STRAIGHT or ALL, see radiometry.stored_photons. Of a mixed
+    material both grains store what either does: photons are counted on areas that hold both."""
+    stores, own = stage.radiometry.stores, stage.surfaces.material[at.triangle]
+    return max(stores[own], stores[mixed_at(stage, at)[0]])
+
+
+@njit(**INLINED)
+def asked_at(stage, at):
+    """Which stored photons what is reflected at an Interaction asks for, see stored_at."""
     return stage.radiometry.stores[at.material]
 
 
 @njit(**INLINED)
 def temperature_at(stage, at):
-    """Temperature at an Interaction, K, linear between the triangle's corners."""
-    temperature, t = stage.surfaces.temperature, at.triangle
+    """Temperature at an Interaction, K, by the triangle's image, else linear between its corners."""
+    temperature, t, textures = stage.surfaces.temperature, at.triangle, stage.surfaces.textures
+    if textures.row.size:
+        kelvin = temperature_in_image(textures, row_of(textures, t), at.u, at.v)
+        if kelvin >= 0.0:
+            return kelvin
     if temperature.shape[1] == 1:
         return float(temperature[t, 0])
     return (1.0 - at.u - at.v) * temperature[t, 0] + at.u * temperature[t, 1] + at.v * temperature[t, 2]
@@ -114,7 +160,7 @@ def layer_at(stage, at):
 @njit(**FAST_INLINED)
 def fill_emission(stage, at, out):
     """Fill out (b,) float64 with the radiance emitted at an Interaction against the incoming direction, in excess of
-    the radiance at T0, W m-2 sr-1."""
+    the radiance at T0, W m-2 sr-1: of a mixed material that of the grain there."""
     excess(stage.radiometry, at.material, temperature_at(stage, at), at.cosine, out)
 
 
@@ -152,7 +198,8 @@ def nothing_emitted(bands: int, dtype: type = np.float32) -> Emitted:
 @njit(inline="always")
 def emission_at(stage, at, emitted):
     """(b,) radiance emitted at an Interaction against the incoming direction, in excess of the radiance at T0, W m-2
-    sr-1: a row of the cache, valid until the next call."""
+    sr-1: a row of the cache, valid until the next call. Of a mixed material it is the mean over its grains, so that
+    these bring no noise to what is seen."""
     return emitted.radiance[_emit_into_slot(stage, at, emitted)]
 
 
@@ -160,11 +207,16 @@ def emission_at(stage, at, emitted):
 def _emit_into_slot(stage, at, emitted):
     """Fill a slot of the cache with the emission at an Interaction, if it is not there yet; returns the slot."""
     kelvin, angular = temperature_at(stage, at), is_angular(lobes_at(stage, at))
-    slot = (at.material + int(_PER_KELVIN * kelvin)) % _SLOTS
-    if angular or at.material != emitted.material[slot] or kelvin != emitted.kelvin[slot]:
-        excess(stage.radiometry, at.material, kelvin, at.cosine, emitted.room)
-        # where emission depends on the cosine, too, the slot is not reused
-        emitted.material[slot], emitted.kelvin[slot] = -1 if angular else at.material, kelvin
+    (other, share), own = mixed_at(stage, at), stage.surfaces.material[at.triangle]
+    slot = (own + int(_PER_KELVIN * kelvin)) % _SLOTS
+    if angular or share > 0.0 or own != emitted.material[slot] or kelvin != emitted.kelvin[slot]:
+        excess(stage.radiometry, own, kelvin, at.cosine, emitted.room)
+        # where emission depends on more than material and temperature the slot is not reused
+        emitted.material[slot], emitted.kelvin[slot] = -1 if angular or share > 0.0 else own, kelvin
         for b in range(emitted.room.size):
             emitted.radiance[slot, b] = emitted.room[b]
+        if share > 0.0:
+            excess(stage.radiometry, other, kelvin, at.cosine, emitted.room)
+            for b in range(emitted.room.size):
+                emitted.radiance[slot, b] += share * (emitted.room[b] - emitted.radiance[slot, b])
     return slot

@@ -9,11 +9,13 @@ import numpy as np
 
 from ..physics.radiometry import stored_photons
 from ..sampling.vectors import dot, scaled
+from ..sampling.warps import triangle_point
 from ..scene import Scene, SceneError
 from ..system.kernels import INLINED, KERNEL, njit
 from .mesh import distinct, find_neighbours, first_at_point, label_sheets
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order
 from .segments import Tracer
+from .textures import MATERIAL, TextureTable, build_textures, grain, mixed_share, row_of, temperature_in_image
 from .triangles import areas, centroid, centroids, longest_edge, normal, planes, point
 
 log = logging.getLogger(__name__)
@@ -22,13 +24,15 @@ _FLAT = 1.0 - 1e-6  # cosine from which on a normal is the triangle's own: 0.08 
 # Least cosine between normal and shading normal. Where normals lean more, as custom ones may, they tell nothing of the
 # surface: it is shaded flat.
 LEAST_LEAN = 0.1
+_TYPICAL = 8  # points along each axis of the unit square that tell a triangle's mean temperature
 LONGEST = 9  # row of a leaf of triangles that holds the length of the longest edge
 
 
 class Surfaces(NamedTuple):
     """Geometry in solver coordinates (world minus `centre`).
 
-    corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K.
+    corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K; the mean where an
+        image of the textures says it.
     neighbours: (m, 3) int32, 2 t + flip, t the triangle across the edge from corner i to i + 1, -1 for none; flip is 1
         where the two triangles wind differently.
     sheet: (m, 2) int32, label of the sheet to which each side belongs: connected surface without creases. Labels count
@@ -37,6 +41,7 @@ class Surfaces(NamedTuple):
     layer: (m,) uint8, the layer of the image to which emission adds (see layers); (0,) if there is but one layer.
     smooth: (m,) int32, row of corner_normal (s, 3, 3) float32, unit normals at the corners of the front of triangles
         that are shaded smooth; -1 for flat ones; (0,) if all are flat.
+    textures: what varies over triangles besides `temperature`, see TextureTable.
     mesh: tree over the triangles; the leaves hold centroid, normal, area, the sheets of both sides and the length of
         the longest edge. leaf_triangle: (m,) int32, the triangle in each slot of the leaves.
 
@@ -54,6 +59,7 @@ class Surfaces(NamedTuple):
     layer: np.ndarray
     smooth: np.ndarray
     corner_normal: np.ndarray
+    textures: TextureTable
 
 
 class Geometry(NamedTuple):
@@ -89,7 +95,7 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     photons can lie.
     Raises SceneError if no triangle has an area.
     """
-    stores = stored_photons(scene.materials, scene.band_edges)[scene.material]
+    stores = _stores(scene)
     mine = scene.vertices, scene.triangles, stores
     if earlier and all(np.array_equal(old, new) for old, new in zip(earlier[:3], mine, strict=True)):
         return earlier
@@ -130,6 +136,18 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     )
 
 
+def _stores(scene: Scene) -> np.ndarray:
+    """(triangles,) uint8, which photons each triangle of a scene stores: of a mixed one those that either material
+    does."""
+    of_material = stored_photons(scene.materials, scene.band_edges)
+    stores = of_material[scene.material]
+    if scene.textures is not None:
+        mixed = scene.textures.mixed >= 0
+        triangle = scene.textures.triangle[mixed]
+        stores[triangle] = np.maximum(stores[triangle], of_material[scene.textures.mixed[mixed]])
+    return stores
+
+
 def _middle(vertices, triangles):
     """The middle (3,) float64, m, of the box around all vertices that are corners of triangles."""
     used = np.zeros(len(vertices), np.bool_)
@@ -160,7 +178,10 @@ def build_surfaces(
         plane=geometry.plane,
         layer=np.empty(0, np.uint8) if layer is None else np.ascontiguousarray(layer[kept], np.uint8),
         **_smooth(scene, geometry),
+        textures=build_textures(scene.textures, kept, len(scene.triangles)),
     )
+    if scene.images_of_temperature:
+        _fill_typical(surfaces.textures, surfaces.temperature)
     return surfaces, geometry.tracer, geometry.centre
 
 
@@ -180,6 +201,22 @@ def _smooth(scene: Scene, geometry: Geometry) -> dict:
 
 
 @njit(**KERNEL)
+def _fill_typical(table, temperature):
+    """Where an image says the temperature all over a triangle, let the triangle's own be the mean over some points of
+    it: for all that is planned before the first pass."""
+    for t in range(temperature.shape[0]):
+        total = 0.0
+        for i in range(_TYPICAL * _TYPICAL):
+            u, v = triangle_point((i // _TYPICAL + 0.5) / _TYPICAL, (i % _TYPICAL + 0.5) / _TYPICAL)
+            kelvin = temperature_in_image(table, row_of(table, t), u, v)
+            if kelvin < 0.0:
+                break
+            total += kelvin / (_TYPICAL * _TYPICAL)
+        else:
+            temperature[t, :] = np.float32(total)
+
+
+@njit(**KERNEL)
 def _fill_leaves(corners, sheet, leaf_triangle, leaves):
     """Put the triangles into the leaves of their tree."""
     for i in range(leaf_triangle.size):
@@ -192,6 +229,12 @@ def _fill_leaves(corners, sheet, leaf_triangle, leaves):
         # here
         leaves[leaf, 7, slot], leaves[leaf, 8, slot] = sheet[t, 0], sheet[t, 1]
         leaves[leaf, LONGEST, slot] = longest_edge(corners, t)
+
+
+def used_materials(surfaces: Surfaces) -> np.ndarray:
+    """(n,) ascending indices of the materials that surfaces have, also in part."""
+    mixed = surfaces.textures.mixed
+    return np.union1d(surfaces.material, mixed[mixed >= 0])
 
 
 def sheet_count(surfaces: Surfaces) -> int:
@@ -218,6 +261,16 @@ def shading_normal(surfaces, side_id, u, v):
     if not sign * dot(between, n) >= LEAST_LEAN * length or length == 0.0:
         return n
     return scaled(between, sign / length)
+
+
+@njit(**INLINED)
+def material_at(surfaces, t, u, v):
+    """Index of the material at (u, v) of triangle t: of a mixed one, that of the grain there, see textures."""
+    own, table = surfaces.material[t], surfaces.textures
+    row = row_of(table, t)
+    if row < 0 or table.mixed[row] < 0:
+        return own
+    return table.mixed[row] if grain(t, u, v, MATERIAL) < mixed_share(table, row, u, v) else own
 
 
 @njit(inline="always")

@@ -10,13 +10,15 @@ from ..geometry.interaction import LEAST_COSINE, emit_at, emit_towards, leave
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..geometry.surfaces import unit_normal
+from ..geometry.textures import row_of
 from ..physics.sky import build_sky_table, mean_excess, radiance_from
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
-from ..sampling.warps import cosine_direction, to_world, triangle_point
+from ..sampling.warps import cosine_direction, to_world
 from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
+from .cells import EmissionCells, build_cells, choose_point, no_cells
 from .lights import SUN, LightTable, light_ray, light_totals, no_lights
 from .walk import collect
 from .wave import CAUSTIC, FORWARDS, FROM_SUN, STRAIGHT_FROM_LIGHT, empty_wave
@@ -79,7 +81,8 @@ class Emitters(NamedTuple):
         photons find the caustics of such a side. aimed: (n,) float32, m-2, points on it that compete for a shadow ray.
     sky: (m,) int32, side_ids of the sides on which photons from the surroundings arrive: entries n..n+m-1.
     area: (t,) float64, of the triangles, m2.
-    surroundings: see Surroundings. lights: see LightTable; entries from n + m on. Lights add to the first layer.
+    cells: where photons start on sides that vary by textures. surroundings: see Surroundings. lights: see LightTable;
+        entries from n + m on. Lights add to the first layer.
     """
 
     cumulative: np.ndarray
@@ -88,13 +91,24 @@ class Emitters(NamedTuple):
     aimed: np.ndarray
     sky: np.ndarray
     area: np.ndarray
+    cells: EmissionCells
     surroundings: Surroundings
     lights: LightTable
 
 
+def side_power(stage: Stage, area: np.ndarray) -> tuple[np.ndarray, EmissionCells]:
+    """(t,) float64 |excess| power of one side of each triangle, over all bands, W, and the cells of those over which it
+    varies by textures. Of others it is the mean over corners and centre."""
+    power, (cells, radiance) = _side_power(stage, area), build_cells(stage)
+    if len(radiance):
+        row = stage.surfaces.textures.row
+        varies = np.flatnonzero((row >= 0) & (cells.edge[row] > 0))
+        power[varies] = math.pi * area[varies] * radiance[row[varies]]
+    return power, cells
+
+
 @njit(cache=True, nogil=True)
-def side_power(stage, area):
-    """(t,) float64 |excess| power of one side of each triangle, over all bands, W: the mean over corners and centre."""
+def _side_power(stage, area):
     power = np.empty(area.size)
     value = np.empty(stage.radiometry.reference.size)
     samples = 4 if stage.surfaces.temperature.shape[1] == 3 else 1
@@ -140,10 +154,11 @@ def fill_surroundings(
     afar = surroundings._replace(
         sent=np.ones_like(surroundings.radiance), flux=1.0, open=np.zeros_like(surroundings.open)
     )
-    emitters = build_emitters(stage, afar, no_lights(lights), reach, area, np.zeros_like(area), lamps)
+    dark = np.zeros_like(area), no_cells(stage)
+    emitters = build_emitters(stage, afar, no_lights(lights), reach, area, dark, lamps)
     wave = empty_wave(_AFAR, len(afar.radiance), False)
     emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
-    collect(tracer, wave, key, surroundings)
+    collect(tracer, stage, wave, key, surroundings)
     power = np.abs(wave.power).sum(axis=1, dtype=np.float64)
     return afar._replace(flux=float(np.sqrt(np.mean(power**2))) * _AFAR / float((area[:, None] * reach.arrival).sum()))
 
@@ -154,13 +169,14 @@ def build_emitters(
     lights: LightTable,
     reach: Reach,
     area: np.ndarray,
-    power: np.ndarray,
+    emission: tuple[np.ndarray, EmissionCells],
     lamps,
 ) -> Emitters:
     """The Emitters.
 
-    area: (t,) float64, m2. power: (t,) float64, W, see side_power. lamps: see planning.lamps.
+    area: (t,) float64, m2. emission: see side_power. lamps: see planning.lamps.
     """
+    power, cells = emission
     sky_area = (area[:, None] * reach.arrival).ravel()
     sky = np.flatnonzero(sky_area > 0).astype(np.int32) if surroundings.flux > 0 else np.empty(0, np.int32)
     sky_power = surroundings.flux * sky_area[sky]
@@ -184,7 +200,7 @@ def build_emitters(
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
     caustic, aimed = lamps.caustic.ravel()[surface], lamps.density.ravel()[surface]
-    return Emitters(cumulative, surface, caustic, aimed, sky, area, surroundings, lights)
+    return Emitters(cumulative, surface, caustic, aimed, sky, area, cells, surroundings, lights)
 
 
 def emit(emitters: Emitters, stage: Stage, batch: Batch, wave) -> None:
@@ -227,11 +243,12 @@ def _emit(emitters, stage, batch, wave, emitted, room):
             _set_power(wave, i, lights.power[light], brightness * share)
         else:
             side_id = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]
-            u, v = triangle_point(s0, s1)
+            row = row_of(stage.surfaces.textures, side_id >> 1) if entry < surface_end else np.int64(-1)
+            u, v, density = choose_point(emitters.cells, row, s0, s1)
             local = cosine_direction(s2, s3)
             direction = to_world(local, unit_normal(stage.surfaces, side_id))
             at = emit_towards(stage.surfaces, side_id, u, v, direction, local[2])
-            scale = math.pi * emitters.area[at.triangle] * share
+            scale = math.pi * emitters.area[at.triangle] * share / density
             if entry < surface_end:
                 layer = layer_at(stage, at)
                 wave.aimed[i] = emitters.aimed[entry] / max(local[2], LEAST_COSINE)

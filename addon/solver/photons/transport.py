@@ -6,16 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.interaction import leave
-from ..geometry.segments import Hits, Tracer
+from ..geometry.interaction import interact, leave, pass_on
+from ..geometry.segments import Hits, RayBatch, Tracer
 from ..geometry.stage import (
     Stage,
     diffuse_reflectance_at,
     enter,
+    has_sheets,
     lobe_reflectance_at,
     lobes_at,
+    mixed_at,
     reflectance_at,
+    shine_through,
     stored_at,
+    transmittance_at,
 )
 from ..physics.lobes import (
     adjoint,
@@ -23,6 +27,7 @@ from ..physics.lobes import (
     evaluate_diffuse,
     follows_fresnel,
     is_glossy,
+    is_sheet,
     is_wide,
     sample_diffuse,
     sample_specular,
@@ -34,7 +39,7 @@ from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
 from .walk import append, collect, fly_photons
-from .wave import CAUSTIC, FORWARDS, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
+from .wave import CAUSTIC, FORWARDS, MIRRORED, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
 
 # Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
 # of the survivors makes up for it.
@@ -73,15 +78,18 @@ def trace_photons(
     on_hits(hits, wave) is called before every bounce with the Hits of the wave's rays.
     """
     bands = stage.radiometry.reference.size
-    wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer), batch.count, 0
+    sheets = has_sheets(stage)
+    wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer, sheets), batch.count, 0
     emit(emitters, stage, batch, wave)
     rooms = np.empty(bands, np.float32), np.empty(bands, np.float32)
     scattered, flying = None, 0
     if tracer.holds_media:
-        collect(tracer, wave, batch.key, emitters.surroundings)
-        scattered = empty_wave(count, bands, optics.keep_layer)
+        collect(tracer, stage, wave, batch.key, emitters.surroundings)
+        scattered = empty_wave(count, bands, optics.keep_layer, sheets)
     while count and not cancelled():
-        hits = tracer.trace(wave.origin[:count], wave.direction[:count])
+        hits = tracer.trace_uncut(wave.origin[:count], wave.direction[:count])
+        if sheets and not tracer.holds_media:
+            _reach_back(tracer, stage, hits, wave)
         if tracer.holds_media:
             hits.triangle[wave.arrival[:count] >= 0] = -1  # they have arrived, whatever their ray met
             flying = fly_photons(tracer, hits, wave, (batch.key, bounce), scattered)
@@ -109,11 +117,16 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             continue
         at = arrive(stage.surfaces, hits, i, wave)
         rho, lobes = reflectance_at(stage, at, rooms[0]), lobes_at(stage, at)
-        share = _reflected_share(optics, wave.power[i], rho)
-        if not share > 0.0:
+        share, through = _reflected_share(optics, wave.power[i], rho), np.float32(0.0)
+        if (
+            is_sheet(lobes) and wave.arrival[i] < 0
+        ):  # what is behind gets light from the surroundings by its own photons
+            through = _reflected_share(optics, wave.power[i], transmittance_at(stage, at))
+        goes_on = share > 0.0 or through > 0.0
+        if not goes_on and mixed_at(stage, at)[1] == 0.0:
             continue
         diffuse = evaluate_diffuse(at, scaled(at.incoming, -1.0))
-        straight, stores = wave.chain[i] == STRAIGHT_FROM_LIGHT and is_glossy(lobes), stored_at(stage, at)
+        straight, stores = wave.chain[i] & STRAIGHT_FROM_LIGHT != 0 and is_glossy(lobes), stored_at(stage, at)
         path = path_key(key, wave.photon[i])
         if stores == ALL:
             kept_share = stored_share(wave, i, at)
@@ -124,8 +137,10 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             _store(optics, at, straight, diffuse, wave, i, stored, kept)
             enter(stage, at, at.cosine, stored.power[kept])
             if optics.keep_caustic:
-                stored.caustic[kept] = bounce > 0 and wave.chain[i] != 0
+                stored.caustic[kept] = wave.chain[i] & MIRRORED != 0
             kept += 1
+        if not goes_on:
+            continue
         choice = uniform(path, _DIMENSIONS * bounce + _ROULETTE)
         s, w = uniform(path, _DIMENSIONS * bounce + _LOBE), uniform(path, _DIMENSIONS * bounce + _LOBE + 1)
         if follows_fresnel(lobes):
@@ -136,6 +151,10 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
         else:
             survival = min(MAX_SURVIVAL, share)
             if choice >= survival:
+                passing = min(1.0 - survival, through)
+                if choice < survival + passing:
+                    _pass(stage, optics, at, passing, wave, i, alive)
+                    alive += 1
                 continue
             scale, is_mirrored = 1.0 / survival, choice < survival * lobes.specular
             if is_mirrored:
@@ -153,8 +172,9 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             # A light's photon is straight as long as it meets mirrors alone, and part of a caustic after rough lobes,
             # too. What a wide lobe reflects straight from its source, shadow rays find there.
             chain = wave.chain[i]
-            if chain != 0 and is_glossy(lobes):
-                chain = 0 if is_wide(lobes) and bounce == 0 else CAUSTIC
+            if chain != 0:
+                wide_first = is_wide(lobes) and chain & MIRRORED == 0
+                chain = 0 if wide_first else MIRRORED | (CAUSTIC if is_glossy(lobes) else chain)
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)
         factor = np.float32(scale)
         for b in range(rho.size):
@@ -163,8 +183,53 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
         wave.chain[alive], wave.arrival[alive] = chain, FORWARDS
         if optics.keep_layer:
             wave.layer[alive] = wave.layer[i]
+        if wave.passed.size:
+            wave.passed[alive] = 0.0
         alive += 1
     return kept, alive
+
+
+@njit(inline="always")
+def _pass(stage, optics, at, passing, wave, i, to):
+    """Let photon i of the wave pass the thin sheet at an Interaction, as photon number `to`, as it does with a chance
+    of `passing`. What it is to what it meets does not change."""
+    tau, factor = transmittance_at(stage, at), np.float32(1.0 / passing)
+    pass_on(stage.surfaces, at, wave, to)
+    for b in range(tau.size):
+        wave.power[to, b] = wave.power[i, b] * tau[b] * factor
+    wave.photon[to], wave.aimed[to], wave.chain[to] = wave.photon[i], wave.aimed[i], wave.chain[i]
+    wave.arrival[to], wave.passed[to] = wave.arrival[i], wave.passed[i] + np.float32(at.distance)
+    if optics.keep_layer:
+        wave.layer[to] = wave.layer[i]
+
+
+def _reach_back(tracer, stage, hits, wave) -> None:
+    """Let photons from the surroundings, whose rays lead back to them, through the thin sheets on their way: lower
+    their power, and mark in hits those that came from the surroundings."""
+    ray = np.flatnonzero((wave.arrival[: len(hits.triangle)] >= 0) & (hits.triangle >= 0))
+    back, met = RayBatch(wave.origin[ray], wave.direction[ray]), Hits(*(column[ray] for column in hits))
+    while len(ray):
+        left = _shine_back(stage, met, back, ray, wave.power)
+        ray, back = ray[:left], RayBatch(*(column[:left] for column in back))
+        met = tracer.trace_uncut(*back)
+        gone = met.triangle < 0
+        hits.triangle[ray[gone]] = -1
+        ray, back = ray[~gone], RayBatch(*(column[~gone] for column in back))
+        met = Hits(*(column[~gone] for column in met))
+
+
+@njit(**FAST_KERNEL)
+def _shine_back(stage, hits, rays, ray, power):
+    """Lower the power of photons by what the surfaces that n rays meet take, and send those rays that pass on behind
+    them, as the first rays; returns how many these are. ray: (n,) int64, which photons they belong to, moved alike."""
+    kept = np.int64(0)
+    for i in range(hits.triangle.size):
+        at = interact(stage.surfaces, hits, i, rays.direction)
+        if shine_through(stage, at, power[ray[i]]):
+            ray[kept] = ray[i]
+            pass_on(stage.surfaces, at, rays, kept)
+            kept += 1
+    return kept
 
 
 @njit(inline="always")

@@ -12,8 +12,11 @@ something.
 
 import numpy as np
 
-from ..geometry.flight import ARRIVED, NUMBERS, walk
-from ..geometry.segments import Hits, Tracer, glow, transmit, ways
+from ..geometry.flight import ARRIVED, LOST, NUMBERS, walk
+from ..geometry.interaction import interact, pass_on
+from ..geometry.segments import Hits, RayBatch, Tracer, glow, transmit, ways
+from ..geometry.stage import Stage, lobes_met, shine_through
+from ..physics.lobes import is_sheet
 from ..physics.sky import radiance_from
 from ..sampling.rng import path_key, path_keys, uniform
 from ..sampling.vectors import vector
@@ -21,6 +24,7 @@ from ..system.kernels import KERNEL, njit
 from .wave import FORWARDS, FROM_SUN, Wave
 
 _WALKING, _COLLECTING = 1 << 20, 1 << 24  # first dimensions of a photon's random numbers in media
+_PASSED = 0  # end of a walk's segment at a thin sheet: like that of one that a medium scatters, it goes on
 _CHOOSING = (1 << 20) - 1  # dimension of the number that chooses what a photon brings
 
 
@@ -32,8 +36,6 @@ def fly_photons(tracer: Tracer, hits: Hits, wave: Wave, keys: tuple[np.uint64, i
     """
     count = len(hits.triangle)
     from_sun = wave.arrival[:count] == FROM_SUN
-    if from_sun.any():
-        wave.power[:count][from_sun] *= np.exp(-tracer.before_scene).astype(np.float32)
     air = tracer.cross(wave.origin[:count], wave.direction[:count], ways(hits), from_sun if from_sun.any() else None)
     if tracer.scatters:
         return _walk(air, wave, keys, scattered)
@@ -77,23 +79,25 @@ def append(wave: Wave, count: int, more: Wave, extra: int) -> int:
     return count + extra
 
 
-def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings) -> None:
-    """Give the photons of a new wave that arrive from afar the power that they bring: what they have times the excess
-    radiance that reaches their origin. surroundings: see emission.Surroundings.
+def collect(tracer: Tracer, stage: Stage, wave: Wave, key: np.uint64, surroundings) -> None:
+    """Give the photons of a new wave that arrive from afar the power that they bring: those of suns what the depth of
+    the world's air leaves, the others what they have times the excess radiance that reaches their origin, also through
+    thin sheets. surroundings: see emission.Surroundings.
 
     With layers the photon brings either the surroundings' light, or that of the media, which is in the first layer.
     """
+    wave.power[wave.arrival == FROM_SUN] *= np.exp(-tracer.before_scene).astype(np.float32)
     photon = np.flatnonzero(wave.arrival >= 0)
-    rays, count, segment = (wave.origin[photon], wave.direction[photon]), len(photon), 0
+    rays, count, segment = RayBatch(wave.origin[photon], wave.direction[photon]), len(photon), 0
     weight, room = np.ones((count, len(surroundings.radiance)), np.float32), np.empty(len(surroundings.radiance))
     brought, index = np.zeros_like(weight), np.arange(count)
     sky = np.zeros_like(brought) if wave.layer.size else brought
     path = path_keys(key, wave.photon[photon])
     while count:
-        hits = tracer.trace(*(column[:count] for column in rays))
+        hits = tracer.trace_uncut(*(column[:count] for column in rays))
         air = tracer.cross(*(column[:count] for column in rays), ways(hits))
-        first = _COLLECTING + NUMBERS * segment
-        count = _collect(air, hits.triangle, rays, (index, path, first), (weight, brought, sky), (surroundings, room))
+        first, light = _COLLECTING + NUMBERS * segment, (weight, brought, sky)
+        count = _collect(air, stage, hits, rays, (index, path, first), light, (surroundings, room))
         segment += 1
     if wave.layer.size:
         _choose(path, photon, brought, sky, wave.layer)
@@ -101,18 +105,24 @@ def collect(tracer: Tracer, wave: Wave, key: np.uint64, surroundings) -> None:
 
 
 @njit(**KERNEL)
-def _collect(air, triangle, rays, numbers, light, surroundings):
-    """Let walks cross a segment more; those that are scattered move to the front of all arrays; returns how many."""
+def _collect(air, stage, hits, rays, numbers, light, surroundings):
+    """Let walks cross a segment more; those that are scattered, or pass a thin sheet, move to the front of all arrays;
+    returns how many."""
     (index, path, first), (weight, brought, sky), kept = numbers, light, np.int64(0)
     around, room = surroundings
-    for i in range(triangle.size):
-        j = index[i]
+    for i in range(hits.triangle.size):
+        j, way = index[i], vector(rays.direction, i)
         glow(air, i, weight[j], brought[j])
-        end = walk(air, i, rays, weight[j], (path[j], first), (rays[0], rays[1], kept, weight[j]))
-        if end == ARRIVED and triangle[i] < 0:
-            radiance = radiance_from(around, vector(rays[1], i), room)
+        out = rays.origin, rays.direction, kept, weight[j]
+        end = walk(air, i, (rays.origin, rays.direction), weight[j], (path[j], first), out)
+        if end == ARRIVED and hits.triangle[i] < 0:
+            radiance = radiance_from(around, way, room)
             for b in range(radiance.size):
                 sky[j, b] += weight[j, b] * radiance[b]
+        elif end == ARRIVED and is_sheet(lobes_met(stage, hits, i)):
+            at = interact(stage.surfaces, hits, i, rays.direction)
+            end = _PASSED if shine_through(stage, at, weight[j]) else LOST
+            pass_on(stage.surfaces, at, rays, kept)
         if end >= 0:
             index[kept] = j
             kept += 1

@@ -11,7 +11,7 @@ from ..sampling.heuristics import TYPICAL_RAYS, balance
 from ..sampling.vectors import scaled, vector
 from ..system.kernels import INLINED, njit
 
-STRAIGHT_FROM_LIGHT, CAUSTIC = 1, 2  # see Wave.chain
+STRAIGHT_FROM_LIGHT, CAUSTIC, MIRRORED = 1, 2, 4  # flags, see Wave.chain
 FORWARDS, FROM_SUN = -1, -2  # see Wave.arrival
 
 
@@ -27,7 +27,8 @@ class Wave(NamedTuple):
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
     ray leads back: it arrives if that ray leaves the scene. FORWARDS for photons that travel so, FROM_SUN for those of
     them that have met nothing yet since a sun sent them. u, v: (n,) float32, barycentric coordinates on that side.
-    layer: (n,) uint8 as in Photons.
+    layer: (n,) uint8 as in Photons. passed: (n,) float32, m, length of the way up to the last thin sheet that it has
+    passed since its emission or reflection; (0,) in a scene without sheets.
     """
 
     origin: np.ndarray
@@ -40,10 +41,11 @@ class Wave(NamedTuple):
     u: np.ndarray
     v: np.ndarray
     layer: np.ndarray
+    passed: np.ndarray
 
 
-def empty_wave(count: int, bands: int, layer: bool) -> Wave:
-    """Room for count rays. layer: see photon_arrays."""
+def empty_wave(count: int, bands: int, layer: bool, sheets: bool = False) -> Wave:
+    """Room for count rays. layer: see photon_arrays. sheets: whether the scene has thin sheets."""
     return Wave(
         np.empty((count, 3), np.float32),
         np.empty((count, 3), np.float32),
@@ -55,6 +57,7 @@ def empty_wave(count: int, bands: int, layer: bool) -> Wave:
         np.empty(count, np.float32),
         np.empty(count, np.float32),
         np.empty(count if layer else 0, np.uint8),
+        np.zeros(count if sheets else 0, np.float32),
     )
 
 
@@ -77,4 +80,5 @@ def arrive(surfaces, hits, i, wave):
 @njit(**INLINED)
 def stored_share(wave, i, at):
     """Share of the light of photon i that is left to photons at an Interaction, and not to shadow rays."""
-    return balance(TYPICAL_RAYS * at.geometric_cosine / math.pi, wave.aimed[i] * at.distance * at.distance)
+    distance = at.distance + (wave.passed[i] if wave.passed.size else 0.0)
+    return balance(TYPICAL_RAYS * at.geometric_cosine / math.pi, wave.aimed[i] * distance * distance)

@@ -28,7 +28,8 @@ from ..system.kernels import INLINED, njit
 
 # Kinds of lobes, as flags that can be joined (pbrt's BxDFFlags): a mirror's lobe is SPECULAR, a rough one GLOSSY, and
 # WIDE, too, if rays find what it throws about. FRESNEL: what both lobes reflect depends on the angle (see fresnel).
-DIFFUSE, GLOSSY, SPECULAR, WIDE, FRESNEL = 1, 2, 4, 8, 16
+# STRAIGHT_THROUGH: a thin sheet, of which a part of the light passes as if it were not there.
+DIFFUSE, GLOSSY, SPECULAR, WIDE, FRESNEL, STRAIGHT_THROUGH = 1, 2, 4, 8, 16, 32
 # alpha of a WIDE lobe. What a rough lobe throws onto other surfaces is found by rays that meet it, and shadow rays
 # there, or by photons, with their blur. With roughness .08 (alpha .0066) rays have 7 times the error of photons, with
 # .15 (.0225) 0.97 of it, without the bias of the picture's mean (members 1 and 0 of the family "rough" after 64 passes,
@@ -76,6 +77,7 @@ def build_lobe_table(materials: tuple[Material, ...]) -> LobeTable:
     sharp = np.where(alpha >= _WIDE, GLOSSY | WIDE, np.where(alpha > 0.0, GLOSSY, SPECULAR))
     flags = np.where(specular < 1.0, DIFFUSE, 0) | np.where(specular > 0.0, sharp, 0)
     flags |= np.where([material.follows_fresnel for material in materials], FRESNEL, 0)
+    flags |= np.where([material.is_sheet for material in materials], STRAIGHT_THROUGH, 0)
     albedo = [ggx_albedo(float(width)) if width > 0.0 else np.ones(ALBEDO_NODES) for width in alpha]
     return LobeTable(flags.astype(np.uint8), specular, alpha.astype(np.float32), np.array(albedo))
 
@@ -137,6 +139,12 @@ def facet_cosine(lobes, at, direction):
 def is_wide(lobes):
     """Whether there is a rough lobe that is so wide that rays find what it throws about."""
     return lobes.flags & WIDE != 0
+
+
+@njit(**INLINED)
+def is_sheet(lobes):
+    """Whether light passes straight through."""
+    return lobes.flags & STRAIGHT_THROUGH != 0
 
 
 @njit(**INLINED)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene import Material
+from ..scene import Material, Texture
 from ..system.kernels import FAST_INLINED, njit
 from .fresnel import FresnelTable, build_fresnel_table, fill_emissivity, no_fresnel
 from .lobes import LobeTable, build_lobe_table, emitted_complement
@@ -19,28 +19,33 @@ from .spectrum import band_emissivity, band_radiance, faintest
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
 COLDEST = 1.0  # K, see emission_range
-NONE, ALL, STRAIGHT = 0, 1, 2  # which photons a material stores, see stored_photons
+_ALMOST = 1.0 - 2.0**-20  # more of a sheet than this is no sheet
+NONE, STRAIGHT, ALL = range(3)  # which photons a material stores, each more than the one before, see stored_photons
 
 
 class Radiometry(NamedTuple):
     """Materials (m of them) in b bands.
 
-    reflectance: (m, b) float32, 1 - eps, with eps averaged with what arrives as weight, see excess_emissivity.
+    reflectance: (m, b) float32, 1 - eps - tau, with eps and tau averaged with what arrives as weight, see
+        excess_emissivity. transmittance: (m, b) float32, tau, of thin sheets.
     stores: (m,) uint8, see stored_photons.
     lobes: into which directions each material reflects, see lobes.
     fresnel: how much, and what is emitted, at each angle, for materials that follow Fresnel's law.
-    emission: (m + 1, t, b) float64, integral of eps B at the table's temperatures; the last row is a blackbody.
+    emission: (m + n + 1, t, b) float64, integral of eps B at the table's temperatures, and of (1 - tau) B for n rough
+        sheets; the last row is a blackbody. full: (m,) int32, row of what a material emits if it reflects nothing.
     slope: the same, d/d(ln T) times the step.
-    log_start: ln of the first temperature. base: (m + 1, b) float64, integral of eps B at T0, or zeros.
+    log_start: ln of the first temperature. base: (m + n + 1, b) float64, integral of eps B at T0, or zeros.
     reference: (b,) float64, last row of base: B(T0). quiet: T0, K: surfaces at exactly this temperature have no excess.
     """
 
     reflectance: np.ndarray
+    transmittance: np.ndarray
     stores: np.ndarray
     lobes: LobeTable
     fresnel: FresnelTable
     emission: np.ndarray
     slope: np.ndarray
+    full: np.ndarray
     log_start: float
     base: np.ndarray
     reference: np.ndarray
@@ -53,9 +58,9 @@ def stored_photons(materials: tuple[Material, ...], edges: np.ndarray) -> np.nda
     Else ALL."""
     stores = np.full(len(materials), ALL, np.uint8)
     for i, material in enumerate(materials):
-        um, emissivity = material.curve
-        ends = np.interp(edges[[0, -1]], um, emissivity)
-        inside = emissivity[(um > edges[0]) & (um < edges[-1])]
+        um, kept = _not_reflected(material)
+        ends = np.interp(edges[[0, -1]], um, kept)
+        inside = kept[(um > edges[0]) & (um < edges[-1])]
         if min(*ends, *inside) == 1.0:
             stores[i] = NONE
         elif np.float32(material.specular) == 1.0:
@@ -80,36 +85,70 @@ def build_radiometry(
     nodes = table_rows(temperatures)
     log_start = math.log(low) if high > 0 else 0.0
     table = np.exp(log_start + _LOG_STEP * np.arange(nodes))
-    bands = len(edges) - 1
-    emission = np.empty((len(materials) + 1, nodes, bands))
+    rough_sheets = [i for i, material in enumerate(materials) if material.is_sheet and material.alpha > 0.0]
+    curves = [material.curve for material in materials]
+    curves += [_complement(materials[i].transmitted_curve) for i in rough_sheets]
+    emission = np.empty((len(curves) + 1, nodes, len(edges) - 1))
     slope = np.empty_like(emission)
     black, black_slope = band_radiance(edges, table), band_radiance(edges, table, derivative=True)
     emission[-1], slope[-1] = black, black_slope * _LOG_STEP
-    base = np.tile(reference_radiance(edges, reference), (len(materials) + 1, 1))
-    reflectance = np.empty((len(materials), bands))
-    for i, material in enumerate(materials):
-        curve = material.curve
+    base = np.tile(reference_radiance(edges, reference), (len(curves) + 1, 1))
+    for i, curve in enumerate(curves):
         if len(curve[0]) == 1:
             emission[i], slope[i] = curve[1][0] * emission[-1], curve[1][0] * slope[-1]
             base[i] *= curve[1][0]
-            reflectance[i] = 1.0 - curve[1][0]
         else:
             emission[i] = band_radiance(edges, table, curve)
             slope[i] = band_radiance(edges, table, curve, derivative=True) * _LOG_STEP
             base[i] *= band_emissivity(edges, reference, curve)
-            reflectance[i] = 1.0 - excess_emissivity(edges, weighting, reference, curve)
+    full = np.full(len(materials), len(curves), np.int32)
+    full[rough_sheets] = len(materials) + np.arange(len(rough_sheets))
+
+    def averaged(curve) -> np.ndarray:
+        grey = np.full(len(edges) - 1, curve[1][0])
+        return grey if len(curve[0]) == 1 else excess_emissivity(edges, weighting, reference, curve)
+
+    reflectance = np.array([1.0 - averaged(_not_reflected(material)) for material in materials])
+    transmittance = np.array([averaged(material.transmitted_curve) for material in materials])
     return Radiometry(
         reflectance=np.clip(reflectance, 0.0, 1.0).astype(np.float32),
+        transmittance=np.clip(transmittance, 0.0, 1.0).astype(np.float32),
         stores=stored_photons(materials, edges),
         lobes=build_lobe_table(materials),
         fresnel=build_fresnel_table(materials, edges, temperatures, weighting, reference),
         emission=emission,
         slope=slope,
+        full=full,
         log_start=log_start,
         base=base,
         reference=base[-1],
         quiet=reference,
     )
+
+
+def _not_reflected(material: Material) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (n,) um and emissivity and transmittance together, (n,)."""
+    (um, emitted), (other, passed) = material.curve, material.transmitted_curve
+    if not material.is_sheet:
+        return um, emitted
+    if len(um) == len(other) == 1:
+        return um, emitted + passed
+    both = np.union1d(um, other)
+    return both, np.interp(both, um, emitted) + np.interp(both, other, passed)
+
+
+def _complement(curve: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return curve[0], 1.0 - curve[1]
+
+
+def mean_transmittance(materials: tuple[Material, ...], edges: np.ndarray) -> np.ndarray:
+    """(m,) float64 mean transmittance of materials between the first and the last edge (um), 1 only if nothing else is
+    there."""
+    um = np.unique(np.concatenate([edges, *(material.transmitted_curve[0] for material in materials)]))
+    um = um[(um >= edges[0]) & (um <= edges[-1])]
+    values = np.array([np.interp(um, *material.transmitted_curve) for material in materials])
+    whole = np.sum(np.diff(um) * (values[:, 1:] + values[:, :-1]) / 2.0, axis=1) / (um[-1] - um[0])
+    return np.where(values.min(axis=1) >= 1.0, 1.0, np.minimum(whole, _ALMOST))
 
 
 def grey_radiometry(
@@ -123,11 +162,13 @@ def grey_radiometry(
     nothing = np.zeros((len(materials) + 1, 2, 1))
     return Radiometry(
         reflectance=(1.0 - emissivity)[:, None],
+        transmittance=np.zeros((len(materials), 1)),
         stores=np.full(len(materials), ALL, np.uint8),
         lobes=build_lobe_table(materials),
         fresnel=no_fresnel(len(materials)) if fresnel is None else fresnel,
         emission=nothing,
         slope=nothing,
+        full=np.full(len(materials), len(materials), np.int32),
         log_start=0.0,
         base=np.zeros((len(materials) + 1, 1)),
         reference=nothing[-1, 0],
@@ -183,8 +224,7 @@ def excess(radiometry, material, temperature, cosine, out):
     if temperature == radiometry.quiet:
         out[:] = 0.0
         return
-    row, t = locate(radiometry, temperature)
-    black = radiometry.emission.shape[0] - 1
+    (row, t), full = locate(radiometry, temperature), radiometry.full[material]
     angular = radiometry.fresnel.row[material]
     if angular >= 0:
         fill_emissivity(radiometry.fresnel, angular, temperature, cosine, out)
@@ -202,13 +242,13 @@ def excess(radiometry, material, temperature, cosine, out):
             value += h0 * e[material, row, b] + h1 * e[material, row + 1, b]
             value += d0 * s[material, row, b] + d1 * s[material, row + 1, b]
         if lost > 0.0:
-            extra = radiometry.base[material, b] - radiometry.base[black, b]
+            extra = radiometry.base[material, b] - radiometry.base[full, b]
             if row >= 0:
-                extra += h0 * (e[black, row, b] - e[material, row, b]) + h1 * (
-                    e[black, row + 1, b] - e[material, row + 1, b]
+                extra += h0 * (e[full, row, b] - e[material, row, b]) + h1 * (
+                    e[full, row + 1, b] - e[material, row + 1, b]
                 )
-                extra += d0 * (s[black, row, b] - s[material, row, b]) + d1 * (
-                    s[black, row + 1, b] - s[material, row + 1, b]
+                extra += d0 * (s[full, row, b] - s[material, row, b]) + d1 * (
+                    s[full, row + 1, b] - s[material, row + 1, b]
                 )
             value += lost * extra
         out[b] = value
@@ -234,18 +274,18 @@ def typical_emissivity(materials: tuple[Material, ...], edges: np.ndarray, tempe
     return np.array([band_emissivity(edges, kelvin, material.curve) for material in materials])
 
 
-def emission_range(temperature: np.ndarray) -> tuple[float, float]:
-    """Lowest temperature above 0 K and highest temperature of an array, K: the emission table must reach from one to
-    the other.
+def emission_range(temperature: np.ndarray, images: tuple[Texture, ...] = ()) -> tuple[float, float]:
+    """Lowest temperature above 0 K and highest temperature of an array and of images, K: the emission table must reach
+    from one to the other.
 
     Where the temperature varies over a triangle from below COLDEST on, the lowest is COLDEST, below which no band holds
-    radiance to speak of:
-    at 1 K and 1 mm x = c2 / (lambda T) is 14, and it grows with 1 / T.
+    radiance to speak of: at 1 K and 1 mm x = c2 / (lambda T) is 14, and it grows with 1 / T.
     """
-    low, high = float(temperature.min()), float(temperature.max())
+    every = [temperature, *(image.values for image in images)]
+    low, high = min(float(values.min()) for values in every), max(float(values.max()) for values in every)
     if low < COLDEST <= high:
-        runs = temperature.shape[-1] > 1
+        runs = temperature.shape[-1] > 1 or len(images) > 0
         low = COLDEST if runs else float(temperature[temperature >= COLDEST].min())
     elif low == 0.0 < high:
-        low = float(temperature[temperature > 0.0].min())
+        low = min(float(values[values > 0.0].min(initial=high)) for values in every)
     return low, high

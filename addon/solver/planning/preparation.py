@@ -18,9 +18,10 @@ import numpy as np
 
 from ..geometry.eye import Eye, build_eye
 from ..geometry.media import Atmosphere, radius_of_media
+from ..geometry.see_through import with_holes
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
-from ..geometry.surfaces import Geometry, build_surfaces, sheet_count
+from ..geometry.surfaces import Geometry, build_surfaces, sheet_count, used_materials
 from ..geometry.triangles import areas, scene_radius
 from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, fill_surroundings, side_power
 from ..photons.irradiance_cache import VisiblePoints
@@ -33,7 +34,15 @@ from ..physics.layers import Layer, layer_factors, scene_layers, sky_layer, trac
 from ..physics.lobes import FRESNEL, GLOSSY, SPECULAR, WIDE
 from ..physics.media import build_medium_table
 from ..physics.molecules import MolecularMedia, build_molecular_media, warn_of_temperatures
-from ..physics.radiometry import ALL, STRAIGHT, build_radiometry, emission_range, grey_radiometry, typical_emissivity
+from ..physics.radiometry import (
+    ALL,
+    STRAIGHT,
+    build_radiometry,
+    emission_range,
+    grey_radiometry,
+    mean_transmittance,
+    typical_emissivity,
+)
 from ..physics.sensors import band_weights
 from ..physics.spectrum import faintest
 from ..sampling.heuristics import Looking, typical_looking
@@ -105,6 +114,9 @@ def prepare(
     """
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
+    transmittance = mean_transmittance(scene.materials, scene.band_edges)
+    rendering = with_holes(tracer, surfaces, transmittance)  # the tracer of passes
+    tracer = with_holes(tracer, surfaces, transmittance, in_sheets=True)
     if scene.media:
         tracer = Atmosphere(tracer, scene.media, centre, scene.world_depth)
     radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)
@@ -120,7 +132,7 @@ def prepare(
     layers = trace_apart(layers, reference)
     weighting = typical_source(sources, scene.band_edges, reference)
     stage = _build_stage(scene, grey, layers, reference, weighting)
-    power = side_power(stage, area)
+    power, cells = side_power(stage, area)
     lit = float(np.sum(pilot.importance * power / area))
     caustic = choose_caustic_lamps(surfaces, power, pilot, lit)
     sky = sky_layer(scene, layers)
@@ -140,7 +152,7 @@ def prepare(
         surroundings = fill_surroundings(
             surroundings, tracer, stage, lights, reach, area, lamps, pass_key(0, AFAR, PILOT)
         )
-    emitters = build_emitters(stage, surroundings, lights, reach, area, power, lamps)
+    emitters = build_emitters(stage, surroundings, lights, reach, area, (power, cells), lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
@@ -166,7 +178,7 @@ def prepare(
     weights = band_weights(scene.response, scene.band_edges)
     rays = most_rays(splitting, samples, survey.unknown, reach2, settings.neighbours) if splitting else samples.max()
     return Model(
-        tracer=tracer,
+        tracer=tracer.between(rendering) if scene.media else rendering,
         stage=stage,
         emitters=emitters,
         lamps=lamps,
@@ -229,13 +241,14 @@ def _build_stage(scene: Scene, grey: Stage, layers: tuple[Layer, ...], reference
     """
     surfaces = grey.surfaces
     temperature = traced_temperature(surfaces.temperature, surfaces.layer, layers)
-    radiometry = build_radiometry(scene.materials, scene.band_edges, emission_range(temperature), weighting, reference)
+    span = emission_range(temperature, scene.images_of_temperature)
+    radiometry = build_radiometry(scene.materials, scene.band_edges, span, weighting, reference)
     return Stage(surfaces._replace(temperature=temperature), radiometry)
 
 
 def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps, layers: int) -> tuple[Optics, bool]:
     """The Optics of a scene, and whether any hit stores a photon."""
-    used = np.unique(stage.surfaces.material)
+    used = used_materials(stage.surfaces)
     flags = stage.radiometry.lobes.flags[used]
     throws = (flags & SPECULAR > 0) | (flags & (GLOSSY | WIDE) == GLOSSY)
     caustic = bool(lamps.caustic.any() or len(scene.lights)) and bool(np.any(throws))
@@ -250,7 +263,7 @@ def _choose_optics(scene: Scene, settings: Settings, stage: Stage, lamps: Lamps,
 
 def _log_needs(scene: Scene, stage: Stage, reference: float | None, photons: int) -> None:
     """Log what this scene needs. reference: K, None for no subtraction. photons: of a pass."""
-    used = np.unique(stage.surfaces.material)
+    used = used_materials(stage.surfaces)
     flags = np.bitwise_or.reduce(stage.radiometry.lobes.flags[used])
     log.info(
         "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",

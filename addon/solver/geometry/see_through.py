@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Seeing through: rays that pass some points of surfaces as if nothing were there.
+
+Where a mixed material has grains that transmit everything, as between the leaves on a card, there is a hole, and no ray
+but a photon's knows of a surface: a photon is counted on the whole card, and then goes on. While a render is planned,
+before it is known in which band sheets transmit how much, thin sheets have holes, too, as large a share of them as they
+transmit in the mean.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..system.kernels import KERNEL, njit
+from .interaction import interact, pass_on
+from .segments import Hits, RayBatch, Tracer, empty_ray_batch
+from .surfaces import Surfaces, used_materials
+from .textures import PASSING, grain
+
+
+class SeeingThrough(Tracer):
+    """A tracer of rays that pass the points of surfaces with a chance that hangs on the material there."""
+
+    def __init__(self, tracer: Tracer, surfaces: Surfaces, chance: np.ndarray):
+        """tracer: of these surfaces. chance: (materials,) float64, 0..1, 1 for holes."""
+        self._uncut, self._surfaces, self._chance = tracer, surfaces, chance
+        self._may = _may_pass(surfaces, chance)
+
+    def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
+        ends = None if reach is None else reach.copy()
+        hits = self._uncut.trace(origin, direction, reach)
+        ray, onward, met = np.arange(len(origin)), RayBatch(origin, direction), hits
+        way = np.zeros(len(origin), np.float32)  # up to the origins of the rays onward
+        while len(ray):
+            room = empty_ray_batch(len(ray))
+            passed = _pass(self._surfaces, (self._may, self._chance), met, onward, room, ray, way)
+            ray, way = ray[:passed], way[:passed]
+            onward = RayBatch(*(column[:passed] for column in room))
+            if passed == 0:
+                break
+            left = None if ends is None else np.maximum(ends[ray] - way, np.float32(0.0))
+            met = self._uncut.trace(*onward, left)
+            for column, found in zip(hits[:3], met, strict=False):
+                column[ray] = found
+            hits.distance[ray] = way + met.distance
+        return hits
+
+    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
+        return self._uncut.trace(origin, direction)
+
+
+def with_holes(tracer: Tracer, surfaces: Surfaces, transmittance: np.ndarray, in_sheets: bool = False) -> Tracer:
+    """The tracer of surfaces whose materials have this transmittance, (materials,) 0..1, in the mean over the bands: it
+    sees through what transmits everything and, if asked to, through points of thin sheets. Itself if there is none."""
+    chance = transmittance if in_sheets else np.floor(transmittance)
+    return SeeingThrough(tracer, surfaces, chance) if chance[used_materials(surfaces)].any() else tracer
+
+
+def _may_pass(surfaces: Surfaces, chance: np.ndarray) -> np.ndarray:
+    """(m,) bool, triangles of which rays may pass some points."""
+    may, table = chance[surfaces.material] > 0.0, surfaces.textures
+    if table.row.size:
+        mixed = np.flatnonzero(table.row >= 0)
+        other = table.mixed[table.row[mixed]]
+        may[mixed] |= (other >= 0) & (chance[other] > 0.0)
+    return may
+
+
+@njit(**KERNEL)
+def _pass(surfaces, passing, hits, rays, onward, ray, way):
+    """Fill onward with those of n rays that pass what they meet, moved behind it, and move ray and way (n,) alike;
+    returns how many. passing: see SeeingThrough."""
+    (may, chance), count = passing, np.int64(0)
+    for i in range(hits.triangle.size):
+        t = hits.triangle[i]
+        if t < 0 or not may[t]:
+            continue
+        at = interact(surfaces, hits, i, rays.direction)
+        chosen = chance[at.material]
+        if chosen < 1.0 and grain(t, hits.u[i], hits.v[i], PASSING) >= chosen:
+            continue
+        pass_on(surfaces, at, onward, count)
+        for axis in range(3):  # not of unit length, as distances are in units of the direction's length
+            onward.direction[count, axis] = rays.direction[i, axis]
+        ray[count], way[count] = ray[i], way[i] + hits.distance[i]
+        count += 1
+    return count
