@@ -7,7 +7,7 @@ import pytest
 from addon.solver import Material, Medium, Settings, SunLight
 from addon.solver.passes import prepare
 from addon.solver.photons.emission import Batch, emit
-from addon.solver.photons.walk import fly_photons
+from addon.solver.photons.walk import collect, fly_photons
 from addon.solver.photons.wave import empty_wave
 from addon.solver.physics.spectrum import band_radiance
 from tests.helpers.scenes import box, look, make_scene, mean_and_error
@@ -54,8 +54,10 @@ def test_photons_of_suns_have_crossed_the_depth_of_the_air(metres, albedo):
     wave, scattered = empty_wave(PHOTONS, 2, False), empty_wave(PHOTONS, 2, False)
     key = np.uint64(1)
     emit(model.emitters, model.stage, Batch(key, 0, PHOTONS, PHOTONS), wave)
+    left = wave.power[:, 0] * np.exp(-DEPTH)
+    collect(model.tracer, model.stage, wave, key, model.emitters.surroundings)
     hits = model.tracer.trace(wave.origin, wave.direction)
-    left, met = wave.power[:, 0] * np.exp(-DEPTH), hits.triangle >= 0
+    met = hits.triangle >= 0
     way = np.where(met, hits.distance, -2.0 * np.einsum("ri,ri->r", wave.origin, wave.direction))
     found = fly_photons(model.tracer, hits, wave, (key, 0), scattered)
     assert 0.1 < np.mean(met) < 0.9  # some pass beside the box

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.eye import Eye, eye_rays
 from ..geometry.free_space import free_space, unlimited
-from ..geometry.segments import Tracer
+from ..geometry.segments import ENDLESS, Tracer
 from ..geometry.stage import Stage, has_sheets
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
@@ -20,7 +20,7 @@ from .onward import follow
 from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, join, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
 from .shadow_rays import Lighting, add_unshadowed
-from .sheets import ENDLESS, pass_sheets
+from .sheets import pass_sheets
 
 
 class CameraPass(NamedTuple):

@@ -20,13 +20,13 @@ from ..sampling.heuristics import ALONE, SINGLE_RAY
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, put_vector, vector
-from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
+from ..system.kernels import FAST_INLINED, FAST_KERNEL, INLINED, njit
 from .rays import ASTRAY, BLIND, is_astray, largest_throughput, shares_by_lobe
 from .streams import CONTINUING, DIMENSIONS, DOUBTING, LOBE, SPLITTING, SURVIVAL
 
 _SURE = 8  # bounces in which roulette ends weak paths alone, so that the view in a mirror has no noise from it
 _DOUBTED = 256.0  # rays of final gathers of which about one is sent twice more, to check what rays recall
-WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
+_WEAK = 1.0 / 16.0  # share of a camera ray's throughput below which a path is weak: roulette decides on it
 
 
 def follow(stage, together, bounce, samples, gathers, onward) -> int:
@@ -45,12 +45,9 @@ def _follow(stage, together, bounce, samples, gathers, onward, groups):
     for i in range(hits.triangle.size):
         if hits.triangle[i] >= 0 and is_specular(lobes_met(stage, hits, i)):
             at = interact(stage.surfaces, hits, i, rays.direction)
-            # rays of a final gather have little throughput from the start: roulette goes by what the mirror leaves
-            # of it
-            if rays.final[i]:
-                full, alike = _largest(rays.throughput[i]), SINGLE_RAY
-            else:
-                full, alike = WEAK / samples[rays.pixel[i]], SINGLE_RAY * samples[rays.pixel[i]]
+            full, alike = full_throughput(rays, i, samples), SINGLE_RAY
+            if not rays.final[i]:
+                alike *= samples[rays.pixel[i]]
             sent += _reflect_specularly(stage, at, bounce, i, (full, alike), (onward, room), sent)
         if bounce.goes_on[i] > 0.0:
             _go_on(stage, interact(stage.surfaces, hits, i, rays.direction), bounce, i, (onward, room), sent)
@@ -164,6 +161,13 @@ def _largest(throughput):
     for b in range(throughput.size):
         largest = max(largest, throughput[b])
     return float(largest)
+
+
+@njit(**INLINED)
+def full_throughput(rays, i, samples):
+    """Throughput after a surface from which on roulette does not end ray i. Rays of a final gather have little from the
+    start: roulette goes by what the surface leaves of it. samples: (pixels,), camera rays of each pixel."""
+    return _largest(rays.throughput[i]) if rays.final[i] else _WEAK / samples[rays.pixel[i]]
 
 
 @njit(inline="always")

@@ -14,9 +14,10 @@ from ..geometry.interaction import (
     interact,
     leave,
     pass_on,
+    pass_towards,
     stand_at,
 )
-from ..geometry.segments import Hits, RayBatch, transmit
+from ..geometry.segments import ENDLESS, Hits, RayBatch, transmit
 from ..geometry.stage import enter, fill_emission, has_sheets, layer_at, lobes_at, shine_through
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, normal
@@ -325,7 +326,7 @@ def light_of(lighting, stage, i, start, total, value):
         if lamps.lights.kind[light] == SUN:
             scene_radius = lamps.lights.scene_radius
             factor *= math.pi * scene_radius * scene_radius  # its power is per square metre
-            way, reach, distance = position, 1e37, 1.0
+            way, reach, distance = position, ENDLESS, 1.0
     for b in range(value.size):
         value[b] *= factor
     # The end of a long ray is uncertain in float32, so it is moved away from the lamp: else the lamp's own surface, or
@@ -373,7 +374,7 @@ def send_sky(surroundings, stage, receiver, room, shadows, count):
         dimension = receiver.dimension + 2 + 2 * stratum
         local = cosine_stratum(stratum, _SIDE, uniform(path, dimension), uniform(path, dimension + 1))
         direction = to_world(local, at.normal)
-        _start(stage.surfaces, receiver, direction, 1e37, surroundings.layer, shadows, count + stratum)
+        _start(stage.surfaces, receiver, direction, ENDLESS, surroundings.layer, shadows, count + stratum)
         received, around = scale * evaluate_diffuse(at, direction), radiance_from(surroundings, direction, room.value)
         for b in range(rho.size):
             radiance = around[b] * received
@@ -392,8 +393,7 @@ def add_unshadowed(tracer, stage, shadows, image) -> None:
     """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through
     thin sheets and media."""
     sheets = has_sheets(stage)
-    reach = shadows.reach.copy() if sheets else shadows.reach
-    hits = tracer.trace(shadows.origin, shadows.direction, reach)
+    hits = tracer.trace(shadows.origin, shadows.direction, shadows.reach.copy() if sheets else shadows.reach)
     if sheets:
         _pass_sheets(tracer, stage, shadows, hits)
     if tracer.holds_media:
@@ -402,35 +402,34 @@ def add_unshadowed(tracer, stage, shadows, image) -> None:
 
 
 def _pass_sheets(tracer, stage, shadows, hits) -> None:
-    """Let the shadow rays that met these hits go on through thin sheets, as far as they reach; hits then tell where
-    they end."""
+    """Let the shadow rays that met these hits go on through thin sheets; those that then meet nothing more have met
+    nothing at all."""
     ray = np.flatnonzero(hits.triangle >= 0)
     onward, met = RayBatch(shadows.origin[ray], shadows.direction[ray]), Hits(*(column[ray] for column in hits))
     while len(ray):
-        left = _pass_on(stage, met, onward, ray, shadows.radiance)
-        ray, way = ray[:left], met.distance[:left]
-        onward = RayBatch(*(column[:left] for column in onward))
-        met = tracer.trace(*onward, np.maximum(shadows.reach[ray] - way, np.float32(0.0)))
-        met.distance[:] += way
-        for column, found in zip(hits, met, strict=True):
-            column[ray] = found
+        left = _pass_on(stage, met, onward, ray, shadows)
+        ray, onward = ray[:left], RayBatch(*(column[:left] for column in onward))
+        met = tracer.trace(*onward, np.where(shadows.reach[ray] < ENDLESS, np.float32(1.0), ENDLESS))
         stopped = met.triangle >= 0
+        hits.triangle[ray[~stopped]], hits.distance[ray[~stopped]] = -1, shadows.reach[ray[~stopped]]
         ray, onward = ray[stopped], RayBatch(*(column[stopped] for column in onward))
         met = Hits(*(column[stopped] for column in met))
 
 
 @njit(**KERNEL)
-def _pass_on(stage, hits, rays, ray, radiance):
+def _pass_on(stage, hits, rays, ray, shadows):
     """Lower what shadow rays bring by what the sheets that n rays meet take, and send those that pass on behind them,
-    as the first rays; returns how many these are. ray: (n,) int64, which shadow rays these are; it and the distance
-    are moved alike."""
+    as the first rays; returns how many these are. ray: (n,) int64, which shadow rays these are, moved alike."""
     kept = np.int64(0)
     for i in range(hits.triangle.size):
-        at, way = interact(stage.surfaces, hits, i, rays.direction), vector(rays.direction, i)
-        if shine_through(stage, at, radiance[ray[i]]):
-            pass_on(stage.surfaces, at, rays, kept)
-            put_vector(way, rays.direction, kept)  # of its own length, as that is the unit of distances
-            ray[kept], hits.distance[kept] = ray[i], hits.distance[i]
+        at, of = interact(stage.surfaces, hits, i, rays.direction), ray[i]
+        if shine_through(stage, at, shadows.radiance[of]):
+            if shadows.reach[of] < ENDLESS:
+                end = moved(vector(shadows.origin, of), shadows.reach[of], vector(shadows.direction, of))
+                pass_towards(stage.surfaces, at, end, rays, kept)
+            else:
+                pass_on(stage.surfaces, at, rays, kept)
+            ray[kept] = of
             kept += 1
     return kept
 

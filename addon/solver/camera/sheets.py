@@ -9,16 +9,15 @@ shadow rays are.
 import numpy as np
 
 from ..geometry.interaction import interact, pass_on
+from ..geometry.segments import ENDLESS
 from ..geometry.stage import Stage, lobes_met, transmittance_at
 from ..physics.lobes import is_sheet
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
-from .onward import WEAK
+from .onward import full_throughput
 from .rays import Bounce, Rays, empty_rays, largest_throughput
 from .streams import PASSING
-
-ENDLESS = np.float32(1e37)
 
 
 def pass_sheets(stage: Stage, bounce: Bounce, samples: np.ndarray, reach: np.ndarray) -> tuple[Rays, np.ndarray]:
@@ -44,9 +43,10 @@ def _pass_sheets(stage, bounce, samples, reach, passed, left):
         at, way = interact(stage.surfaces, hits, i, rays.direction), vector(rays.direction, i)
         tau, path = transmittance_at(stage, at), path_key(rays.path[i], PASSING + bounce.number)
         through = largest_throughput(rays.throughput[i], tau)
-        weak = 2.0 * through if rays.final[i] else WEAK / samples[rays.pixel[i]]
-        survival = min(1.0, through / weak) if weak > 0.0 else 0.0
-        if through <= 0.0 or uniform(path, 0) >= survival:
+        if through <= 0.0:
+            continue
+        survival = min(1.0, through / full_throughput(rays, i, samples))
+        if uniform(path, 0) >= survival:
             continue
         pass_on(stage.surfaces, at, passed, found)
         passed.pixel[found], passed.path[found], passed.density[found] = rays.pixel[i], path, rays.density[i]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..sampling.vectors import dot, put_vector, scaled, vector
+from ..sampling.vectors import difference, dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
 from .surfaces import clear_of, facing_side, material_at, shading_normal, unit_normal
 from .triangles import barycentric, point
@@ -120,3 +120,13 @@ def leave(surfaces, side_id, point, direction, rays, i):
 def pass_on(surfaces, at, rays, i):
     """Let the ray of an Interaction go straight on through the surface, as ray i; see leave."""
     leave(surfaces, at.side_id ^ 1, at.point, at.incoming, rays, i)
+
+
+@njit(inline="always")
+def pass_towards(surfaces, at, end, rays, i):
+    """As pass_on, but towards the point where the ray ends, which is one length of ray i's direction away. Else the
+    ray would end as far beyond as it starts behind the surface, and a shadow ray would meet the lamp that it ends at.
+    """
+    start = clear_of(surfaces, at.side_id ^ 1, at.point)
+    put_vector(start, rays.origin, i)
+    put_vector(difference(end, start), rays.direction, i)

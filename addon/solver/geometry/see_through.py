@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..sampling.vectors import moved, put_vector, vector
 from ..system.kernels import KERNEL, njit
-from .interaction import interact, pass_on
-from .segments import Hits, RayBatch, Tracer, empty_ray_batch
+from .interaction import interact, pass_on, pass_towards
+from .segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch
 from .surfaces import Surfaces, used_materials
 from .textures import PASSING, grain
 
@@ -27,22 +28,19 @@ class SeeingThrough(Tracer):
         self._may = _may_pass(surfaces, chance)
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
-        ends = None if reach is None else reach.copy()
+        ends = np.full(len(origin), ENDLESS) if reach is None else reach.copy()
         hits = self._uncut.trace(origin, direction, reach)
         ray, onward, met = np.arange(len(origin)), RayBatch(origin, direction), hits
-        way = np.zeros(len(origin), np.float32)  # up to the origins of the rays onward
         while len(ray):
             room = empty_ray_batch(len(ray))
-            passed = _pass(self._surfaces, (self._may, self._chance), met, onward, room, ray, way)
-            ray, way = ray[:passed], way[:passed]
-            onward = RayBatch(*(column[:passed] for column in room))
-            if passed == 0:
-                break
-            left = None if ends is None else np.maximum(ends[ray] - way, np.float32(0.0))
-            met = self._uncut.trace(*onward, left)
+            rays, passing = (origin, direction, ends), (self._may, self._chance)
+            passed = _pass(self._surfaces, passing, met, onward, rays, room, ray)
+            ray, onward = ray[:passed], RayBatch(*(column[:passed] for column in room))
+            unit = np.where(ends[ray] < ENDLESS, ends[ray] - hits.distance[ray], np.float32(1.0))
+            met = self._uncut.trace(*onward, np.where(ends[ray] < ENDLESS, np.float32(1.0), ENDLESS))
             for column, found in zip(hits[:3], met, strict=False):
                 column[ray] = found
-            hits.distance[ray] = way + met.distance
+            hits.distance[ray] = np.minimum(hits.distance[ray] + unit * met.distance, ENDLESS)
         return hits
 
     def trace_uncut(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
@@ -67,21 +65,27 @@ def _may_pass(surfaces: Surfaces, chance: np.ndarray) -> np.ndarray:
 
 
 @njit(**KERNEL)
-def _pass(surfaces, passing, hits, rays, onward, ray, way):
-    """Fill onward with those of n rays that pass what they meet, moved behind it, and move ray and way (n,) alike;
-    returns how many. passing: see SeeingThrough."""
-    (may, chance), count = passing, np.int64(0)
+def _pass(surfaces, passing, hits, rays, whole, onward, ray):
+    """Fill onward with those of n rays that pass what they meet, moved behind it, and move ray (n,) alike; returns how
+    many. Where a ray has an end, the direction of the ray onward leads to it.
+
+    passing: see SeeingThrough. whole: origin, direction and reach of all rays, of which these are rows `ray`.
+    """
+    (may, chance), (origin, direction, reach), count = passing, whole, np.int64(0)
     for i in range(hits.triangle.size):
-        t = hits.triangle[i]
+        t, of = hits.triangle[i], ray[i]
         if t < 0 or not may[t]:
             continue
         at = interact(surfaces, hits, i, rays.direction)
         chosen = chance[at.material]
         if chosen < 1.0 and grain(t, hits.u[i], hits.v[i], PASSING) >= chosen:
             continue
-        pass_on(surfaces, at, onward, count)
-        for axis in range(3):  # not of unit length, as distances are in units of the direction's length
-            onward.direction[count, axis] = rays.direction[i, axis]
-        ray[count], way[count] = ray[i], way[i] + hits.distance[i]
+        if reach[of] < ENDLESS:
+            end = moved(vector(origin, of), reach[of], vector(direction, of))
+            pass_towards(surfaces, at, end, onward, count)
+        else:
+            pass_on(surfaces, at, onward, count)
+            put_vector(vector(direction, of), onward.direction, count)  # distances are in units of its length
+        ray[count] = of
         count += 1
     return count

@@ -20,6 +20,7 @@ from ..physics.mixtures import around
 from ..system.kernels import FAST_INLINED, INLINED, njit
 from .grids import AHEAD, GridTable, March, enter_grid, next_cell
 
+ENDLESS = np.float32(1e37)  # reach of rays that end nowhere
 _FAINTEST = 1e-300  # depth added where there may be none
 _VECTORS = FAST_INLINED | {
     "error_model": "numpy"
