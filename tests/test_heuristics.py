@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from addon.solver.geometry.interaction import Interaction
+from addon.solver.photons.cells import no_cells
 from addon.solver.photons.wave import empty_wave, stored_share
 from addon.solver.physics.lobes import diffuse_density, sample_diffuse
 from addon.solver.planning.lamps import Lamps, share_of_ray
@@ -47,7 +48,8 @@ def met(distance, cosine):
 def test_rays_and_photons_leave_as_much_to_shadow_rays(distance, at_lamp, at_floor, density):
     """One way of light, from a lamp to a floor, of which each side has its cosine. A ray of a final gather is denser
     where its cosine on the floor is larger, a lamp point is seen under d^2 / cos; photons count alike."""
-    lamps = Lamps(*[None] * len(Lamps._fields))._replace(density=np.array([(0.0, 0.0), (0.0, density)], np.float32))
+    lamps = Lamps(*[None] * len(Lamps._fields))
+    lamps = lamps._replace(density=np.array([(0.0, 0.0), (0.0, density)], np.float32), cells=no_cells())
     density = float(lamps.density[1, 1])
     by_rays = share_of_ray(TYPICAL_RAYS * at_floor / math.pi, lamps, met(distance, at_lamp))
     wave = empty_wave(1, 1, False)

@@ -523,7 +523,7 @@ def test_photons_and_shadow_rays_together_are_the_irradiance(monkeypatch):
             by_photons[i] += batch.power[within].sum() / (2 * half) ** 2
         point = np.column_stack((rng.uniform(-half, half, (2000, 2)), np.zeros(2000)))
         side_id = np.where(point[:, 1] > point[:, 0], 2 + up[1], up[0]).astype(np.int32)
-        lit = lamp_points(model.lamps, surfaces, pass_key(i, 0, LAMP_POINTS))
+        lit = lamp_points(model.lamps, model.stage, pass_key(i, 0, LAMP_POINTS))
         lighting = Lighting(model.emitters.surroundings, model.lamps, lit, model.looking, 1)
         key = pass_key(i, 0, CACHE)
         told = direct_irradiance(

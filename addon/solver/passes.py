@@ -184,7 +184,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
         model.splitting,
         len(model.layers),
     )
-    points = lamp_points(model.lamps, model.stage.surfaces, pass_key(settings.seed, index, LAMPS))
+    points = lamp_points(model.lamps, model.stage, pass_key(settings.seed, index, LAMPS))
     lighting = Lighting(model.emitters.surroundings, model.lamps, points, model.looking, len(model.layers))
     cache = None
     if estimate.photons:

@@ -24,6 +24,7 @@ from addon.solver.camera.final_gather import open_finals
 from addon.solver.camera.rays import Estimate
 from addon.solver.camera.reflection import reflect
 from addon.solver.camera.shadow_rays import Lighting, lamp_points
+from addon.solver.geometry.segments import Tracer
 from addon.solver.image.tiles import tiles
 from addon.solver.passes import PHOTON_CHUNK, Work, cache_irradiance
 from addon.solver.photons.emission import Batch
@@ -38,10 +39,8 @@ PHOTONS_PER_PASS = 100_000
 REPETITIONS = 9
 
 
-class Recorder:
+class Recorder(Tracer):
     """Stands in for the tracer and keeps the rays it is given."""
-
-    holds_media = scatters = False
 
     def __init__(self, tracer):
         self.tracer, self.rays = tracer, []
@@ -108,7 +107,7 @@ def main():
     model = prepare(scene, settings)
     key = pass_key(0, 0, PHOTONS)
     camera_keys = (pass_key(0, 2**32 - 1, CAMERA), pass_key(0, 0, CAMERA))
-    shining = lamp_points(model.lamps, model.stage.surfaces, pass_key(0, 0, LAMPS))
+    shining = lamp_points(model.lamps, model.stage, pass_key(0, 0, LAMPS))
     firsts = range(0, PHOTONS_PER_PASS, PHOTON_CHUNK)
 
     def trace_chunk(first, tracer=model.tracer):

@@ -18,9 +18,19 @@ from ..geometry.interaction import (
     stand_at,
 )
 from ..geometry.segments import ENDLESS, Hits, RayBatch, transmit
-from ..geometry.stage import enter, fill_emission, has_sheets, layer_at, lobes_at, shine_through
+from ..geometry.stage import (
+    emission_at,
+    enter,
+    fill_emission,
+    has_sheets,
+    layer_at,
+    lobes_at,
+    nothing_emitted,
+    shine_through,
+)
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, normal
+from ..photons import cells
 from ..photons.emission import Surroundings
 from ..photons.lights import (
     ELLIPSE,
@@ -49,12 +59,13 @@ from ..planning.pilot import SKY_RAYS
 from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, rays_to
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
-from ..sampling.warps import cone_direction, cosine_stratum, to_world, triangle_point
-from ..system.kernels import KERNEL, njit
+from ..sampling.warps import cone_direction, cosine_stratum, to_world
+from ..system.kernels import INLINED, KERNEL, njit
 
 _SIDE = math.isqrt(SKY_RAYS)  # strata on each side of the unit square, of the rays to the surroundings
 POINTS = 4096  # lamp points of one pass
 _FROM_POINTS = 4  # shadow rays from each point of the irradiance cache
+_DARKEST = 1e-30  # brightness of points that emit nothing, and are never chosen
 _COMPARING, _SHADOWING = 15, 16  # random numbers of such a point: for lamp_closeness, and the first for shadow rays
 
 
@@ -63,8 +74,9 @@ class LampPoints(NamedTuple):
 
     position, normal: (n, 3) float64, m; for suns position is the unit direction towards the sun; normal is zero for
     suns and for point lights without a radius. entry: (n,) int32, of Lamps. u, v: (n,) float64, barycentric coordinates
-    on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights. strength: (n,) float64, W, of the entry,
-    over its chance.
+    on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights. brightness: (n,) float64, what the point
+    emits over the mean of its triangle, where that varies by textures, else 1. strength: (n,) float64, W, of the entry
+    times the brightness, over the chance of the point.
     """
 
     position: np.ndarray
@@ -73,6 +85,7 @@ class LampPoints(NamedTuple):
     u: np.ndarray
     v: np.ndarray
     density: np.ndarray
+    brightness: np.ndarray
     strength: np.ndarray
 
 
@@ -87,8 +100,7 @@ class Lighting(NamedTuple):
     layers: int
 
 
-@njit(cache=True, nogil=True)
-def lamp_points(lamps, surfaces, key):
+def lamp_points(lamps, stage, key) -> LampPoints:
     """The LampPoints of a pass, POINTS of them, none without lamps. key: of the pass's lamps."""
     count = POINTS if lamps.cumulative[-1] > 0.0 else 0
     points = LampPoints(
@@ -98,10 +110,17 @@ def lamp_points(lamps, surfaces, key):
         np.zeros(count),
         np.zeros(count),
         np.zeros(count),
+        np.ones(count),
         np.zeros(count),
     )
-    last = lamps.cumulative.size - 2
-    entry = 0
+    _fill_points(lamps, stage, key, nothing_emitted(stage.radiometry.reference.size, np.float64), points)
+    return points
+
+
+@njit(**KERNEL)
+def _fill_points(lamps, stage, key, emitted, points):
+    """Fill in the LampPoints. emitted: room for emission."""
+    surfaces, last, entry, count = stage.surfaces, lamps.cumulative.size - 2, 0, points.entry.size
     for i in range(count):
         path = path_key(key, i)
         pick = (i + uniform(path, 0)) / count
@@ -111,17 +130,28 @@ def lamp_points(lamps, surfaces, key):
         points.strength[i] = lamps.strength[entry] / (lamps.cumulative[entry + 1] - lamps.cumulative[entry])
         s, w = uniform(path, 1), uniform(path, 2)
         if entry < lamps.side_id.size:
-            u, v = triangle_point(s, w)
+            u, v, dense = cells.choose_point(lamps.cells, lamps.side_id[entry] >> 1, s, w)
             at = emit_at(surfaces, lamps.side_id[entry], u, v, 1.0)
             put_vector(clear_of(surfaces, at.side_id, at.point), points.position, i)
             put_vector(at.normal, points.normal, i)
             points.u[i], points.v[i] = u, v
-            points.density[i] = lamps.density[at.triangle, at.side_id & 1]
+            points.density[i] = dense * lamps.density[at.triangle, at.side_id & 1]
+            mean = cells.mean_radiance(lamps.cells, at.triangle)
+            if mean > 0.0:
+                points.brightness[i] = max(_absolute_sum(emission_at(stage, at, emitted)) / mean, _DARKEST)
+                points.strength[i] *= points.brightness[i] / dense
         else:
             position, n = _light_point(lamps.lights, entry - lamps.side_id.size, s, w)
             put_vector(position, points.position, i)
             put_vector(n, points.normal, i)
-    return points
+
+
+@njit(**INLINED)
+def _absolute_sum(radiance):
+    total = 0.0
+    for b in range(radiance.size):
+        total += abs(radiance[b])
+    return total
 
 
 @njit(inline="always")
@@ -319,7 +349,7 @@ def light_of(lighting, stage, i, start, total, value):
         lamp = emit_towards(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], back, cosine)
         layer = layer_at(stage, lamp)
         fill_emission(stage, lamp, value)
-        factor *= 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] * math.pi
+        factor *= 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] * math.pi / points.brightness[i]
     else:
         for b in range(value.size):
             value[b] = lamps.lights.power[light, b]

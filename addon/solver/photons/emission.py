@@ -10,12 +10,11 @@ from ..geometry.interaction import LEAST_COSINE, emit_at, emit_towards, leave
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..geometry.surfaces import unit_normal
-from ..geometry.textures import row_of
 from ..physics.sky import build_sky_table, mean_excess, radiance_from
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import put_vector
-from ..sampling.warps import cosine_direction, to_world
+from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .cells import EmissionCells, build_cells, choose_point, no_cells
@@ -77,8 +76,8 @@ class Emitters(NamedTuple):
     """Everything that emits, as entries of one discrete distribution: surface sides, surroundings, lights.
 
     cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of the entries; zeros where nothing emits.
-    surface: (n,) int32, side_ids of the sides that emit: entries 0..n-1. caustic: (n,) bool, whether
-        photons find the caustics of such a side. aimed: (n,) float32, m-2, points on it that compete for a shadow ray.
+    surface: (n,) int32, side_ids of the sides that emit: entries 0..n-1. caustic: (n,) bool, whether photons find the
+        caustics of such a side. aimed: (n,) float32, m-2, points on it that compete for a shadow ray, in the mean.
     sky: (m,) int32, side_ids of the sides on which photons from the surroundings arrive: entries n..n+m-1.
     area: (t,) float64, of the triangles, m2.
     cells: where photons start on sides that vary by textures. surroundings: see Surroundings. lights: see LightTable;
@@ -99,11 +98,10 @@ class Emitters(NamedTuple):
 def side_power(stage: Stage, area: np.ndarray) -> tuple[np.ndarray, EmissionCells]:
     """(t,) float64 |excess| power of one side of each triangle, over all bands, W, and the cells of those over which it
     varies by textures. Of others it is the mean over corners and centre."""
-    power, (cells, radiance) = _side_power(stage, area), build_cells(stage)
-    if len(radiance):
-        row = stage.surfaces.textures.row
-        varies = np.flatnonzero((row >= 0) & (cells.edge[row] > 0))
-        power[varies] = math.pi * area[varies] * radiance[row[varies]]
+    power, cells = _side_power(stage, area), build_cells(stage)
+    if len(cells.edge):
+        varies = np.flatnonzero((cells.row >= 0) & (cells.edge[cells.row] > 0))
+        power[varies] = math.pi * area[varies] * cells.mean[cells.row[varies]]
     return power, cells
 
 
@@ -154,7 +152,7 @@ def fill_surroundings(
     afar = surroundings._replace(
         sent=np.ones_like(surroundings.radiance), flux=1.0, open=np.zeros_like(surroundings.open)
     )
-    dark = np.zeros_like(area), no_cells(stage)
+    dark = np.zeros_like(area), no_cells()
     emitters = build_emitters(stage, afar, no_lights(lights), reach, area, dark, lamps)
     wave = empty_wave(_AFAR, len(afar.radiance), False)
     emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
@@ -243,15 +241,16 @@ def _emit(emitters, stage, batch, wave, emitted, room):
             _set_power(wave, i, lights.power[light], brightness * share)
         else:
             side_id = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]
-            row = row_of(stage.surfaces.textures, side_id >> 1) if entry < surface_end else np.int64(-1)
-            u, v, density = choose_point(emitters.cells, row, s0, s1)
+            (u, v), density = triangle_point(s0, s1), 1.0
+            if entry < surface_end:
+                u, v, density = choose_point(emitters.cells, side_id >> 1, s0, s1)
             local = cosine_direction(s2, s3)
             direction = to_world(local, unit_normal(stage.surfaces, side_id))
             at = emit_towards(stage.surfaces, side_id, u, v, direction, local[2])
             scale = math.pi * emitters.area[at.triangle] * share / density
             if entry < surface_end:
                 layer = layer_at(stage, at)
-                wave.aimed[i] = emitters.aimed[entry] / max(local[2], LEAST_COSINE)
+                wave.aimed[i] = emitters.aimed[entry] * density / max(local[2], LEAST_COSINE)
                 _set_power(wave, i, emission_at(stage, at, emitted), scale)
             else:
                 layer = surroundings.layer

@@ -18,6 +18,7 @@ from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of, sheet_of
 from ..geometry.triangles import CLEAR, areas, centroids, normal
+from ..photons.cells import EmissionCells, choose_point, concentration, density_at
 from ..photons.lights import SUN, LightTable, light_totals
 from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
 from ..sampling.low_discrepancy import unevenness
@@ -45,7 +46,8 @@ class Lamps(NamedTuple):
 
     cumulative: (e + 1,) float64, from 0 to 1. side_id: (n,) int32 of entries 0..n-1. lights: entries from n on, see
     LightTable. strength: (e,) float64, W, power of the entries, lowered for those that are often hidden. density: (t,
-    2) float32, m-2, lamp points that compete for a shadow ray, on each m2 of a side. found: (t,) float32, share of a
+    2) float32, m-2, lamp points that compete for a shadow ray, on each m2 of a side, in the mean over its points; cells
+    tell how they lie on sides that emit unevenly. found: (t,) float32, share of a
     triangle's direct light that is left to rays of final gathers, in the mean. caustic: (t, 2) bool, sides whose light
     in specular lobes photons find, see choose_caustic_lamps.
     """
@@ -57,6 +59,7 @@ class Lamps(NamedTuple):
     density: np.ndarray
     found: np.ndarray
     caustic: np.ndarray
+    cells: EmissionCells
 
 
 class Receivers(NamedTuple):
@@ -98,14 +101,19 @@ def spheres(corners, sheet, row, count):
 
 
 def build_lamps(
-    stage: Stage, tracer: Tracer, pilot: Pilot, side_power: np.ndarray, lights: LightTable, caustic: np.ndarray
+    stage: Stage,
+    tracer: Tracer,
+    pilot: Pilot,
+    emission: tuple[np.ndarray, EmissionCells],
+    lights: LightTable,
+    caustic: np.ndarray,
 ) -> Lamps:
     """The Lamps of a scene: all sides that emit and can light the image, and all lights.
 
-    side_power: (t,) float64 |excess| power of one side of each triangle, W. pilot: tells which sides can light the
-    image, and where camera paths gather. caustic: see Lamps.
+    emission: (t,) float64 |excess| power of one side of each triangle, W, and how it lies on them. pilot: tells which
+    sides can light the image, and where camera paths gather. caustic: see Lamps.
     """
-    surfaces = stage.surfaces
+    surfaces, (side_power, cells) = stage.surfaces, emission
     side_id = np.flatnonzero((side_power[:, None] * pilot.reachable).ravel()).astype(np.int32)
     # in the order of a Morton curve: points at equal steps along this curve lie all around a lamp
     side_id = side_id[morton_order(centroids(surfaces.corners[side_id >> 1]))]
@@ -114,31 +122,32 @@ def build_lamps(
     kelvin = surfaces.temperature[side_id >> 1].mean(axis=1)
     sign = np.ones(int(surfaces.sheet.max()) + 1)
     sign[label] = np.sign(kelvin - stage.radiometry.quiet)
-    need, visible, met, hidden = _need(surfaces, tracer, side_power, side_id, pilot, sign)
+    need, visible, met, hidden = _need(surfaces, tracer, emission, side_id, pilot, sign)
     chance = power * np.concatenate((need[label], _light_need(lights, pilot)))
     cumulative = np.concatenate(([0.0], np.cumsum(chance)))
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
     of_sheet = np.bincount(label, chance[: len(side_id)], len(need))
-    best = _best_worth(stage, pilot, _Chances(side_id, cumulative, of_sheet, power, visible), hidden)
+    best = _best_worth(stage, pilot, _Chances(side_id, cumulative, of_sheet, power, visible, cells), hidden)
     worth = best * chance[: len(side_id)]
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
     # the power heuristic, as in balance
     found[side_id >> 1] = met[label] ** 2 / np.maximum(met[label] ** 2 + (best * of_sheet[label]) ** 2, 1e-300)
-    return Lamps(cumulative, side_id, lights, power * visible, density, found, caustic)
+    return Lamps(cumulative, side_id, lights, power * visible, density, found, caustic, cells)
 
 
-def _need(surfaces, tracer, side_power, side_id, pilot, sign) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def _need(surfaces, tracer, emission, side_id, pilot, sign) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """By label of the sheet, (labels,) float64 each: how much irradiance, m-2, that rays of final gathers seldom find
     each W of the sheet's power brings to where camera paths gather; the share of that which no surface hides; and how
     many of those rays meet the sheet, in the mean over its light. And the variance, see _variance.
 
-    side_power, side_id: see build_lamps. sign: (labels,) -1 for sheets that are colder than the reference, else 1.
+    emission, side_id: see build_lamps. sign: (labels,) -1 for sheets that are colder than the reference, else 1.
     """
-    labels = int(surfaces.sheet.max()) + 1 if surfaces.sheet.size else 0
-    power = np.bincount(surfaces.sheet.ravel()[side_id], side_power[side_id >> 1], labels)
+    labels, (side_power, cells) = int(surfaces.sheet.max()) + 1 if surfaces.sheet.size else 0, emission
+    label, of_side = surfaces.sheet.ravel()[side_id], side_power[side_id >> 1]
+    power = np.bincount(label, of_side, labels)
     emitting = np.flatnonzero(power > 0.0)
     need, visible, met = np.ones(labels), np.ones(labels), np.ones(labels)
     if len(pilot.point) == 0 or len(emitting) == 0:
@@ -148,6 +157,9 @@ def _need(surfaces, tracer, side_power, side_id, pilot, sign) -> tuple[np.ndarra
     row = np.full(labels, -1, np.int32)
     row[emitting] = np.arange(len(emitting))
     centre, radius = spheres(surfaces.corners, surfaces.sheet, row, len(emitting))
+    # a sheet that emits in spots is met as seldom as a smaller one
+    spots = np.bincount(label, of_side * concentration(cells, len(side_power))[side_id >> 1], labels)
+    radius /= np.sqrt(spots[emitting] / power[emitting])
     brought, seldom = np.zeros((2, len(emitting), len(receivers.point)))
     _bring(centre, radius, receivers, brought, seldom)
     sides, weight = _sides(surfaces, side_power, side_id), power[emitting, None] * seldom
@@ -262,13 +274,14 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
 class _Chances(NamedTuple):
     """How shadow rays choose among sides that emit, (n,), and lights behind them. side_id, cumulative: see Lamps.
     of_sheet: (labels,) float64, chance of all sides of a sheet. power: (e,) float64, W. visible: (e,) float64, see
-    _visibility."""
+    _visibility. cells: see Lamps."""
 
     side_id: np.ndarray
     cumulative: np.ndarray
     of_sheet: np.ndarray
     power: np.ndarray
     visible: np.ndarray
+    cells: EmissionCells
 
 
 class _Found(NamedTuple):
@@ -332,7 +345,8 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
         entry = min(np.searchsorted(chances.cumulative, pick, side="right") - 1, chances.power.size - 1)
         if entry >= chances.side_id.size:
             continue
-        u, v = triangle_point(uniform(path, 3 * c + 1), uniform(path, 3 * c + 2))
+        s, w, t = uniform(path, 3 * c + 1), uniform(path, 3 * c + 2), chances.side_id[entry] >> 1
+        u, v, dense = choose_point(chances.cells, t, s, w)
         lamp = emit_at(stage.surfaces, chances.side_id[entry], u, v, _TYPICAL_COSINE)
         room.sheet[c] = sheet_of(stage.surfaces, lamp.side_id)
         way = difference(lamp.point, here)
@@ -341,7 +355,7 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
         if cosine <= 0.0 or lamp_cosine <= 0.0:
             continue
         chance, power = chances.cumulative[entry + 1] - chances.cumulative[entry], chances.power[entry]
-        area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1]
+        area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] / dense  # as if all emitted as much as the point
         view = lamp_cosine / (distance * distance)
         shared = balance(worth * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
         brought = cosine * view * chances.visible[entry] * power / chance / CANDIDATES
@@ -394,6 +408,5 @@ def share_of_ray(density, lamps, at):
 
     density: sr-1, of the rays. at: the Interaction of the ray with the lamp.
     """
-    return balance(
-        density * at.geometric_cosine, lamps.density[at.triangle, at.side_id & 1] * at.distance * at.distance
-    )
+    points = lamps.density[at.triangle, at.side_id & 1] * density_at(lamps.cells, at.triangle, at.u, at.v)
+    return balance(density * at.geometric_cosine, points * at.distance * at.distance)

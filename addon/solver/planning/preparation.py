@@ -132,7 +132,8 @@ def prepare(
     layers = trace_apart(layers, reference)
     weighting = typical_source(sources, scene.band_edges, reference)
     stage = _build_stage(scene, grey, layers, reference, weighting)
-    power, cells = side_power(stage, area)
+    emission = side_power(stage, area)
+    power = emission[0]
     lit = float(np.sum(pilot.importance * power / area))
     caustic = choose_caustic_lamps(surfaces, power, pilot, lit)
     sky = sky_layer(scene, layers)
@@ -140,7 +141,7 @@ def prepare(
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
-    lamps = build_lamps(stage, tracer, pilot, power, lights, caustic)
+    lamps = build_lamps(stage, tracer, pilot, emission, lights, caustic)
     molecular = None
     if scene.media:
         radiometry = stage.radiometry
@@ -152,7 +153,7 @@ def prepare(
         surroundings = fill_surroundings(
             surroundings, tracer, stage, lights, reach, area, lamps, pass_key(0, AFAR, PILOT)
         )
-    emitters = build_emitters(stage, surroundings, lights, reach, area, (power, cells), lamps)
+    emitters = build_emitters(stage, surroundings, lights, reach, area, emission, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
