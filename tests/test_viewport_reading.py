@@ -34,9 +34,9 @@ def live(objects, monkeypatch):
     """A Viewport that reads whenever Blender has evaluated its scene, and the names of the meshes it read."""
     read, names = surfaces.read_mesh, []
 
-    def counted(mesh, owner, warnings):
+    def counted(mesh, owner, warnings, layers):
         names.append(owner)
-        return read(mesh, owner, warnings)
+        return read(mesh, owner, warnings, layers)
 
     monkeypatch.setattr(surfaces, "read_mesh", counted)
     result, space = viewport.Viewport(Engine()), SimpleNamespace(space=None)

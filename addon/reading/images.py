@@ -32,18 +32,24 @@ def image_channel(image, channel: str) -> np.ndarray:
 
 
 def read_kelvin(image, id_block, owner: str) -> np.ndarray:
+    """(height, width) float32 K as kelvin_pixels reads them. Raises SceneError, naming owner and image, if it holds no
+    temperatures or cannot be read."""
+    try:
+        return kelvin_pixels(image, id_block, owner)
+    except TemperatureError as error:
+        raise SceneError(f"{owner}: {error}") from None
+
+
+def kelvin_pixels(image, id_block, owner: str) -> np.ndarray:
     """(height, width) float32 K of the first channel of an image, row 0 at the bottom.
 
     Float images hold kelvin; with id_block["temperature_range"] = [low, high] K, values from 0 to 1 of any image mean
-    what lies between. Raises SceneError, naming owner and image, if it holds no temperatures.
+    what lies between. Raises SceneError, naming owner and image, if it holds no temperatures, and TemperatureError,
+    naming the image, if its values cannot be had.
     """
-    if getattr(image, "id_type", "") != "IMAGE":
-        raise SceneError(f"{owner}: temperature_image is {describe(image)}, expected an image")
-    span = _range(id_block, owner)
-    try:
-        values = image_channel(image, "R")
-    except TemperatureError as error:
-        raise SceneError(f"{owner}: {error}") from None
+    check_image(image, owner)
+    span = temperature_range(id_block, owner)
+    values = image_channel(image, "R")
     if span is None and not image.is_float:
         raise SceneError(
             f"{owner}: Image '{image.name}' has 8 bits and holds no kelvin; set temperature_range to what 0 and 1 mean"
@@ -51,7 +57,19 @@ def read_kelvin(image, id_block, owner: str) -> np.ndarray:
     return values if span is None else (span[0] + (span[1] - span[0]) * values).astype(np.float32)
 
 
-def _range(id_block, owner: str) -> tuple[float, float] | None:
+def check_image(value, owner: str) -> None:
+    """Raise SceneError unless the value of the custom property `temperature_image` is an image."""
+    if not is_image(value):
+        raise SceneError(f"{owner}: temperature_image is {describe(value)}, expected an image")
+
+
+def is_image(value) -> bool:
+    """Whether the value of a custom property is an image."""
+    return getattr(value, "id_type", "") == "IMAGE"
+
+
+def temperature_range(id_block, owner: str) -> tuple[float, float] | None:
+    """The kelvin that 0 and 1 of an image mean, if they are set. Raises SceneError if they are no two numbers."""
     value = id_block.get("temperature_range")
     if value is None:
         return None
