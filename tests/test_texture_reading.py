@@ -9,10 +9,19 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from addon.reading.bands import read_adaptive_bands  # noqa: E402
 from addon.reading.materials import read_material  # noqa: E402
+from addon.reading.surface_temperature import (  # noqa: E402
+    object_temperatures,
+    temperature_source,
+    vertex_temperatures,
+)
+from addon.reading.temperature_fields import TemperatureError  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.solver.scene import SceneError  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
+from tests.helpers.shaders import shaded, textured  # noqa: E402
 
 KELVIN = np.array([[300.0, 310.0, 320.0], [330.0, 340.0, 350.0]], np.float32)  # row 0 is at the bottom
 SHARES = np.array([[0.0, 0.25], [0.5, 1.0]], np.float32)
@@ -524,3 +533,129 @@ def test_a_sheet_leaves_fresnels_law_out(mixed):
 def test_fresnels_law_stays_where_nothing_passes():
     glass = material("Pane", emissivity=0.9, specular=1.0, fresnel=True, transmittance=[8.0, 0.0, 12.0, 0.0])
     assert read_material(glass, 0.95).fresnel
+
+
+# What else asks -------------------------------------------------------------------------------------------------------
+
+
+def checks(level):
+    """The texts of a level in the panel Checks."""
+    bpy.context.view_layer.update()
+    found = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    return [check.text for check in found if check.level == level]
+
+
+def source_of(obj):
+    bpy.context.view_layer.update()
+    return temperature_source(obj, bpy.context.view_layer.depsgraph)
+
+
+def test_an_image_counts_where_there_are_texture_coordinates(warm):
+    assert source_of(warm) == "IMAGE"
+    attribute(warm.data, "temperature", [280.0] * 4)
+    assert source_of(warm) == "IMAGE"
+    warm.data.uv_layers.remove(warm.data.uv_layers[0])
+    warm.data.update()
+    assert source_of(warm) == "ATTRIBUTE"
+
+
+@pytest.mark.parametrize("extension, expected", [("REPEAT", [300.0, 350.0]), ("CLIP", [290.0, 350.0])])
+def test_the_range_of_an_object_with_an_image(warm, extension, expected):
+    """Outside a clipped image its own temperature, 290 K, counts."""
+    warm["temperature_extension"] = extension
+    assert object_temperatures(warm, 0.0) == expected
+    warm["temperature_image"].source = "TILED"
+    assert object_temperatures(warm, 0.0) == [290.0]
+
+
+@pytest.mark.parametrize("domain", [None, "POINT", "CORNER"])
+@pytest.mark.parametrize("extension, beyond", [("EXTEND", [320.0, 335.0]), ("CLIP", [290.0, 290.0])])
+def test_the_heat_map_shows_an_image_at_the_corners(warm, domain, extension, beyond):
+    """Half-way up between the rows, and at u = 2 beyond the image."""
+    warm["temperature_extension"] = extension
+    if domain:
+        attribute(warm.data, "temperature", [290.0] * 4, domain=domain)
+    bpy.context.view_layer.update()
+    shown = vertex_temperatures(warm, bpy.context.view_layer.depsgraph, bpy.context.scene)
+    assert shown[0] == "CORNER"
+    np.testing.assert_array_equal(shown[1], np.float32([300.0, *beyond, 315.0]))
+
+
+def test_the_heat_map_refuses_an_image_of_no_temperatures(warm):
+    warm["temperature_image"] = image_of(KELVIN - 400.0, "Bad")
+    with pytest.raises(TemperatureError, match="Object 'Wall': Image 'Bad': temperature -100 K"):
+        vertex_temperatures(warm, bpy.context.evaluated_depsgraph_get(), bpy.context.scene)
+
+
+def test_checks_tell_what_the_render_tells(warm):
+    leaf = material("Leaf", emissivity=0.9, mix="wet", mix_material=material("Rust", emissivity=0.6))
+    warm.data.materials.append(leaf)
+    leaf["specular"], leaf["fresnel"], leaf["transmittance"] = 0.5, True, 0.1
+    warm["temperature_extension"] = "TILE"
+    warm["temperature_image"].source = "TILED"
+    warnings = read()[1]
+    assert len(warnings) == 4
+    kinds = {text: "Material" if text.startswith("'Leaf'") else "Object" for text in warnings}
+    assert {f"{kind} {text}" for text, kind in kinds.items()} <= set(checks("WARNING"))
+    warm.data.uv_layers.remove(warm.data.uv_layers[0])
+    warm.data.update()
+    warm["temperature_image"].source = "GENERATED"
+    del warm["temperature_extension"]
+    assert f"Object {read()[1][0]}" in checks("WARNING")
+    assert told(checks("WARNING"), "Object 'Wall': temperature_image: the mesh has no UV map")
+
+
+def test_checks_tell_what_stops_the_render(warm):
+    warm["temperature_image"] = image_of(KELVIN - 400.0, "Bad")
+    with pytest.raises(SceneError) as stopped:
+        read()
+    assert str(stopped.value) in checks("ERROR")
+
+
+def test_checks_tell_of_gases_that_are_mixed():
+    mesh = cube_mesh()
+    mesh.materials.append(material("Smoke", absorption=1.0, mix=0.5, mix_material=material("Rust")))
+    link("Cloud", mesh, temperature=300.0)
+    assert told(checks("WARNING"), "Material 'Smoke': a gas is not mixed; mix is left out")
+
+
+def test_checks_look_at_materials_that_are_only_mixed_in(mixed):
+    rust = mixed.data.materials[0]["mix_material"]
+    rust["emissivity"] = 1.5
+    assert "Material 'Rust': emissivity 1.5 is outside 0..1" in checks("ERROR")
+    del rust["emissivity"]
+    assert told(checks("HINT"), "Material 'Rust': no emissivity; the default 0.95 counts")
+
+
+def test_of_a_grouped_object_with_an_image_the_checks_tell(warm):
+    warm["temperature_group"], bpy.context.scene.infrared.group_exr_path = "Walls", "//groups.exr"
+    assert told(
+        checks("ERROR"), "Object 'Wall': its temperature varies from 300 to 350 K, but it is in the temperature"
+    )
+
+
+def test_adaptive_bands_know_what_is_mixed_in_and_what_passes(mixed):
+    infrared = bpy.context.scene.infrared
+    infrared.band_mode, infrared.band_count = "ADAPTIVE", 3
+    rust = mixed.data.materials[0]["mix_material"]
+
+    def edges_with(**properties):
+        for key, value in properties.items():
+            rust[key] = value
+        return read_adaptive_bands(infrared).edges.tolist()
+
+    grey = edges_with(emissivity=0.05)
+    step = [8.99, 0.05, 9.01, 0.9]
+    passing = edges_with(transmittance=step)
+    assert passing != grey and min(abs(edge - 9.0) for edge in passing) < 0.1
+
+
+def test_a_shader_is_not_called_opaque_where_something_passes(mixed):
+    leaf = shaded("Shaded", {"emissivity": 0.9, "mix": 0.5, "mix_material": mixed.data.materials[0]["mix_material"]})
+    mixed.data.materials[0] = leaf
+    textured(leaf, "Alpha")
+    assert told(read()[1], "'Shaded': of its shader the engine does not see image textures")
+    assert not told(read()[1], "alpha") and not told(read()[1], "opaque")
+    picture = next(node for node in leaf.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+    picture.image = leaf["mix"] = image_of(SHARES, "Mask")
+    assert not told(read()[1], "of its shader")

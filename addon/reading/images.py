@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..solver.scene import SceneError
+from ..solver.scene import EXTENSIONS, SceneError, check_temperature
 from .custom_properties import describe
 from .temperature_fields import TemperatureError, pick_channel
+from .warnings import Warnings
 
+INTERPOLATIONS = "Linear", "Closest"
 UNALTERED = {"Non-Color", "Raw", "Linear Rec.709"}  # color spaces whose float pixels Blender keeps as they are
 
 
@@ -54,7 +56,28 @@ def kelvin_pixels(image, id_block, owner: str) -> np.ndarray:
         raise SceneError(
             f"{owner}: Image '{image.name}' has 8 bits and holds no kelvin; set temperature_range to what 0 and 1 mean"
         )
-    return values if span is None else (span[0] + (span[1] - span[0]) * values).astype(np.float32)
+    kelvin = values if span is None else (span[0] + (span[1] - span[0]) * values).astype(np.float32)
+    for value in (kelvin.min(), kelvin.max()):  # NaN is both
+        check_temperature(float(value), f"{owner}: Image '{image.name}'")
+    return kelvin
+
+
+def read_lookup(id_block, kind: str, warnings: Warnings) -> tuple[str, bool]:
+    """How the image of a kind, "temperature" or "mix", of an object or material is looked up: what is outside it, one
+    of EXTENSIONS, and whether its texels are constant, see Texture. Warns of what is no such choice."""
+    extension = _choice(id_block, f"{kind}_extension", EXTENSIONS, warnings)
+    return extension, _choice(id_block, f"{kind}_interpolation", INTERPOLATIONS, warnings) == "Closest"
+
+
+def _choice(id_block, key: str, choices: tuple[str, ...], warnings: Warnings) -> str:
+    """The choice that a custom property makes, in capitals or not; the first, and a warning, if it makes none."""
+    value = id_block.get(key)
+    named = [choice for choice in choices if isinstance(value, str) and value.casefold() == choice.casefold()]
+    if value is not None and not named:
+        *first, last = choices
+        expected = f"expected {', '.join(first)} or {last}; {choices[0]} counts"
+        warnings.add(id_block.name, f"{key} is {describe(value)}, {expected}")
+    return named[0] if named else choices[0]
 
 
 def check_image(value, owner: str) -> None:

@@ -76,23 +76,26 @@ def read_mesh(mesh, owner: str, warnings: Warnings, layers: Collection[str] = ()
 def read_layer(mesh, name: str, elements: Elements) -> np.ndarray | str:
     """At the corners of triangles: (m, 3, 2) float32 coordinates of the UV map that renders use, if the name is UV_MAP,
     else (m, 3) float32 values of the float attribute of this name; or what is wrong with it, for users."""
+    if problem := layer_problem(mesh, name):
+        return problem
     if name == UV_MAP:
-        return _texture_coordinates(mesh, elements)
-    attribute = mesh.attributes.get(name)
-    if attribute is None:
-        return f"the mesh has no attribute '{name}'"
-    if attribute.data_type != "FLOAT" or attribute.domain not in DOMAINS:
-        return f"the attribute '{name}' {wrong_kind(attribute)}"
+        layer = render_uv_map(mesh)
+        uv = read_values(layer.uv, "vector", np.float32, 2)[elements.corners].reshape(-1, 3, 2)
+        return uv if np.isfinite(uv).all() else f"the UV map '{layer.name}' has coordinates that are not finite"
+    attribute = mesh.attributes[name]
     values = _on_triangles(read_values(attribute.data, "value", np.float32), attribute.domain, elements)
     return values if values.ndim == 2 else np.repeat(values[:, None], 3, axis=1)
 
 
-def _texture_coordinates(mesh, elements: Elements) -> np.ndarray | str:
-    layer = render_uv_map(mesh)
-    if layer is None:
-        return "the mesh has no UV map"
-    uv = read_values(layer.uv, "vector", np.float32, 2)[elements.corners].reshape(-1, 3, 2)
-    return uv if np.isfinite(uv).all() else f"the UV map '{layer.name}' has coordinates that are not finite"
+def layer_problem(mesh, name: str) -> str:
+    """Why a mesh cannot have a layer, as far as its values need not be read for that; an empty text if it can."""
+    if name == UV_MAP:
+        return "" if render_uv_map(mesh) else "the mesh has no UV map"
+    attribute = mesh.attributes.get(name)
+    if attribute is None:
+        return f"the mesh has no attribute '{name}'"
+    usable = attribute.data_type == "FLOAT" and attribute.domain in DOMAINS
+    return "" if usable else f"the attribute '{name}' {wrong_kind(attribute)}"
 
 
 def _on_triangles(values: np.ndarray, domain: str, elements: Elements) -> np.ndarray:

@@ -192,7 +192,7 @@ class SurfaceReader:
         """(m,) or (m, 3) float32 K of an object's triangles, or of their corners."""
         if mesh.temperature is not None:
             return mesh.temperature
-        if not self.textures.covers(obj, mesh):
+        if not self.textures.covers(obj, mesh.layers):
             if obj.get("temperature") is None:
                 self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
             if remark := driver_remark(obj):
@@ -204,7 +204,7 @@ class SurfaceReader:
         """Raise SceneError if an object whose temperatures an image gives is in a temperature group."""
         owner = f"Object '{obj.name}'"
         name = read_group(obj, owner)
-        if name and self.textures.usable_temperature_image(obj, mesh) >= 0:
+        if name and self.textures.usable_temperature_image(obj, mesh.layers) >= 0:
             raise SceneError(
                 f"{owner}: its temperature comes from the image '{obj['temperature_image'].name}', but it is in the "
                 f"temperature group '{name}'; a group has one temperature"

@@ -7,23 +7,23 @@ looked up, `temperature_interpolation`, `temperature_extension`, `mix_interpolat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..solver.scene import EXTENSIONS, Texture, Textures, check_temperature
+from ..solver.scene import Texture, Textures
 from .custom_properties import describe, is_number
-from .images import UNALTERED, check_image, image_channel, is_image, kelvin_pixels, temperature_range
+from .images import UNALTERED, check_image, image_channel, is_image, kelvin_pixels, read_lookup, temperature_range
 from .media import is_medium
 from .meshes import UV_MAP, MeshData
 from .temperature_fields import TemperatureError
 from .warnings import Warnings
 
-INTERPOLATIONS = "Linear", "Closest"
 OWN_TEMPERATURE = "the object's own temperature counts"
 NONE_OF_IT = "a share of 0 counts"
 _ROWS = "triangle", "uv", "temperature_image", "mixed", "share", "share_image"  # arrays of Textures
+Layers = Mapping[str, np.ndarray | str | None]  # those of a mesh, see MeshData, or what is wrong with some alone
 _ROUNDING = 1e-6  # of shares that were computed in float32
 
 
@@ -64,26 +64,20 @@ class TextureReader:
         if image is None:
             return -1
         check_image(image, owner)
+        span = temperature_range(obj, owner)
+        return self._number(obj, "temperature", span, lambda: kelvin_pixels(image, obj, owner), OWN_TEMPERATURE)
 
-        def kelvin() -> np.ndarray:
-            values = kelvin_pixels(image, obj, owner)
-            for value in (values.min(), values.max()):  # NaN is both
-                check_temperature(float(value), f"{owner}: Image '{image.name}'")
-            return values
-
-        return self._number(obj, "temperature", temperature_range(obj, owner), kelvin, OWN_TEMPERATURE)
-
-    def usable_temperature_image(self, obj, mesh: MeshData) -> int:
-        """As temperature_image; -1, and a warning, also if the mesh has no coordinates for it."""
+    def usable_temperature_image(self, obj, layers: Layers) -> int:
+        """As temperature_image; -1, and a warning, also if the object's mesh has no coordinates for it."""
         image = self.temperature_image(obj)
-        if image < 0 or not isinstance(mesh.layers[UV_MAP], str):
+        if image < 0 or not isinstance(layers[UV_MAP], str):
             return image
-        self.warnings.add(obj.name, f"temperature_image: {mesh.layers[UV_MAP]}; {OWN_TEMPERATURE}")
+        self.warnings.add(obj.name, f"temperature_image: {layers[UV_MAP]}; {OWN_TEMPERATURE}")
         return -1
 
-    def covers(self, obj, mesh: MeshData) -> bool:
+    def covers(self, obj, layers: Layers) -> bool:
         """Whether an image gives the temperature all over an object, so that its own counts nowhere."""
-        image = self.usable_temperature_image(obj, mesh)
+        image = self.usable_temperature_image(obj, layers)
         return image >= 0 and self.images[image].extension != "CLIP"
 
     # Mixed materials --------------------------------------------------------------------------------------------------
@@ -96,6 +90,15 @@ class TextureReader:
         if key not in self._mixes:
             self._mixes[key] = self._read_mix(material)
         return self._mixes[key]
+
+    def usable_mix(self, obj, layers: Layers, material) -> Mix | None:
+        """As mix; None, and a warning, also if the mesh of an object with the material lacks what the mix needs."""
+        mix = self.mix(material)
+        problem = None if mix is None else layers.get(UV_MAP if mix.image >= 0 else mix.attribute)
+        if not isinstance(problem, str):
+            return mix
+        self.warnings.add(obj.name, f"mix of its material '{material.name}': {problem}; {NONE_OF_IT}")
+        return None
 
     def _read_mix(self, material) -> Mix | None:
         value, other = material.get("mix"), material.get("mix_material")
@@ -143,12 +146,11 @@ class TextureReader:
         key: what tells apart how the same image is read. read: gives its values (height, width), float32.
         """
         image = block["mix" if kind == "mix" else f"{kind}_image"]
-        extension = self._choice(block, f"{kind}_extension", EXTENSIONS)
-        closest = self._choice(block, f"{kind}_interpolation", INTERPOLATIONS) == "Closest"
-        key = image.as_pointer(), key, extension, closest
+        lookup = read_lookup(block, kind, self.warnings)
+        key = image.as_pointer(), key, *lookup
         if key not in self._numbers:
             try:
-                texture = Texture(read(), extension, closest)
+                texture = Texture(read(), *lookup)
             except TemperatureError as error:
                 self._numbers[key] = str(error)
             else:
@@ -163,16 +165,6 @@ class TextureReader:
             self.warnings.add(block.name, f"{told}; its values are taken as they are stored")
         return number
 
-    def _choice(self, block, key: str, choices: tuple[str, ...]) -> str:
-        """The choice that a custom property makes, in capitals or not; the first, and a warning, if it makes none."""
-        value = block.get(key)
-        named = [choice for choice in choices if isinstance(value, str) and value.casefold() == choice.casefold()]
-        if value is not None and not named:
-            *first, last = choices
-            expected = f"expected {', '.join(first)} or {last}; {choices[0]} counts"
-            self.warnings.add(block.name, f"{key} is {describe(value)}, {expected}")
-        return named[0] if named else choices[0]
-
     # Rows -------------------------------------------------------------------------------------------------------------
 
     def rows(self, obj, mesh: MeshData, materials: list, index: Callable[[object], int]) -> Textures | None:
@@ -182,12 +174,12 @@ class TextureReader:
         need. index: gives the number of a Blender material in the scene.
         """
         count = len(mesh.slot)
-        image = self.usable_temperature_image(obj, mesh)
+        image = self.usable_temperature_image(obj, mesh.layers)
         temperature_image, mixed, share_image = (np.full(count, i, np.int32) for i in (image, -1, -1))
         share, uv = np.zeros((count, 3), np.float32), np.zeros((count, 3, 2), np.float32)
         for slot in np.unique(mesh.slot):
-            mix = self.mix(materials[slot])
-            if mix is None or not self._can_mix(obj, mesh, mix, materials[slot]):
+            mix = self.usable_mix(obj, mesh.layers, materials[slot])
+            if mix is None:
                 continue
             of_slot = mesh.slot == slot
             mixed[of_slot], share_image[of_slot] = index(mix.material), mix.image
@@ -202,15 +194,6 @@ class TextureReader:
         every = Textures(np.arange(count, dtype=np.int32), uv, temperature_image, mixed, share, share_image)
         used = by_image | (mixed >= 0)
         return replace(every, **{name: getattr(every, name)[used] for name in _ROWS}) if used.any() else None
-
-    def _can_mix(self, obj, mesh: MeshData, mix: Mix, material) -> bool:
-        """Whether the mesh of an object has what the mix of a material needs; a warning if not."""
-        needed = UV_MAP if mix.image >= 0 else mix.attribute
-        problem = mesh.layers.get(needed)
-        if isinstance(problem, str):
-            self.warnings.add(obj.name, f"mix of its material '{material.name}': {problem}; {NONE_OF_IT}")
-            return False
-        return True
 
 
 def _no_mix(material, value, other) -> str:
@@ -230,6 +213,13 @@ def _no_mix(material, value, other) -> str:
     if is_number(value) or isinstance(value, str) or is_image(value):
         return ""
     return f"mix is {describe(value)}, expected a number, the name of a mesh attribute or an image; it is left out"
+
+
+def with_mixed(materials: Iterable) -> list:
+    """Blender materials, and those that they are mixed with, each once and in order; None is left out."""
+    found = dict.fromkeys(material for material in materials if material is not None)
+    asked = [(material, material.get("mix"), material.get("mix_material")) for material in found]
+    return list(found | {other: None for material, mix, other in asked if other and not _no_mix(material, mix, other)})
 
 
 def mirrored(rows: Textures) -> Textures:
