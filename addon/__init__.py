@@ -86,19 +86,21 @@ def _modules():
     from . import engine, preferences, properties
     from .ui import band_presets, checks, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
-    from .ui.materials import curve_points, curve_previews, material_assets, material_library, thermal_from_shaders
-    from .ui.temperatures import clear_sky, heat_display, heat_map, temperature_groups, temperature_tools
+    from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
+    from .ui.temperatures import clear_sky, heat_display, heat_map, surface_image, temperature_groups, temperature_tools
 
     return (
         properties,
         operators,
         sensor_image,
         temperature_tools,
+        surface_image,
         clear_sky,
         heat_map,
         curve_previews,
         material_library,
         material_assets,
+        mix,
         thermal_from_shaders,
         panels,
         gas_panels,

@@ -62,6 +62,22 @@ CUSTOM_PROPERTIES = {
         "paint, and the emission falls. Emissivity and Specular are those seen straight on. Library materials with "
         "optical constants follow these",
     },
+    "transmittance": {
+        "subtype": "FACTOR",
+        "soft_min": 0.0,
+        "soft_max": 1.0,
+        "precision": 3,
+        "description": "Share of what meets a thin sheet that passes straight through, 0 to 1, from both sides alike: "
+        "film, cloth, mesh wire. With the emissivity it is at most 1; the rest is reflected",
+    },
+    "mix": {
+        "subtype": "FACTOR",
+        "soft_min": 0.0,
+        "soft_max": 1.0,
+        "precision": 3,
+        "description": "How much of the other material there is in place of this one, 0 to 1",
+    },
+    "mix_material": {"description": "The material that there is in part in place of this one"},
     "absorption": {
         "soft_min": 0.0,
         "soft_max": 100.0,
@@ -155,15 +171,15 @@ def set_custom_property(id_block, key: str, value: float | str | bool | list[flo
 def add_custom_property(id_block, key: str, value: float | str | bool) -> None:
     """Set the custom property `key` to a number, a text, or yes or no, with its unit and tooltip.
 
-    It is marked as one that library overrides may change. Not so the emissivity: the mark would fix its type to a
-    number, and it may also become a curve or the name of a library material.
+    It is marked as one that library overrides may change. Not so the emissivity, the transmittance and the mix: the
+    mark would fix their type to a number, and they may also become a curve, a name or an image.
     """
     set_custom_property(id_block, key, value if isinstance(value, str | bool) else float(value))
     shown = dict(CUSTOM_PROPERTIES[key])
     if key == "temperature" and isinstance(id_block, bpy.types.Object) and id_block.type != "LIGHT":
         shown["description"] += ". A mesh attribute named 'temperature' wins over it"
     id_block.id_properties_ui(key).update(default=id_block[key], **shown)
-    if key != "emissivity":
+    if key not in ("emissivity", "transmittance", "mix"):
         id_block.property_overridable_library_set(f'["{key}"]', True)
 
 

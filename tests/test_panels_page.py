@@ -122,6 +122,7 @@ def states():
     of_world = {"temperature": 280.0, "temperature_group": "sky", "depth": 100.0, "pressure": 9e4}
     for key, value in (of_world | gas).items():
         world[key] = value
+    of_surface = {"specular": 0.5, "roughness": 0.5, "fresnel": True, "transmittance": 0.1, "mix": 0.5}
     surface = link("Cube", cube_mesh(), temperature=300.0, temperature_group="cube", pressure=1e5)
     surface.data.materials.append(material("Filling", **gas))
     window = bpy.context.window_manager.windows[0]
@@ -133,7 +134,7 @@ def states():
     )  # fmt: skip
     many_points = [float(number) for um in range(8, 48) for number in (um, 0.5)]
     for emissivity in (0.5, many_points, "Tin"):
-        shown.material = material(emissivity=emissivity, specular=0.5, roughness=0.5, fresnel=True, **gas)
+        shown.material = material(emissivity=emissivity, **of_surface, **gas)
         yield shown
     shown.material["gas"] = {"H2O": 0.1, "soot": 1e-7}
     for infrared.band_mode in ("UNIFORM", "ADAPTIVE", "CUSTOM"):

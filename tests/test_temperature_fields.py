@@ -15,6 +15,7 @@ from addon.reading.temperature_fields import (
     sample_image,
     spread,
 )
+from addon.solver.scene import EXTENSIONS
 
 
 def test_shares_become_a_range_to_the_last_bit_at_its_ends():
@@ -53,8 +54,8 @@ def test_a_linear_image_is_linear_between_its_pixel_centres():
     rng = np.random.default_rng(1)
     pixel = rng.uniform(0.0, 1.0, (200, 2)) * (width - 1, height - 1)
     uv = (pixel + 0.5) / (width, height)
-    for repeat in (False, True):
-        found = sample_image(ramp(width, height), uv, repeat)
+    for extension in EXTENSIONS:
+        found = sample_image(ramp(width, height), uv, extension)
         np.testing.assert_allclose(found, 3.0 * pixel[:, 0] + 5.0 * pixel[:, 1], rtol=0, atol=1e-13)
 
 
@@ -62,14 +63,25 @@ def test_outside_an_image():
     pixels = np.array([[1.0, 2.0, 5.0, 9.0]], np.float32)
     u = np.array([-2.0, 0.0, 1.0, 3.0, 0.125 + 2.0, 0.375 - 7.0])
     uv = np.column_stack((u, np.full(len(u), 0.3)))
-    assert sample_image(pixels, uv, repeat=False).tolist() == [1.0, 1.0, 9.0, 9.0, 9.0, 1.0]
+    assert sample_image(pixels, uv, "EXTEND").tolist() == [1.0, 1.0, 9.0, 9.0, 9.0, 1.0]
     # at whole numbers half-way between the last pixel and the first
-    assert sample_image(pixels, uv, repeat=True).tolist() == [5.0, 5.0, 5.0, 5.0, 1.0, 2.0]
+    assert sample_image(pixels, uv, "REPEAT").tolist() == [5.0, 5.0, 5.0, 5.0, 1.0, 2.0]
+    # there and back again: the middle of the first pixel two images on, that of the second seven images back
+    assert sample_image(pixels, uv, "MIRROR").tolist() == [1.0, 1.0, 9.0, 9.0, 1.0, 5.0]
+    clipped = sample_image(pixels, uv, "CLIP")
+    assert clipped[1:3].tolist() == [1.0, 9.0] and np.isnan(np.delete(clipped, (1, 2))).all()
+
+
+def test_the_closest_pixel():
+    pixels = np.array([[1.0, 2.0], [5.0, 9.0]], np.float32)
+    uv = np.array([[0.0, 0.49], [0.49, 0.51], [0.51, 0.0], [0.99, 0.99], [1.25, 0.25]])
+    assert sample_image(pixels, uv, "REPEAT", closest=True).tolist() == [1.0, 5.0, 2.0, 9.0, 1.0]
+    assert sample_image(pixels, uv, "MIRROR", closest=True)[4] == 2.0
 
 
 def test_uv_coordinates_that_are_no_numbers_give_none():
     uv = np.array([[np.nan, 0.5], [0.5, np.inf], [0.5, 0.5]])
-    assert np.isfinite(sample_image(ramp(2, 2), uv, True)).tolist() == [False, False, True]
+    assert np.isfinite(sample_image(ramp(2, 2), uv, "REPEAT")).tolist() == [False, False, True]
 
 
 def test_inverse_distance_weights():

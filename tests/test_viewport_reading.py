@@ -34,9 +34,9 @@ def live(objects, monkeypatch):
     """A Viewport that reads whenever Blender has evaluated its scene, and the names of the meshes it read."""
     read, names = surfaces.read_mesh, []
 
-    def counted(mesh, owner, warnings):
+    def counted(mesh, owner, warnings, layers):
         names.append(owner)
-        return read(mesh, owner, warnings)
+        return read(mesh, owner, warnings, layers)
 
     monkeypatch.setattr(surfaces, "read_mesh", counted)
     result, space = viewport.Viewport(Engine()), SimpleNamespace(space=None)
@@ -108,11 +108,35 @@ def hide(obj):
     obj.hide_set(True)
 
 
+def mix(obj):
+    obj.data.attributes.new("wet", "FLOAT", "POINT").data.foreach_set("value", [0.25] * 8)
+    obj.active_material["mix"], obj.active_material["mix_material"] = "wet", material("Water")
+    obj.active_material.update_tag()
+
+
+def heat_by_image(obj):
+    """It needs a UV map, so the mesh is read again, too."""
+    obj.data.uv_layers.new()
+    obj["temperature_image"], obj["temperature_range"] = bpy.data.images.new("Heat", 2, 2), [300.0, 310.0]
+    obj.update_tag()
+
+
 @pytest.mark.parametrize(
     ("edit", "shapes"),
-    [(heat, "A"), (move, ""), (dent, "A"), (add_modifier, "A"), (darken, "A"), (warm_world, ""), (more_passes, ""),
-     (other_palette, ""), (hide, "")],
-)  # fmt: skip
+    [
+        (heat, "A"),
+        (heat_by_image, "A"),
+        (move, ""),
+        (dent, "A"),
+        (add_modifier, "A"),
+        (darken, "A"),
+        (mix, "A"),
+        (warm_world, ""),
+        (more_passes, ""),
+        (other_palette, ""),
+        (hide, ""),
+    ],
+)
 def test_edits_are_seen_and_only_changed_shapes_are_read(objects, live, edit, shapes):
     """shapes: the meshes that Blender itself evaluates again; no other may be read."""
     before, names = wanted(live)

@@ -25,3 +25,8 @@ def same_elements(mesh, other) -> bool:
         np.array_equal(*(read_values(getattr(m, kind), member, np.int32) for m in (mesh, other)))
         for kind, member in members
     )
+
+
+def render_uv_map(mesh):
+    """The UV map of a mesh that renders use, or None."""
+    return next((layer for layer in mesh.uv_layers if layer.active_render), None)

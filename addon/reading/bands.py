@@ -20,6 +20,7 @@ from .objects import SURFACE_TYPES, layers_objects
 from .sensor import read_response
 from .settings import as_typed
 from .surface_temperature import object_temperatures
+from .textures import with_mixed
 from .world import layer_world, world_temperature
 
 _WAVELENGTHS = 2048  # at which it is asked what gases absorb
@@ -81,9 +82,9 @@ def read_adaptive_bands(infrared) -> Partition:
 
 
 def _scene_spectra(scene) -> tuple[tuple[bytes, ...], tuple[float, ...], tuple[float, ...]]:
-    """The emissivity curves in a scene ((2, n) float64 arrays as bytes), of gases that of all they absorb on a way
-    through them; the temperatures of its surfaces, gases and worlds, and those of its lights, K; each in ascending
-    order.
+    """The emissivity and transmittance curves in a scene ((2, n) float64 arrays as bytes), of gases that of all they
+    absorb on a way through them; the temperatures of its surfaces, gases and worlds, and those of its lights, K; each
+    in ascending order.
     """
     infrared = scene.infrared
     materials = {layer.material_override for layer in scene.view_layers}
@@ -106,10 +107,12 @@ def _scene_spectra(scene) -> tuple[tuple[bytes, ...], tuple[float, ...], tuple[f
                 curves |= {_absorptance(infrared, gas, obj, kelvin[-1], through) for gas in own if is_medium(gas)}
             elif obj.type == "LIGHT" and obj.data.energy > 0:
                 lights.add(light_temperature(obj))
-    for material in materials - {None}:
+    for material in with_mixed(materials):
         with suppress(SceneError):
             if not is_medium(material):
-                curves.add(np.array(read_material(material, infrared.default_emissivity).curve).tobytes())
+                read = read_material(material, infrared.default_emissivity)
+                shown = (read.curve, read.transmitted_curve) if read.is_sheet else (read.curve,)
+                curves |= {np.array(curve).tobytes() for curve in shown}
     return tuple(sorted(curves)), tuple(sorted(temperatures or [0.0])), tuple(sorted(lights))
 
 

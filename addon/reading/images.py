@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..solver.scene import SceneError
+from ..solver.scene import EXTENSIONS, SceneError, check_temperature
 from .custom_properties import describe
 from .temperature_fields import TemperatureError, pick_channel
+from .warnings import Warnings
 
+INTERPOLATIONS = "Linear", "Closest"
 UNALTERED = {"Non-Color", "Raw", "Linear Rec.709"}  # color spaces whose float pixels Blender keeps as they are
 
 
@@ -32,26 +34,65 @@ def image_channel(image, channel: str) -> np.ndarray:
 
 
 def read_kelvin(image, id_block, owner: str) -> np.ndarray:
+    """(height, width) float32 K as kelvin_pixels reads them. Raises SceneError, naming owner and image, if it holds no
+    temperatures or cannot be read."""
+    try:
+        return kelvin_pixels(image, id_block, owner)
+    except TemperatureError as error:
+        raise SceneError(f"{owner}: {error}") from None
+
+
+def kelvin_pixels(image, id_block, owner: str) -> np.ndarray:
     """(height, width) float32 K of the first channel of an image, row 0 at the bottom.
 
     Float images hold kelvin; with id_block["temperature_range"] = [low, high] K, values from 0 to 1 of any image mean
-    what lies between. Raises SceneError, naming owner and image, if it holds no temperatures.
+    what lies between. Raises SceneError, naming owner and image, if it holds no temperatures, and TemperatureError,
+    naming the image, if its values cannot be had.
     """
-    if getattr(image, "id_type", "") != "IMAGE":
-        raise SceneError(f"{owner}: temperature_image is {describe(image)}, expected an image")
-    span = _range(id_block, owner)
-    try:
-        values = image_channel(image, "R")
-    except TemperatureError as error:
-        raise SceneError(f"{owner}: {error}") from None
+    check_image(image, owner)
+    span = temperature_range(id_block, owner)
+    values = image_channel(image, "R")
     if span is None and not image.is_float:
         raise SceneError(
             f"{owner}: Image '{image.name}' has 8 bits and holds no kelvin; set temperature_range to what 0 and 1 mean"
         )
-    return values if span is None else (span[0] + (span[1] - span[0]) * values).astype(np.float32)
+    kelvin = values if span is None else (span[0] + (span[1] - span[0]) * values).astype(np.float32)
+    for value in (kelvin.min(), kelvin.max()):  # NaN is both
+        check_temperature(float(value), f"{owner}: Image '{image.name}'")
+    return kelvin
 
 
-def _range(id_block, owner: str) -> tuple[float, float] | None:
+def read_lookup(id_block, kind: str, warnings: Warnings) -> tuple[str, bool]:
+    """How the image of a kind, "temperature" or "mix", of an object or material is looked up: what is outside it, one
+    of EXTENSIONS, and whether its texels are constant, see Texture. Warns of what is no such choice."""
+    extension = _choice(id_block, f"{kind}_extension", EXTENSIONS, warnings)
+    return extension, _choice(id_block, f"{kind}_interpolation", INTERPOLATIONS, warnings) == "Closest"
+
+
+def _choice(id_block, key: str, choices: tuple[str, ...], warnings: Warnings) -> str:
+    """The choice that a custom property makes, in capitals or not; the first, and a warning, if it makes none."""
+    value = id_block.get(key)
+    named = [choice for choice in choices if isinstance(value, str) and value.casefold() == choice.casefold()]
+    if value is not None and not named:
+        *first, last = choices
+        expected = f"expected {', '.join(first)} or {last}; {choices[0]} counts"
+        warnings.add(id_block.name, f"{key} is {describe(value)}, {expected}")
+    return named[0] if named else choices[0]
+
+
+def check_image(value, owner: str) -> None:
+    """Raise SceneError unless the value of the custom property `temperature_image` is an image."""
+    if not is_image(value):
+        raise SceneError(f"{owner}: temperature_image is {describe(value)}, expected an image")
+
+
+def is_image(value) -> bool:
+    """Whether the value of a custom property is an image."""
+    return getattr(value, "id_type", "") == "IMAGE"
+
+
+def temperature_range(id_block, owner: str) -> tuple[float, float] | None:
+    """The kelvin that 0 and 1 of an image mean, if they are set. Raises SceneError if they are no two numbers."""
     value = id_block.get("temperature_range")
     if value is None:
         return None

@@ -29,6 +29,7 @@ from .shaders import (
     unseen_message,
 )
 from .surface_temperature import temperature_source
+from .textures import with_mixed
 from .world import layer_world, unset_surroundings
 
 DIELECTRIC = (
@@ -185,7 +186,7 @@ def propose_object(obj, scene, depsgraph) -> Proposal | None:
     """The ambient temperature, which can then be changed, for an object that has none; None for others."""
     if obj.type not in SURFACE_TYPES or not may_have_faces(obj) or obj.get("temperature") is not None:
         return None
-    if temperature_source(obj, depsgraph) == "ATTRIBUTE":
+    if temperature_source(obj, depsgraph) in ("IMAGE", "ATTRIBUTE"):
         return None
     return _proposal(
         obj, {"temperature": initial_value(obj, "temperature", scene)}, "It has no temperature: the ambient one"
@@ -212,15 +213,15 @@ def clear_sky(air: float) -> float:
 
 
 def materials_of(objects: Iterable, depsgraph) -> list:
-    """The materials of objects: of their slots, and those that their geometry nodes give, each once and in order."""
+    """The materials of objects: of their slots, those that their geometry nodes give, and those that are mixed with
+    them, each once and in order."""
     found = {}
     for obj in objects:
         if obj.type in SURFACE_TYPES:
             found |= {slot.material: None for slot in obj.material_slots}
             mesh = obj.evaluated_get(depsgraph).data
             found |= {material and material.original: None for material in getattr(mesh, "materials", ())}
-    found.pop(None, None)
-    return list(found)
+    return with_mixed(found)
 
 
 def proposals(objects: Iterable, layers: Iterable, scene, depsgraph) -> list[Proposal]:

@@ -47,6 +47,7 @@ class Shader:
     shares: kind -> its part of the surface, from 0 to 1. gloss: [(share, roughness)] of what mirrors; None is a
     roughness that varies. coat: roughness of a coat that hides what is below, None without one. metallic_varies: where
     it is a metal is not known. connected: whether any shader is. unseen: what the engine does not see, those of PARTS.
+    opaque: whether the surface is for the engine, too: its material has neither transmittance nor mix.
     """
 
     shares: dict[str, float] = field(default_factory=dict)
@@ -55,6 +56,7 @@ class Shader:
     metallic_varies: bool = False
     connected: bool = False
     unseen: tuple[str, ...] = ()
+    opaque: bool = True
 
     def share(self, *kinds: str) -> float:
         """The part of these kinds in all but holes, 0 to 1."""
@@ -74,13 +76,13 @@ def read_shader(material) -> Shader:
     output = shader_output(material)
     if output is None:
         return Shader() if uses_nodes(material) else _without_nodes(material)
-    shader, unseen = Shader(), set()
+    shader, unseen = Shader(opaque=all(material.get(key) is None for key in ("mix_material", "transmittance"))), set()
     surface, volume, displacement = (output.inputs[name] for name in ("Surface", "Volume", "Displacement"))
     for closure in closures(surface):
         shader.connected = True
         _add(shader, closure, unseen)
     for node, groups in live_nodes(surface):
-        unseen |= _texture(node) | _normals(node, groups)
+        unseen |= (_texture(node) - _of_mix(node, material)) | _normals(node, groups)
     if any(True for _ in closures(volume)):
         unseen.add(VOLUME)
     if feed(displacement).node is not None:
@@ -160,6 +162,12 @@ def _texture(node) -> set[str]:
     return {PROCEDURAL} if textures else set()
 
 
+def _of_mix(node, material) -> set[str]:
+    """IMAGES if this node has the image that says how the material is mixed, which the engine sees."""
+    image = getattr(node, "image", None)
+    return {IMAGES} if image is not None and image == material.get("mix") else set()
+
+
 def _normals(node, groups) -> set[str]:
     """NORMALS if this node bends them."""
     source = {"ShaderNodeNormalMap": "Color", "ShaderNodeBump": "Height"}.get(node.bl_idname)
@@ -170,18 +178,24 @@ def _normals(node, groups) -> set[str]:
 
 def unseen_message(shader: Shader) -> str:
     """What of a shader the engine does not see, and what is there instead; an empty text if it sees all."""
-    if not shader.unseen:
+    unseen = _untold(shader)
+    if not unseen:
         return ""
-    *first, last = shader.unseen
+    *first, last = unseen
     listed = f"{', '.join(first)} and {last}" if first else last
     text = f"of its shader the engine does not see {listed}"
-    if {ALPHA, TRANSMISSION, VOLUME} & set(shader.unseen):
+    if shader.opaque and {ALPHA, TRANSMISSION, VOLUME} & set(unseen):
         text += "; the surface is opaque"
-    if EMISSION in shader.unseen:
+    if EMISSION in unseen:
         text += "; visible light says nothing of heat"
     return text
 
 
 def changes_shapes(shader: Shader) -> bool:
     """Whether what the engine does not see leaves other shapes in the picture than the shader shows."""
-    return bool(SHAPING & set(shader.unseen))
+    return bool(SHAPING & set(_untold(shader)))
+
+
+def _untold(shader: Shader) -> list[str]:
+    """What of a shader the engine does not see, less what a transmittance or a mix tells it in another way."""
+    return [part for part in shader.unseen if shader.opaque or part not in (ALPHA, TRANSMISSION)]

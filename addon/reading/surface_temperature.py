@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which temperature counts on a surface: that of the mesh, else that of the object, else the ambient one.
+"""Which temperature counts on a surface: that of an image, else of the mesh, else of the object, else the ambient one.
 
-A mesh has it in the float attribute `temperature`, K, on points, corners or faces; an object in its custom property of
-that name.
+An object has an image in its custom property `temperature_image`; a mesh has the float attribute `temperature`, K, on
+points, corners or faces; an object has a temperature in its custom property of that name.
 """
 
 from __future__ import annotations
@@ -10,9 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..solver.scene import SceneError, check_temperature
-from .arrays import read_values, same_elements
+from .arrays import read_values, render_uv_map, same_elements
 from .custom_properties import read_temperature
-from .temperature_fields import TemperatureError, check_kelvin
+from .images import is_image, kelvin_pixels, read_lookup
+from .temperature_fields import TemperatureError, check_kelvin, sample_image
+from .warnings import Warnings
 
 NAME = "temperature"  # of the custom property and of the mesh attribute
 DOMAINS = {"POINT": "points", "CORNER": "corners", "FACE": "faces"}
@@ -26,11 +28,32 @@ def usable_attribute(mesh):
 
 
 def temperature_source(obj, depsgraph) -> str:
-    """What gives an evaluated object its temperature: "ATTRIBUTE" of its mesh, "PROPERTY" of its own, or "AMBIENT"."""
+    """What gives an object its temperature: an "IMAGE", the "ATTRIBUTE" of its evaluated mesh, a "PROPERTY" of its own,
+    or "AMBIENT". An image that cannot be read, of which the checks tell, counts as one."""
     mesh = obj.evaluated_get(depsgraph).data
+    if has_image(obj, mesh):
+        return "IMAGE"
     if obj.type == "MESH" and usable_attribute(mesh):
         return "ATTRIBUTE"
     return "PROPERTY" if NAME in obj else "AMBIENT"
+
+
+def has_image(obj, mesh) -> bool:
+    """Whether an image gives the temperatures of an object with this data, which has coordinates for it. Which ones a
+    curve or a text gets as a mesh is not known here."""
+    on_mesh = obj.type != "MESH" or mesh.is_editmode or render_uv_map(mesh) is not None
+    return is_image(obj.get("temperature_image")) and on_mesh
+
+
+def image_temperatures(obj) -> np.ndarray | None:
+    """(height, width) float32 K of the image that gives an object its temperatures before its modifiers; None without
+    one that can be read. Raises SceneError, naming object and image, if it holds no temperatures."""
+    if not has_image(obj, obj.data):
+        return None
+    try:
+        return kelvin_pixels(obj["temperature_image"], obj, f"Object '{obj.name}'")
+    except TemperatureError:  # its own temperature counts
+        return None
 
 
 def own_temperature(obj, scene) -> float:
@@ -59,10 +82,24 @@ def attribute_temperatures(mesh, owner: str) -> np.ndarray | None:
 
 
 def object_temperatures(obj, ambient: float) -> list[float]:
-    """Temperatures (K) of an object before its modifiers: the lowest and the highest of its attribute, or its only one.
+    """Temperatures (K) of an object before its modifiers: the lowest and the highest of its image or attribute, or its
+    only one.
 
     ambient: K, where it has none. Raises SceneError, naming the object, if a value cannot be rendered.
     """
+    image = image_temperatures(obj)
+    own = [] if image is not None and not _is_clipped(obj) else temperatures_without_image(obj, ambient)
+    every = own if image is None else [*own, float(image.min()), float(image.max())]
+    return every if len(every) == 1 else [min(every), max(every)]
+
+
+def _is_clipped(obj) -> bool:
+    """Whether the own temperature of an object counts outside its image."""
+    return read_lookup(obj, NAME, Warnings())[0] == "CLIP"
+
+
+def temperatures_without_image(obj, ambient: float) -> list[float]:
+    """As object_temperatures, of an object without an image, or where it does not reach."""
     values = attribute_temperatures(obj.data, obj.name) if obj.type == "MESH" else None
     if values is None:
         return [read_temperature(obj, ambient, f"Object '{obj.name}'")]
@@ -70,10 +107,27 @@ def object_temperatures(obj, ambient: float) -> list[float]:
 
 
 def vertex_temperatures(obj, depsgraph, scene) -> tuple[str, np.ndarray]:
-    """The temperatures that an object's mesh would be rendered with: their domain, "POINT" or "CORNER", and (n,) K.
+    """The temperatures that an object's mesh would be rendered with: their domain, "POINT" or "CORNER", and (n,) K. Of
+    an image, those that it has at the corners.
 
     Raises TemperatureError, naming the object, if one cannot be rendered.
     """
+    domain, kelvin = _own_temperatures(obj, depsgraph, scene)
+    try:
+        image = image_temperatures(obj)
+    except SceneError as error:
+        raise TemperatureError(str(error)) from None
+    if image is None:
+        return domain, kelvin
+    uv = read_values(render_uv_map(obj.data).uv, "vector", np.float32, 2)
+    at_corners = sample_image(image, uv, *read_lookup(obj, NAME, Warnings()))
+    if domain == "POINT":
+        kelvin = kelvin[read_values(obj.data.loops, "vertex_index", np.int32)]
+    return "CORNER", np.where(np.isnan(at_corners), kelvin, at_corners).astype(np.float32)
+
+
+def _own_temperatures(obj, depsgraph, scene) -> tuple[str, np.ndarray]:
+    """Those without an image, likewise."""
     mesh = obj.data
     evaluated = obj.evaluated_get(depsgraph).data
     attribute = usable_attribute(evaluated if same_elements(mesh, evaluated) else mesh)

@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..solver.scene import Material, SceneError
 from .custom_properties import driver_remark, read_temperature
-from .groups import GroupReader
-from .materials import read_material
+from .groups import GroupReader, read_group
+from .materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
 from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
+from .textures import OWN_TEMPERATURE, TextureReader, joined, mirrored
 from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
 from .world import air_temperature, read_sky, world_temperature
@@ -38,6 +41,7 @@ class SurfaceReader:
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
         self.normals = []  # (m, 3, 3) float32 of each object, None of flat ones
+        self.textures, self.varying = TextureReader(warnings), []  # what varies over each object, None if nothing does
         self.metres, self.media = 1.0, []  # length of a unit, which scene_reader sets
         self.volumes = VolumeReader(warnings)
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
@@ -51,40 +55,44 @@ class SurfaceReader:
             return
         if _has_particle_hair(obj):
             self.warnings.add(obj.name, "particle hair is not rendered, only its surface")
-        mesh = self._mesh(obj)
+        materials = self._slot_materials(obj)
+        mesh = self._mesh(obj, self.textures.layers(obj, materials))
         if len(mesh.triangles) == 0:
             return
         vertices = _in_world_space(mesh.vertices, matrix, obj.name)
         temperature = self._temperature(obj, mesh)
-        materials, slot = self._slots(obj, mesh.slot)
-        filled = np.array([is_medium(material) for material in materials])[slot]
+        mesh = replace(mesh, slot=_known_slots(mesh.slot, materials))
+        filled = np.array([is_medium(material) for material in materials])[mesh.slot]
         if filled.any():
-            self._add_media(obj, vertices, mesh.triangles, (materials, np.where(filled, slot, -1)), temperature)
+            slots = materials, np.where(filled, mesh.slot, -1)
+            self._add_media(obj, vertices, mesh.triangles, slots, temperature)
             if filled.all():
                 return
-            normals = None if mesh.normals is None else mesh.normals[~filled]
-            mesh = MeshData(vertices, mesh.triangles[~filled], slot[~filled], None, normals)
-            temperature, slot = temperature[~filled], slot[~filled]
+            mesh, temperature = mesh.part(~filled), temperature[~filled]
         triangles = mesh.triangles + np.int32(self.vertex_count)
         normals = _normals_in_world_space(mesh.normals, matrix)
+        varying = self.textures.rows(obj, mesh, materials, self._index)
         if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored object keeps its front sides outside
             triangles = triangles[:, ::-1]
             temperature = temperature[:, ::-1] if temperature.ndim == 2 else temperature
             normals = None if normals is None else normals[:, ::-1]
+            varying = None if varying is None else mirrored(varying)
         self.normals.append(normals)
+        self.varying.append(varying)
         self.vertices.append(vertices)
         self.triangles.append(triangles)
-        self.slots.append(self._materials(obj, materials, slot))
+        self.slots.append(self._materials(obj, materials, mesh.slot))
         self.temperatures.append(temperature)
         self.pass_indices["object_index"].append(obj.pass_index)
         if self.groups is not None:
+            self._check_group(obj, mesh)
             number = self.groups.number(obj, f"Object '{obj.name}'", temperature)
             self.group_numbers.append(np.full(len(triangles), number, np.int16))
         self.vertex_count += len(vertices)
 
     def add_volume(self, obj, matrix: np.ndarray) -> None:
         """The gas in a Volume object, a smoke domain or an instance of one; matrix: (4, 4) float64, object to world."""
-        materials, _ = self._slots(obj, np.zeros(0, np.int32))
+        materials = self._slot_materials(obj)
         read = self.volumes.read_smoke if is_gas_domain(obj) else self.volumes.read
         medium = read(obj, matrix, materials[0], self.ambient_temperature, self.metres)
         if medium is not None:
@@ -96,6 +104,8 @@ class SurfaceReader:
         kelvin = float(temperature.mean(dtype=np.float64))
         if np.ptp(temperature) > 0.0:
             self.warnings.add(obj.name, "a gas has one temperature; the mean of its mesh counts")
+        if self.textures.temperature_image(obj) >= 0:
+            self.warnings.add(obj.name, f"a gas has one temperature; not that of an image, {OWN_TEMPERATURE}")
         if self.groups is not None:
             self.warnings.add(obj.name, NO_GROUP)
         for number in np.unique(slot[slot >= 0]):
@@ -104,19 +114,22 @@ class SurfaceReader:
             if medium is not None:
                 self.media.append(medium)
 
-    def _mesh(self, obj) -> MeshData:
-        """The mesh of an object, which may be that of an earlier object or of an earlier reader."""
+    def _mesh(self, obj, layers: set[str]) -> MeshData:
+        """The mesh of an object with these layers. It may be that of an earlier object or of an earlier reader."""
         key = obj.data.as_pointer()
-        if key not in self.meshes:
-            named = obj.name_full, key
-            self.meshes[key] = self.kept[named] = self._earlier.get(named) or self._read(obj)
-        return self.meshes[key]
+        named = obj.name_full, key
+        known = self.meshes.get(key) or self._earlier.get(named)
+        if known is None or not layers <= known.layers.keys():
+            known = self._read(obj, layers if known is None else layers | known.layers.keys())
+        if self.meshes.get(key) is not known:
+            self.meshes[key] = self.kept[named] = known
+        return known
 
-    def _read(self, obj) -> MeshData:
+    def _read(self, obj, layers: set[str]) -> MeshData:
         if not obj.data.is_editmode:
-            return read_mesh(obj.data, obj.name, self.warnings)
+            return read_mesh(obj.data, obj.name, self.warnings, layers)
         try:  # in Edit Mode the evaluated mesh is empty, and to_mesh makes one
-            return read_mesh(obj.to_mesh(), obj.name, self.warnings)
+            return read_mesh(obj.to_mesh(), obj.name, self.warnings, layers)
         finally:
             obj.to_mesh_clear()
 
@@ -132,6 +145,7 @@ class SurfaceReader:
             "temperature": np.concatenate(temperatures),
             "materials": tuple(self.materials),
             "corner_normals": self._corner_normals(),
+            "textures": joined(self.varying, [len(each) for each in self.triangles], self.textures.images),
             **self._media(world),
             **self._groups(world),
         }
@@ -178,19 +192,28 @@ class SurfaceReader:
         """(m,) or (m, 3) float32 K of an object's triangles, or of their corners."""
         if mesh.temperature is not None:
             return mesh.temperature
-        if obj.get("temperature") is None:
-            self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
-        if remark := driver_remark(obj):
-            self.warnings.add(obj.name, remark)
+        if not self.textures.covers(obj, mesh.layers):
+            if obj.get("temperature") is None:
+                self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
+            if remark := driver_remark(obj):
+                self.warnings.add(obj.name, remark)
         temperature = read_temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")
         return np.full(len(mesh.triangles), temperature, dtype=np.float32)
 
-    def _slots(self, obj, slot: np.ndarray) -> tuple[list, np.ndarray]:
-        """The materials of an object's slots, and (m,) the slot of each triangle."""
-        materials = [s.material for s in obj.material_slots] or [None]
-        if self.override is not None:
-            materials = [self.override] * len(materials)
-        return materials, np.clip(slot, 0, len(materials) - 1)  # as Blender: faces beyond the last slot take the last
+    def _check_group(self, obj, mesh: MeshData) -> None:
+        """Raise SceneError if an object whose temperatures an image gives is in a temperature group."""
+        owner = f"Object '{obj.name}'"
+        name = read_group(obj, owner)
+        if name and self.textures.usable_temperature_image(obj, mesh.layers) >= 0:
+            raise SceneError(
+                f"{owner}: its temperature comes from the image '{obj['temperature_image'].name}', but it is in the "
+                f"temperature group '{name}'; a group has one temperature"
+            )
+
+    def _slot_materials(self, obj) -> list:
+        """The materials of an object's slots, one or more; None where there is none."""
+        materials = [slot.material for slot in obj.material_slots] or [None]
+        return materials if self.override is None else [self.override] * len(materials)
 
     def _materials(self, obj, materials: list, slot: np.ndarray) -> np.ndarray:
         """(m,) int32 index into materials for triangles with these slots of an object's materials."""
@@ -208,10 +231,20 @@ class SurfaceReader:
         key = None if material is None else material.as_pointer()
         if key not in self.indices:
             self.indices[key] = len(self.materials)
-            default = self.default
-            self.materials.append(default if material is None else read_material(material, default.emissivity))
+            self.materials.append(self.default if material is None else self._read_material(material))
             self.pass_indices["material_index"].append(0 if material is None else material.pass_index)
         return self.indices[key]
+
+    def _read_material(self, material) -> Material:
+        read = read_material(material, self.default.emissivity)
+        if leaves_fresnel_out(material, read):
+            self.warnings.add(material.name, FRESNEL_LEFT_OUT)
+        return read
+
+
+def _known_slots(slot: np.ndarray, materials: list) -> np.ndarray:
+    """(m,) int32 slots of triangles. As in Blender, faces beyond the last slot take the last."""
+    return np.clip(slot, 0, len(materials) - 1)
 
 
 def _in_world_space(vertices: np.ndarray, matrix: np.ndarray, owner: str) -> np.ndarray:

@@ -50,23 +50,35 @@ def pick_channel(colours: np.ndarray, channel: str) -> np.ndarray:
     return colours[:, :3] @ LUMINANCE.astype(np.float32) if channel == "LUMINANCE" else colours[:, "RGB".index(channel)]
 
 
-def sample_image(pixels: np.ndarray, uv: np.ndarray, repeat: bool) -> np.ndarray:
-    """(n,) float64 of an image (h, w), row 0 at the bottom, at (n, 2) UV coordinates; bilinear between pixel centres.
+def sample_image(pixels: np.ndarray, uv: np.ndarray, extension: str, closest: bool = False) -> np.ndarray:
+    """(n,) float64 of an image (h, w), row 0 at the bottom, at (n, 2) UV coordinates, looked up as a solver's Texture.
 
-    The image spans 0..1. Outside it starts again (repeat), or keeps the value of its border.
+    The image spans 0..1. Outside it an extension CLIP gives NaN, as do coordinates that are not finite.
     """
     size = np.array(pixels.shape[::-1])
-    position = uv.astype(np.float64) * size - 0.5  # pixel i has its centre at (i + 0.5) / size
-    position[~np.isfinite(position)] = np.nan  # and so are the fraction and the result
+    position = uv.astype(np.float64) * size - (0.0 if closest else 0.5)  # pixel i has its centre at (i + 0.5) / size
+    outside = (uv < 0.0) | (uv > 1.0) if extension == "CLIP" else False
+    position[~np.isfinite(position) | outside] = np.nan  # and so are the fraction and the result
     cell = np.floor(np.nan_to_num(position))
     fraction = position - cell
-    corners = [cell, cell + 1]
-    corners = [np.mod(c, size) if repeat else np.clip(c, 0, size - 1) for c in corners]
+    if closest:
+        fraction *= 0.0
+    corners = [_pixels_at(c, size, extension) for c in (cell, cell + 1)]
     (x0, y0), (x1, y1) = (c.astype(np.int64).T for c in corners)
     u, v = fraction.T
     below = pixels[y0, x0] * (1.0 - u) + pixels[y0, x1] * u
     above = pixels[y1, x0] * (1.0 - u) + pixels[y1, x1] * u
     return below * (1.0 - v) + above * v
+
+
+def _pixels_at(cell: np.ndarray, size: np.ndarray, extension: str) -> np.ndarray:
+    """The pixels (n, 2) of an image of a size that are at the places of pixels, which may be outside it."""
+    if extension == "REPEAT":
+        return np.mod(cell, size)
+    if extension == "MIRROR":
+        cell = np.mod(cell, 2 * size)
+        return np.minimum(cell, 2 * size - 1 - cell)
+    return np.clip(cell, 0, size - 1)
 
 
 def inverse_distance(distances: np.ndarray, values: np.ndarray, power: float, reach: float, otherwise) -> np.ndarray:

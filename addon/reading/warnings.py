@@ -16,6 +16,10 @@ class Warnings:
         """name: of the object, material or light; message: what is wrong and what is done instead."""
         self._names[message][name] = None
 
+    def of(self, name: str) -> list[str]:
+        """The messages that concern a name, without it."""
+        return [message for message, names in self._names.items() if name in names]
+
     def messages(self, most: int = 5) -> list[str]:
         """One line for each message; at most `most` names are spelt out."""
         lines = []

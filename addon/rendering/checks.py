@@ -19,7 +19,7 @@ from ..reading.custom_properties import driver_remark
 from ..reading.groups import read_group_temperatures
 from ..reading.ignored import ignored_scene_settings, ignored_settings
 from ..reading.lights import read_light
-from ..reading.materials import read_material
+from ..reading.materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
 from ..reading.media import (
     GROUPED_AIR,
     NO_GROUP,
@@ -29,21 +29,22 @@ from ..reading.media import (
     read_pressure,
     read_world_medium,
 )
-from ..reading.meshes import read_mesh
+from ..reading.meshes import layer_problem, read_mesh
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
 from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
 from ..reading.sensor import read_response
 from ..reading.settings import read_defaults, read_settings
 from ..reading.shaders import changes_shapes, read_shader, unseen_message
-from ..reading.surface_temperature import object_temperatures, temperature_source
+from ..reading.surface_temperature import temperature_source, temperatures_without_image
+from ..reading.textures import TextureReader, with_mixed
 from ..reading.volumes import bad_values
 from ..reading.warnings import Warnings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings, world_temperature
 from ..solver.physics import library
 from ..solver.physics.sensors import share_outside
 from ..solver.physics.transmission import transmittance
-from ..solver.scene import Medium, SceneError, check_depth, check_response
+from ..solver.scene import Material, Medium, SceneError, check_depth, check_response
 from .camera_effects import read_detector
 from .render_files import check_paths
 from .render_passes import render_passes
@@ -86,8 +87,15 @@ def settings_checks(infrared) -> list[Check]:
 def material_checks(material, infrared) -> list[Check]:
     """Checks of a material: of its gas, if it fills meshes, else of its surface."""
     if is_medium(material):
-        return gas_checks(material, f"Material '{material.name}'", infrared)
-    return _surface_checks(material, infrared) + _shader_checks(material)
+        return gas_checks(material, f"Material '{material.name}'", infrared) + _mix_checks(material)
+    return _surface_checks(material, infrared) + _mix_checks(material) + _shader_checks(material)
+
+
+def _mix_checks(material) -> list[Check]:
+    """Checks of what a material is mixed with, and how."""
+    warnings = Warnings()
+    TextureReader(warnings).mix(material)
+    return [Check("WARNING", f"Material {message}") for message in warnings.messages()]
 
 
 def _shader_checks(material) -> list[Check]:
@@ -114,18 +122,20 @@ def gas_checks(block, owner: str, infrared) -> list[Check]:
 
 
 def _surface_checks(material, infrared) -> list[Check]:
-    """Checks of a material's emissivity, specular share, roughness and Fresnel's law."""
+    """Checks of a material's emissivity, transmittance, specular share, roughness and Fresnel's law."""
     owner = f"Material '{material.name}'"
     try:
         read = read_material(material, infrared.default_emissivity)
     except SceneError as error:
         return [Check("ERROR", str(error))]
-    return [*_fresnel_checks(read, owner), *_emissivity_checks(material, read.curve[0], infrared)]
+    return [*_fresnel_checks(material, read, owner), *_emissivity_checks(material, read.curve[0], infrared)]
 
 
-def _fresnel_checks(material, owner: str) -> list[Check]:
-    """Checks of Fresnel's law on a surface."""
-    if material.fresnel and not material.specular:
+def _fresnel_checks(material, read: Material, owner: str) -> list[Check]:
+    """Checks of Fresnel's law on a surface. read: the solver's material."""
+    if leaves_fresnel_out(material, read):
+        return [Check("WARNING", f"{owner}: {FRESNEL_LEFT_OUT}")]
+    if read.fresnel and not read.specular:
         return [Check("WARNING", f"{owner}: fresnel changes nothing without a specular share above 0")]
     return []
 
@@ -202,7 +212,8 @@ def camera_checks(scene, view_layer) -> list[Check]:
 
 def object_checks(obj, infrared, view_layer) -> list[Check]:
     """Checks of an object in a view layer; none of one that has neither surfaces nor light."""
-    found = _temperature_checks(obj, infrared, view_layer) + _ignored_checks(obj, view_layer)
+    found = _temperature_checks(obj, infrared, view_layer) + _texture_checks(obj, view_layer)
+    found += _ignored_checks(obj, view_layer)
     return found + (_medium_checks(obj, infrared, view_layer) if holds_gas(obj, view_layer) else [])
 
 
@@ -281,8 +292,28 @@ def _temperature_checks(obj, infrared, view_layer) -> list[Check]:
         if holds_gas(obj, view_layer):
             return [Check("WARNING", f"Object '{obj.name}': its gas has no temperature; {ambient}")]
         return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]
-    found = problems(object_temperatures, obj, 0.0)
-    return found if source == "ATTRIBUTE" else found + _driver_checks(obj, _owner(obj))
+    found = problems(temperatures_without_image, obj, 0.0)
+    return found if source in ("IMAGE", "ATTRIBUTE") else found + _driver_checks(obj, _owner(obj))
+
+
+def _texture_checks(obj, view_layer) -> list[Check]:
+    """Checks of the image of an object's temperatures, and of what the mixes of its materials need of its mesh."""
+    if obj.type not in SURFACE_TYPES:
+        return []
+    warnings, evaluated = Warnings(), obj.evaluated_get(_evaluated(view_layer))
+    reader = TextureReader(warnings)
+    slots = [slot.material for slot in evaluated.material_slots]
+    materials = [view_layer.material_override] if view_layer.material_override else slots
+    try:
+        needed = reader.layers(obj, materials)
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    if obj.type == "MESH" and not obj.data.is_editmode:
+        layers = {name: layer_problem(evaluated.data, name) or None for name in needed}
+        reader.usable_temperature_image(obj, layers)
+        for material in materials:
+            reader.usable_mix(obj, layers, material)
+    return [Check("WARNING", f"{_owner(obj)}: {message}") for message in warnings.of(obj.name)]
 
 
 def _driver_checks(id_block, owner: str) -> list[Check]:
@@ -339,7 +370,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     objects = rendered_objects(layer_objects(view_layer.layer_collection))
     override = view_layer.material_override
     slots = (slot.material for obj in objects if obj.type in SURFACE_TYPES for slot in obj.material_slots)
-    materials = [override] if override else dict.fromkeys(material for material in slots if material is not None)
+    materials = with_mixed([override] if override else slots)
     found = problems(check_paths, infrared)
     found += settings_checks(infrared)
     found += problems(read_defaults, infrared)

@@ -9,7 +9,8 @@ from bpy.types import Panel
 from ..heat_settings import in_scene_unit
 from ..interface import ENGINE
 from ..properties import initial_value, property_label
-from ..reading.custom_properties import is_number
+from ..reading.custom_properties import describe, is_number
+from ..reading.images import is_image
 from ..reading.media import is_medium
 from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
@@ -18,6 +19,7 @@ from ..rendering.checks import band_problem, find_bands, holds_gas, material_che
 from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
 from .band_presets import INFRARED_PT_band_presets
 from .checks import draw_object_checks, draw_problems, kept
+from .image_lookup import lookup_text
 from .panel_base import InfraredPanel, RenderSettingsPanel
 from .temperatures import heat_map
 
@@ -161,13 +163,15 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         source = temperature_source(obj, context.view_layer.depsgraph)
         column = self.column()
         row = column.row(align=True)
-        row.active = source != "ATTRIBUTE"
+        row.active = source not in ("IMAGE", "ATTRIBUTE")
         ambient = f"{in_scene_unit(scene.infrared.ambient_temperature, scene)} (ambient)"
         draw_custom_property(row, obj, "OBJECT", "temperature", ambient)
         row.menu("INFRARED_MT_object_temperatures", text="", icon="DOWNARROW_HLT")
         if holds_gas(obj, context.view_layer):
             draw_custom_property(column, obj, "OBJECT", "pressure", "101325 Pa (1 atm)")
         if obj.type in SURFACE_TYPES:
+            draw_image(column, obj, "OBJECT", "temperature_image")
+            column.operator("infrared.temperature_image", text="Temperature Image...", icon="IMAGE_DATA")
             draw_group(column, obj, "OBJECT", scene)
         if obj.type == "MESH":
             self.draw_surface(column, obj, source)
@@ -183,7 +187,7 @@ class INFRARED_PT_object(InfraredPanel, Panel):
             row.label(text=f"Mesh attribute {where} counts", icon="MESH_DATA")
             if own:
                 row.operator("infrared.temperature_remove_attribute", text="", icon="X")
-        elif "temperature" in obj.data.attributes:
+        elif source != "IMAGE" and "temperature" in obj.data.attributes:
             text = "Attribute 'temperature' is no float on points, corners or faces"
             column.label(text=text, icon="ERROR")
         column.menu("INFRARED_MT_surface_temperature", text="Over the Surface from...")
@@ -218,22 +222,23 @@ class INFRARED_PT_material(MaterialPanel, Panel):
     def draw(self, context):
         material, default = context.material, context.scene.infrared.default_emissivity
         column = self.column()
-        emissivity = material.get("emissivity")
-        if emissivity is None or isinstance(emissivity, float | int):
-            draw_custom_property(column, material, "MATERIAL", "emissivity", f"{default:g} (default)")
-        else:
-            draw_spectrum(column, emissivity)
+        draw_spectral(column, material, "emissivity", f"{default:g} (default)")
         row = column.row(align=True)
         row.operator("infrared.emissivity_library", text="From Library...", icon="VIEWZOOM")
         row.menu("INFRARED_MT_material_curve", text="Over Wavelength...", icon="FCURVE")
         if is_medium(material):
             column.label(text="A gas: it has no surface", icon="INFO")
         else:
-            draw_problems(column, material_checks(material, context.scene.infrared), context.region)
+            scene = context.scene
+            key = f"surface of {material.session_uid}"
+            draw_problems(column, kept(scene, key, lambda: material_checks(material, scene.infrared)), context.region)
         column.separator()
         draw_custom_property(column, material, "MATERIAL", "specular", "0 (diffuse)")
         draw_custom_property(column, material, "MATERIAL", "roughness", "0 (mirror)")
         draw_custom_property(column, material, "MATERIAL", "fresnel", "No (alike at all angles)")
+        draw_spectral(column, material, "transmittance", "0 (opaque)")
+        column.separator()
+        draw_mix(column, material)
 
 
 class WorldPanel(InfraredPanel):
@@ -333,6 +338,34 @@ def draw_custom_property(column, id_block, owner: str, key: str, without: str) -
     operator.owner, operator.key = owner, key
 
 
+def draw_mix(column, material) -> None:
+    """What a material is mixed with, and by what, if it is; and the button that does it."""
+    value, other = material.get("mix"), material.get("mix_material")
+    if is_number(value):
+        draw_custom_property(column, material, "MATERIAL", "mix", "")
+    elif is_image(value):
+        draw_image(column, material, "MATERIAL", "mix")
+    elif value is not None:
+        draw_removable(column, "MATERIAL", "mix", f"Attribute '{value}'" if isinstance(value, str) else describe(value))
+    if other is not None:
+        draw_removable(column, "MATERIAL", "mix_material", getattr(other, "name", "") or describe(other))
+    column.operator("infrared.material_mix", text="Mix with Another Material...", icon="MATERIAL")
+
+
+def draw_image(column, block, owner: str, key: str) -> None:
+    """One line: the image that lies on a surface, and a button to remove it; nothing without one."""
+    value = block.get(key)
+    if value is not None:
+        kind = key.removesuffix("_image")
+        draw_removable(column, owner, key, lookup_text(block, kind, value) if is_image(value) else describe(value))
+
+
+def draw_removable(column, owner: str, key: str, text: str) -> None:
+    """One line: a custom property in words, and a button to remove it."""
+    operator = draw_text(column.row(align=True), key, text).operator("infrared.property_remove", text="", icon="X")
+    operator.owner, operator.key = owner, key
+
+
 def draw_sky(column, world, key: str) -> None:
     """One line: the image or the table that says what the sky is like, and a button to remove it."""
     value = world[key]
@@ -340,8 +373,7 @@ def draw_sky(column, world, key: str) -> None:
         text = value.name
     else:
         text = f"{len(value.get('zenith', ()))} angles, {len(value.get('wavelength', ()))} wavelengths"
-    operator = draw_text(column.row(align=True), key, text).operator("infrared.property_remove", text="", icon="X")
-    operator.owner, operator.key = "WORLD", key
+    draw_removable(column, "WORLD", key, text)
 
 
 def shown_label(id_block, key: str) -> str:
@@ -378,17 +410,24 @@ def draw_name(row, name: str):
     return split.row(align=True)
 
 
-def draw_spectrum(column, value, owner: str = "MATERIAL", key: str = "emissivity") -> None:
-    """An emissivity or a coefficient that depends on the wavelength, in words, and a button to remove it."""
+def draw_spectral(column, material, key: str, without: str) -> None:
+    """An emissivity or a transmittance: a number, or in words what depends on the wavelength."""
+    value = material.get(key)
+    if value is None or isinstance(value, float | int):
+        draw_custom_property(column, material, "MATERIAL", key, without)
+    else:
+        draw_spectrum(column, value, "MATERIAL", key)
+
+
+def draw_spectrum(column, value, owner: str, key: str) -> None:
+    """A curve of a material, or a coefficient, that depends on the wavelength, in words, and a button to remove it."""
     if isinstance(value, str):
         text = value
     elif hasattr(value, "to_list") and len(value) % 2 == 0:
         text = f"{len(value) // 2} points over wavelength"
     else:
         text = "Not a number, list or library name"
-    row = draw_text(column.row(align=True), key, text)
-    operator = row.operator("infrared.property_remove", text="", icon="X")
-    operator.owner, operator.key = owner, key
+    draw_removable(column, owner, key, text)
 
 
 def draw_chosen_bands(column, infrared) -> None:

@@ -221,7 +221,7 @@ class INFRARED_OT_temperature_from_image(RangeOperator, Operator):
         if layer is None:
             raise TemperatureError(f"Object '{obj.name}' has no UV map '{self.uv_map}'")
         uv = read_values(layer.uv, "vector", np.float32, 2)
-        return "CORNER", sample_image(self.pixels, uv, self.extension == "REPEAT")
+        return "CORNER", sample_image(self.pixels, uv, self.extension)
 
 
 class INFRARED_OT_temperature_from_points(SurfaceOperator, ImportHelper, Operator):
