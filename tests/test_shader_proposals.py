@@ -19,6 +19,7 @@ operator = bpy.ops.infrared.thermal_from_shaders
 METAL, GLASS = {"Metallic": 1.0, "Roughness": 0.25}, {"Transmission_Weight": 1.0, "Roughness": 0.0}
 STEEL = {"emissivity": "Steel, cold rolled", "specular": 1.0, "roughness": 0.25}
 DULL = {"emissivity": DIELECTRIC, "specular": 0.0}
+NOTHING = {"emissivity": 0.0, "transmittance": 1.0}
 
 
 @pytest.fixture
@@ -171,7 +172,8 @@ def test_coatings(name, coating):
         ({"Metallic": 0.25, "Roughness": 0.75}, DULL),
         (GLASS, {"emissivity": "Glass, window", "specular": 1.0, "roughness": 0.0}),
         ({"Transmission_Weight": 0.25, "Roughness": 0.5}, DULL),
-        ({"Alpha": 0.0}, DULL),
+        ({"Alpha": 0.0}, NOTHING),
+        ({"Alpha": 0.25, "Roughness": 0.5}, DULL),
         ({"Emission_Strength": 50.0}, DULL),
         # A coat is what is seen, with its own roughness
         (
@@ -191,7 +193,7 @@ def test_values_of_principled_shaders(inputs, expected):
         ("BsdfDiffuse", DULL),
         ("BsdfAnisotropic", STEEL),
         ("BsdfGlass", {"emissivity": "Glass, window", "specular": 1.0, "roughness": 0.25}),
-        ("BsdfTransparent", DULL),
+        ("BsdfTransparent", NOTHING),
         ("Emission", DULL),
     ],
 )
@@ -202,6 +204,15 @@ def test_values_of_other_shaders(kind, expected):
         shows.inputs["Roughness"].default_value = 0.25
     join(shows, output(material).inputs["Surface"])
     assert propose_material(material).values == expected
+
+
+def test_a_hole_is_proposed_whole_or_not_at_all():
+    """With an emissivity that is set, all that passes would be more than there is."""
+    material = shaded("Material", Alpha=0.0)
+    assert propose_material(material).reason == "All of it is a hole: all passes straight through"  # and is not opaque
+    material["emissivity"] = 0.93
+    found = propose_material(material)
+    assert found is None or "transmittance" not in found.values
 
 
 def test_paint_of_old_shaders_is_no_metal():

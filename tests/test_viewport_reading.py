@@ -251,3 +251,26 @@ def test_whatever_reading_raises_is_told_in_place_of_the_picture(objects, live, 
     assert caplog.text.count("Traceback") == isinstance(error, KeyError)  # once, not at every update
     heat(objects[0])
     assert wanted(live)[0] is not None and live.viewport._problem == "" and before is not None
+
+
+def test_images_are_read_again_if_they_may_have_changed(objects, live):
+    """One that is saved is kept; one that was painted on is not, as nothing tells of a stroke."""
+    obj = objects[0]
+    obj.data.uv_layers.new()
+    image = obj["temperature_image"] = bpy.data.images.new("Heat", 2, 2)
+    obj["temperature_range"] = [300.0, 310.0]
+    obj.update_tag()
+
+    def texture(edit):
+        edit(objects[1])
+        return wanted(live)[0].scene.textures.images[0]
+
+    first = texture(move)
+    assert np.unique(first.values).tolist() == [300.0] and texture(hide) is first
+    image.generated_color = (1.0, 1.0, 1.0, 1.0)
+    second = texture(heat)
+    assert np.unique(second.values).tolist() == [310.0]
+    for value in (0.0, 0.2, 0.6):
+        image.pixels.foreach_set(np.full(16, value, np.float32))
+        obj.update_tag()
+        np.testing.assert_allclose(texture(more_passes).values, 300.0 + 10.0 * value, atol=10.0 * 0.5 / 255)

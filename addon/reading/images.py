@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import bpy
 import numpy as np
 
 from ..solver.scene import EXTENSIONS, SceneError, check_temperature
@@ -31,6 +34,19 @@ def image_channel(image, channel: str) -> np.ndarray:
     pixels = np.empty(width * height * image.channels, dtype=np.float32)
     image.pixels.foreach_get(pixels)
     return pick_channel(pixels.reshape(-1, image.channels), channel).reshape(height, width)
+
+
+def image_stamp(image) -> tuple | None:
+    """What changes when the values of an image do; None if it was painted on and not saved, when nothing tells."""
+    if image.is_dirty:
+        return None
+    try:
+        about = Path(bpy.path.abspath(image.filepath, library=image.library)).stat()
+    except OSError:  # none, or packed
+        about = None
+    made = image.generated_type, tuple(image.generated_color), image.is_float, tuple(image.size)
+    stored = image.source, image.filepath, image.alpha_mode, image.colorspace_settings.name
+    return *made, *stored, about and (about.st_mtime_ns, about.st_size)
 
 
 def read_kelvin(image, id_block, owner: str) -> np.ndarray:

@@ -8,7 +8,7 @@ They are a start, as a shader knows nothing of heat. Nothing here changes a data
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..properties import initial_value
 from ..solver.physics import library
@@ -85,7 +85,7 @@ def propose_material(material) -> Proposal | None:
         return None
     if VOLUME in shader.unseen and not shader.connected:
         return Proposal(material, {}, "A volume without a surface: hide its object, or make the material a gas")
-    told = unseen_message(shader)
+    told = unseen_message(replace(shader, opaque=shader.opaque and "transmittance" not in values))
     return _proposal(material, values, f"{reason}. {told.capitalize()}" if told else reason)
 
 
@@ -99,6 +99,8 @@ def _surface(material, shader: Shader) -> tuple[dict[str, float | str], str]:
     if chosen:
         metal = _is_bare(library.get(chosen.entry))
         return _values(chosen.entry, shader, metal), f"Its name says '{chosen.entry}'{_agreement(chosen)}"
+    if _is_nothing(shader) and material.get("emissivity") is None:
+        return {"emissivity": 0.0, "transmittance": 1.0}, "All of it is a hole: all passes straight through"
     if is_coating(name) or shader.coat is not None:
         hidden = " and hides the metal" if metal else ""
         return _values(DIELECTRIC, shader, False), f"Paint or a coat emits{hidden}"
@@ -149,12 +151,17 @@ def _agreement(meaning: Meaning) -> str:
     }.get(meaning.surface, "")
 
 
+def _is_nothing(shader: Shader) -> bool:
+    """Whether all of a surface is a hole."""
+    return shader.shares.get(HOLE, 0.0) > 0.0 and shader.share(DULL, METAL, CLEAR, LAMP) == 0.0
+
+
 def _dull_reason(shader: Shader, name: str) -> str:
     if not shader.connected:
         return "No shader: taken for a dull surface"
     if shader.share(LAMP) > 0.5:
         return "It only shines: taken for a dull surface. If it is hot, set its object's temperature"
-    if shader.shares.get(HOLE, 0.0) > 0.0 and shader.share(DULL, METAL, CLEAR) == 0.0:
+    if _is_nothing(shader):
         return "All of it is a hole, which is opaque here: hide its object if it should not be seen"
     if shader.metallic_varies:
         return "Where it is metallic a texture says: taken for no metal"

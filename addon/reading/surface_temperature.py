@@ -117,9 +117,10 @@ def vertex_temperatures(obj, depsgraph, scene) -> tuple[str, np.ndarray]:
         image = image_temperatures(obj)
     except SceneError as error:
         raise TemperatureError(str(error)) from None
-    if image is None:
+    uv_map = render_uv_map(obj.data)
+    if image is None or uv_map is None:
         return domain, kelvin
-    uv = read_values(render_uv_map(obj.data).uv, "vector", np.float32, 2)
+    uv = read_values(uv_map.uv, "vector", np.float32, 2)
     at_corners = sample_image(image, uv, *read_lookup(obj, NAME, Warnings()))
     if domain == "POINT":
         kelvin = kelvin[read_values(obj.data.loops, "vertex_index", np.int32)]

@@ -28,9 +28,10 @@ class SurfaceReader:
         warnings: Warnings,
         kept: dict[tuple[str, int], MeshData] | None = None,
         groups: GroupReader | None = None,
+        kept_images: dict[tuple, tuple] | None = None,
     ):
         """kept: meshes that did not change since an earlier reader kept them; None reads all.
-        groups: None if temperature groups do not matter.
+        groups: None if temperature groups do not matter. kept_images: see TextureReader.
         """
         self.ambient_temperature, self.default = 0.0, Material()  # where nothing is set; scene_reader sets them
         self.override, self.warnings = depsgraph.view_layer_eval.material_override, warnings
@@ -41,7 +42,10 @@ class SurfaceReader:
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
         self.normals = []  # (m, 3, 3) float32 of each object, None of flat ones
-        self.textures, self.varying = TextureReader(warnings), []  # what varies over each object, None if nothing does
+        self.textures, self.varying = (
+            TextureReader(warnings, kept_images),
+            [],
+        )  # what varies over each object, None if nothing does
         self.metres, self.media = 1.0, []  # length of a unit, which scene_reader sets
         self.volumes = VolumeReader(warnings)
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object

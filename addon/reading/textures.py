@@ -14,7 +14,16 @@ import numpy as np
 
 from ..solver.scene import Texture, Textures
 from .custom_properties import describe, is_number
-from .images import UNALTERED, check_image, image_channel, is_image, kelvin_pixels, read_lookup, temperature_range
+from .images import (
+    UNALTERED,
+    check_image,
+    image_channel,
+    image_stamp,
+    is_image,
+    kelvin_pixels,
+    read_lookup,
+    temperature_range,
+)
 from .media import is_medium
 from .meshes import UV_MAP, MeshData
 from .temperature_fields import TemperatureError
@@ -41,8 +50,11 @@ class Mix:
 class TextureReader:
     """Reads the images and mixes of objects and materials, each once, and warns of what is wrong with them."""
 
-    def __init__(self, warnings: Warnings):
+    def __init__(self, warnings: Warnings, kept: dict[tuple, tuple] | None = None):
+        """kept: images that an earlier reader kept, to be used again where they did not change; None reads all."""
         self.warnings = warnings
+        self.kept = {}  # image, how it is read and looked up -> its stamp, and its Texture
+        self._earlier = kept or {}
         self.images: list[Texture] = []
         self._numbers = {}  # image, how it is read and looked up -> index into images, or why it cannot be read
         self._mixes = {}  # address of a Blender material -> Mix or None
@@ -147,10 +159,10 @@ class TextureReader:
         """
         image = block["mix" if kind == "mix" else f"{kind}_image"]
         lookup = read_lookup(block, kind, self.warnings)
-        key = image.as_pointer(), key, *lookup
+        key = image.session_uid, key, *lookup
         if key not in self._numbers:
             try:
-                texture = Texture(read(), *lookup)
+                texture = self._texture(image, key, lambda: Texture(read(), *lookup))
             except TemperatureError as error:
                 self._numbers[key] = str(error)
             else:
@@ -164,6 +176,15 @@ class TextureReader:
             told = f"Image '{image.name}': its color space {space} does not count"
             self.warnings.add(block.name, f"{told}; its values are taken as they are stored")
         return number
+
+    def _texture(self, image, key: tuple, read: Callable[[], Texture]) -> Texture:
+        """The texture of an image that is read and looked up as its key says: that of an earlier reader, or read()."""
+        stamp = image_stamp(image)
+        earlier, texture = self._earlier.get(key, (None, None))
+        if stamp is None or stamp != earlier:
+            texture = read()
+        self.kept[key] = stamp, texture
+        return texture
 
     # Rows -------------------------------------------------------------------------------------------------------------
 

@@ -184,7 +184,7 @@ class Viewport:
     def __init__(self, engine):
         """engine: Blender's, one for each viewport, which keeps this."""
         self._render = ViewportRender(_redraw_of(engine))
-        self._meshes = {}  # read earlier, see SurfaceReader
+        self._meshes, self._images = {}, {}  # read earlier, see SurfaceReader
         self._wanted = self._request = None  # what to render, but for the view, and the last request
         self.shown: Picture | None = None
         self._drawn = self._texture = None  # the last picture, and the texture made of it
@@ -196,7 +196,7 @@ class Viewport:
             if update.is_updated_geometry:
                 name = update.id.name_full
                 self._meshes = {key: mesh for key, mesh in self._meshes.items() if key[0] != name}
-        surfaces = SurfaceReader(depsgraph, Warnings(), self._meshes)
+        surfaces = SurfaceReader(depsgraph, Warnings(), self._meshes, kept_images=self._images)
         try:
             infrared = depsgraph.scene_eval.infrared
             scene = Scene(**read_contents(depsgraph, surfaces, space), camera=Camera())
@@ -206,7 +206,7 @@ class Viewport:
             self._problem = ""
         except Exception as error:  # Blender would print each of them, and leave an old picture as if it were true
             self._wanted, self._problem = None, explain(error, self._problem)
-        self._meshes = surfaces.kept
+        self._meshes, self._images = surfaces.kept, surfaces.textures.kept
 
     def draw(self, engine, context, depsgraph) -> None:
         """Draw the newest picture; if the scene or the view changed, ask for another."""
