@@ -95,8 +95,9 @@ class Material:
         emitted, passed = (np.interp(um, *curve) for curve in curves)
         worst = int(np.argmax(emitted + passed))
         if emitted[worst] + passed[worst] > 1.0 + _ROUNDING:
+            at = f"at {um[worst]:g} um " if len(um) > 1 else ""
             raise SceneError(
-                f"Material '{self.name}': at {um[worst]:g} um the emissivity {emitted[worst]:g} and the transmittance "
+                f"Material '{self.name}': {at}the emissivity {emitted[worst]:g} and the transmittance "
                 f"{passed[worst]:g} are more than 1 together"
             )
 
