@@ -10,6 +10,8 @@ that is counted twice 100 % too high, and 50 % where two ways share it.
 Which way finds a kind is planned from scene to scene. Some of the ways are forced, too (see WAYS): the plan may cost
 noise, and must not change the mean.
 
+Thin sheets are no lobes: each kind passes them, and is rendered with a film across its way, too.
+
 Left out are lights seen directly or in mirrors alone: they are invisible there (docs/method.md, section 9).
 
 References are in helpers/ledger.csv: for each chain the mean excess radiance of the picture, W m-2 sr-1, its standard
@@ -31,7 +33,7 @@ import numpy as np
 import pytest
 
 from addon.solver import Settings
-from tests.helpers.chains import BEHIND, COLD, EDGES, EMITTERS, LENGTH, chain, is_compared, kinds_of
+from tests.helpers.chains import BEHIND, COLD, EDGES, EMITTERS, FILM, LENGTH, chain, is_compared, kinds_of, with_film
 from tests.helpers.path_tracer import black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import pass_means
 
@@ -122,10 +124,14 @@ def references():
         }
 
 
+def settings_of(lobes):
+    """The Settings for a chain."""
+    return Settings(passes=passes_of(lobes), photons_per_pass=10_000, reference_temperature=COLD, threads=1)
+
+
 def rendered(lobes, emitter):
     """Mean excess radiance of the picture, and its standard error."""
-    settings = Settings(passes=passes_of(lobes), photons_per_pass=10_000, reference_temperature=COLD, threads=1)
-    means = pass_means(chain(lobes, emitter), settings)[:, 0] - black_radiance(EDGES, COLD)[0]
+    means = pass_means(chain(lobes, emitter), settings_of(lobes))[:, 0] - black_radiance(EDGES, COLD)[0]
     return means.mean(), standard_error(means)
 
 
@@ -155,6 +161,18 @@ def test_whichever_way_is_planned(monkeypatch, way, lobes, emitter):
     for name, value in WAYS[way][-1].items():
         monkeypatch.setattr(f"addon.solver.{name}", value)
     check(lobes, emitter)
+
+
+@pytest.mark.parametrize("lobes, emitter", cases(["", "D", "G", "S", "DD", "SD", "DG"]))
+def test_every_kind_passes_sheets(lobes, emitter):
+    """With a film across every leg: the light of the kind times the film's transmittance for each."""
+    truth, its_error, _ = references()[TRACED[emitter], lobes]
+    scene, settings = with_film(chain(lobes, emitter), len(lobes)), settings_of(lobes)
+    means = pass_means(scene, settings)[:, 0] - black_radiance(EDGES, COLD)[0]
+    deviation = means.mean() / (truth * FILM ** (len(lobes) + 1)) - 1.0
+    error = np.hypot(standard_error(means) / means.mean(), its_error / truth)
+    print(f"deviation {deviation:+.4f}, standard error {error:.4f}")
+    assert error < LARGEST_ERROR and abs(deviation) <= SIGMAS * error + 1e-4
 
 
 def reference(lobes, emitter):

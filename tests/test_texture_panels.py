@@ -85,6 +85,8 @@ def test_a_material_is_mixed(cube, image):
     assert set_properties(steel) == {
         "emissivity": 0.3, "mix": image, "mix_material": rust, "mix_extension": "MIRROR"
     }  # fmt: skip
+    operators.material_mix(material="Rust", source="IMAGE", image="Heat", channel="Alpha")
+    assert set_properties(steel) == {"emissivity": 0.3, "mix": image, "mix_material": rust, "mix_channel": "Alpha"}
     operators.property_remove(owner="MATERIAL", key="mix")
     operators.property_remove(owner="MATERIAL", key="mix_material")
     assert "mix" not in steel and "mix_material" not in steel

@@ -367,6 +367,21 @@ def test_a_mix_by_an_image(mixed):
     np.testing.assert_array_equal(textures.uv, CORNERS[scene.triangles])
 
 
+def test_a_mix_by_the_alpha_channel(mixed):
+    """As pictures of leaves have it, whatever their colors and color space."""
+    leaf, alpha = mixed.data.materials[0], np.linspace(0.0, 1.0, 6, dtype=np.float32)
+    image = bpy.data.images.new("Leaf.png", 3, 2, alpha=True, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(np.column_stack((np.full((6, 3), 0.7), alpha)).astype(np.float32).ravel())
+    leaf["mix"], leaf["mix_channel"] = image, "alpha"
+    scene, warnings = read()
+    np.testing.assert_array_equal(scene.textures.images[0].values, alpha.reshape(2, 3))
+    assert warnings == []
+    leaf["mix_channel"] = "Value"
+    scene, warnings = read()
+    assert scene.textures.images[0].values == pytest.approx(0.7)
+    assert told(warnings, "'Leaf': mix_channel is 'Value', expected Color or Alpha; Color counts")
+
+
 def test_an_image_that_serves_as_both_is_read_for_each(mixed):
     image = image_of(SHARES, "Both")
     mixed.data.materials[0]["mix"] = mixed["temperature_image"] = image
@@ -498,7 +513,7 @@ def test_a_transmittance_is_a_number_or_a_list():
 @pytest.mark.parametrize(
     "value, message",
     [
-        (0.3, "Material 'Film': at 1 um the emissivity 0.8 and the transmittance 0.3 are more than 1 together"),
+        (0.3, "Material 'Film': the emissivity 0.8 and the transmittance 0.3 are more than 1 together"),
         (1.5, "Material 'Film': transmittance 1.5 is outside 0..1"),
         ([8.0, 0.1, 9.0], "Material 'Film': the transmittance list has 3 numbers"),
         ([8.0, 0.1, 9.0, 0.4], "Material 'Film': at 9 um the emissivity 0.8 and the transmittance 0.4"),

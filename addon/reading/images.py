@@ -14,6 +14,7 @@ from .temperature_fields import TemperatureError, pick_channel
 from .warnings import Warnings
 
 INTERPOLATIONS = "Linear", "Closest"
+CHANNELS = "Color", "Alpha"  # which channel of an image of shares counts: the first, or the last
 UNALTERED = {"Non-Color", "Raw", "Linear Rec.709"}  # color spaces whose float pixels Blender keeps as they are
 
 
@@ -81,11 +82,11 @@ def kelvin_pixels(image, id_block, owner: str) -> np.ndarray:
 def read_lookup(id_block, kind: str, warnings: Warnings) -> tuple[str, bool]:
     """How the image of a kind, "temperature" or "mix", of an object or material is looked up: what is outside it, one
     of EXTENSIONS, and whether its texels are constant, see Texture. Warns of what is no such choice."""
-    extension = _choice(id_block, f"{kind}_extension", EXTENSIONS, warnings)
-    return extension, _choice(id_block, f"{kind}_interpolation", INTERPOLATIONS, warnings) == "Closest"
+    extension = read_choice(id_block, f"{kind}_extension", EXTENSIONS, warnings)
+    return extension, read_choice(id_block, f"{kind}_interpolation", INTERPOLATIONS, warnings) == "Closest"
 
 
-def _choice(id_block, key: str, choices: tuple[str, ...], warnings: Warnings) -> str:
+def read_choice(id_block, key: str, choices: tuple[str, ...], warnings: Warnings) -> str:
     """The choice that a custom property makes, in capitals or not; the first, and a warning, if it makes none."""
     value = id_block.get(key)
     named = [choice for choice in choices if isinstance(value, str) and value.casefold() == choice.casefold()]

@@ -2,7 +2,8 @@
 """What varies over surfaces: temperatures by an image of the object, and materials that are mixed with another.
 
 Both come from custom properties: `temperature_image` of objects, `mix` and `mix_material` of materials. How images are
-looked up, `temperature_interpolation`, `temperature_extension`, `mix_interpolation` and `mix_extension` say.
+looked up, `temperature_interpolation`, `temperature_extension`, `mix_interpolation` and `mix_extension` say, and
+`mix_channel` which channel counts.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import numpy as np
 from ..solver.scene import Texture, Textures
 from .custom_properties import describe, is_number
 from .images import (
+    CHANNELS,
     UNALTERED,
     check_image,
     image_channel,
     image_stamp,
     is_image,
     kelvin_pixels,
+    read_choice,
     read_lookup,
     temperature_range,
 )
@@ -132,10 +135,12 @@ class TextureReader:
     def _share_image(self, material, image) -> int:
         """Index into images of that of a material's shares, -1 if it cannot be read."""
 
-        def shares() -> np.ndarray:
-            return self._shares(material.name, f"Image '{image.name}'", image_channel(image, "R"))
+        channel = {"Color": "R", "Alpha": "A"}[read_choice(material, "mix_channel", CHANNELS, self.warnings)]
 
-        return self._number(material, "mix", "shares", shares, NONE_OF_IT)
+        def shares() -> np.ndarray:
+            return self._shares(material.name, f"Image '{image.name}'", image_channel(image, channel))
+
+        return self._number(material, "mix", channel, shares, NONE_OF_IT)
 
     def _shares(self, name: str, source: str, values: np.ndarray) -> np.ndarray:
         """Values, float32 of any shape, as shares from 0 to 1; a warning to those of this name if they were others."""
@@ -172,7 +177,8 @@ class TextureReader:
         if isinstance(number, str):
             self.warnings.add(block.name, f"{number}; {fallback}")
             return -1
-        if (space := image.colorspace_settings.name) not in UNALTERED:
+        space = image.colorspace_settings.name
+        if space not in UNALTERED and key[1] != "A":  # no color space alters alpha
             told = f"Image '{image.name}': its color space {space} does not count"
             self.warnings.add(block.name, f"{told}; its values are taken as they are stored")
         return number

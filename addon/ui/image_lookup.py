@@ -57,17 +57,20 @@ class ImageLookup:
 
     def store_lookup(self, block) -> None:
         """Set on an object or material what is not the default anyway."""
-        choices = {"interpolation": (self.interpolation, INTERPOLATIONS), "extension": (self.extension, EXTENSIONS)}
-        for name, (value, known) in choices.items():
-            key = f"{self.kind}_{name}"
-            if value == known[0]:
-                block.pop(key, None)
-            else:
-                set_custom_property(block, key, value)
+        store_choice(block, f"{self.kind}_interpolation", self.interpolation, INTERPOLATIONS)
+        store_choice(block, f"{self.kind}_extension", self.extension, EXTENSIONS)
 
     def tell(self, warnings: Warnings) -> None:
         for message in warnings.messages():
             self.report({"WARNING"}, message)
+
+
+def store_choice(block, key: str, value: str, choices: tuple[str, ...]) -> None:
+    """Set a custom property to one of some choices; of the first, which counts anyway, there is none."""
+    if value == choices[0]:
+        block.pop(key, None)
+    else:
+        set_custom_property(block, key, value)
 
 
 def lookup_text(block, kind: str, image) -> str:

@@ -7,6 +7,7 @@ height, hides those beyond. All else is black and has the reference temperature,
 may still go back and forth between two plates; these are longer kinds of paths.
 """
 
+import dataclasses
 import itertools
 import re
 
@@ -32,6 +33,7 @@ _BLACK = Material("black", 1.0)
 _WIDTH, _HEIGHT = 1.5, 0.7  # half of the width of the plates, and between the planes, m; plates are 1 m long
 _LAMP = 0.2  # half of the edge of a lamp, m
 _CLEAR = 0.002  # m, in front of which lamps and lights hang
+FILM = 0.6  # transmittance of films, see with_film
 _PIXELS = 8  # on each side of the picture
 LENGTH = 4  # lobes of the longest kinds
 BEHIND = re.compile("[GS]*D([GS]+)")  # what rays of a visible point's gather find by way of further lobes
@@ -59,6 +61,20 @@ def chain(lobes, emitter):
         material,
         world_temperature=HOT if emitter == "sky" else COLD,
         lights=(_light(centre, side),) if emitter == "light" else (),
+    )
+
+
+def with_film(scene, count):
+    """A chain of so many plates with a film across its middle, which every leg of every path crosses once. The film has
+    the reference temperature and reflects nothing."""
+    vertices, triangles = quad((0.5 * count, 0, 0.55 * _HEIGHT), (0.5 * count + 0.99, 0, 0), (0, 0.99 * _WIDTH, 0))
+    return dataclasses.replace(
+        scene,
+        vertices=np.concatenate((scene.vertices, vertices)),
+        triangles=np.concatenate((scene.triangles, triangles + len(scene.vertices))).astype(np.int32),
+        material=np.append(scene.material, [len(scene.materials)] * 2).astype(np.int32),
+        temperature=np.append(scene.temperature, [COLD] * 2).astype(np.float32),
+        materials=(*scene.materials, Material("film", 1.0 - FILM, transmittance=FILM)),
     )
 
 

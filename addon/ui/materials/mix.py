@@ -11,15 +11,15 @@ from bpy.utils import register_classes_factory
 from ...interface import redraw
 from ...properties import CUSTOM_PROPERTIES, add_custom_property, set_custom_property
 from ...reading.custom_properties import is_number
-from ...reading.images import is_image
+from ...reading.images import CHANNELS, is_image, read_choice
 from ...reading.textures import TextureReader
 from ...reading.warnings import Warnings
-from ..image_lookup import ImageLookup
+from ..image_lookup import ImageLookup, store_choice
 
 _SOURCES = (
     ("NUMBER", "Number", "The same share everywhere", 0),
     ("ATTRIBUTE", "Attribute", "What a float attribute of the mesh says at each point, corner or face", 1),
-    ("IMAGE", "Image", "What the first channel of an image says, which the UV map lays on", 2),
+    ("IMAGE", "Image", "What an image says, which the UV map lays on", 2),
 )
 
 
@@ -42,6 +42,14 @@ class INFRARED_OT_material_mix(ImageLookup, Operator):
         precision=3,
         subtype="FACTOR",
     )
+    channel: EnumProperty(
+        name="Channel",
+        description="What of the image is the share",
+        items=(
+            ("Color", "Color", "Its first channel: red, or grey", 0),
+            ("Alpha", "Alpha", "Its alpha channel, as of pictures of leaves", 1),
+        ),
+    )
     attribute: StringProperty(name="Attribute", description="Name of a float attribute of the mesh")
 
     @classmethod
@@ -57,6 +65,7 @@ class INFRARED_OT_material_mix(ImageLookup, Operator):
         value, other = material.get("mix"), material.get("mix_material")
         self.material = getattr(other, "name", "")
         self.load_lookup(material, value if is_image(value) else None)
+        self.channel = read_choice(material, "mix_channel", CHANNELS, Warnings())
         if is_image(value):
             self.source = "IMAGE"
         elif isinstance(value, str):
@@ -72,6 +81,7 @@ class INFRARED_OT_material_mix(ImageLookup, Operator):
         column.row().prop(self, "source", expand=True)
         if self.source == "IMAGE":
             self.draw_lookup(column)
+            column.prop(self, "channel")
         elif self.source == "NUMBER":
             column.prop(self, "share")
         elif context.object is not None and context.object.type == "MESH":
@@ -93,6 +103,7 @@ class INFRARED_OT_material_mix(ImageLookup, Operator):
             set_custom_property(material, "mix", image or self.attribute)
         set_custom_property(material, "mix_material", other)
         self.store_lookup(material)
+        store_choice(material, "mix_channel", self.channel, CHANNELS)
         material.update_tag()
         redraw("PROPERTIES")
         warnings = Warnings()
