@@ -114,11 +114,11 @@ def test_two_processes_at_once_give_what_this_one_gives():
 PEAK = """
 from addon.solver import Settings, memory, render
 from addon.solver.passes import prepare
-from tests.helpers.faults import QUICK, plume, room
+from tests.helpers.faults import QUICK, plume, room, wallpaper
 from tests.helpers.process import resident
 def images(film):
     return film.bands(), film.noise(), film.temperature()
-scene, settings = room(media={media}, **{options}), Settings(passes=2, photons_per_pass={photons}, threads=2)
+scene, settings = room({more}, **{options}), Settings(passes=2, photons_per_pass={photons}, threads=2)
 images(render(room(bands=2), QUICK))  # loads the kernels; few bands, for freed memory is kept
 open("/proc/self/clear_refs", "w").write("5")  # the peak starts anew
 before = resident("VmRSS")
@@ -133,22 +133,23 @@ print(sum(needed.values()), taken)
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="measured by Linux")
 @pytest.mark.parametrize(
-    "options, photons, media",
+    "options, photons, more",
     [
-        ({"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000, ()),  # the film
-        ({"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000, ()),  # the photons
+        ({"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000, ""),  # the film
+        ({"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000, ""),  # the photons
         # photons of lamps, of which few are stored
-        pytest.param({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000, (), marks=pytest.mark.long),
-        ({"width": 8, "bands": 4, "subdivisions": 7}, 1000, ()),  # the triangles
-        ({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, ()),  # the rays
-        ({"width": 8}, 1000, "(plume(216),)"),  # the cells of a grid
-        ({"width": 8}, 1000, "(plume(216, soot=1e-7, CO2=0.01),)"),  # and their components
+        pytest.param({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000, "", marks=pytest.mark.long),
+        ({"width": 8, "bands": 4, "subdivisions": 7}, 1000, ""),  # the triangles
+        ({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, ""),  # the rays
+        ({"width": 8}, 1000, "media=(plume(216),)"),  # the cells of a grid
+        ({"width": 8}, 1000, "media=(plume(216, soot=1e-7, CO2=0.01),)"),  # and their components
+        ({"width": 8}, 1000, "textures=wallpaper(6000)"),
     ],
-    ids=["film", "photons", "lamps", "geometry", "rays", "grid", "components"],
+    ids=["film", "photons", "lamps", "geometry", "rays", "grid", "components", "textures"],
 )
-def test_memory_that_is_foreseen_is_what_a_render_takes(options, photons, media):
+def test_memory_that_is_foreseen_is_what_a_render_takes(options, photons, more):
     """Within a factor of two either way: allocators round, and stores grow in steps."""
-    script = PEAK.format(options=options, photons=photons, media=media)
+    script = PEAK.format(options=options, photons=photons, more=more)
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

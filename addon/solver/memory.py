@@ -21,6 +21,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
                1024 (6 + 10 r) f b            what f materials that follow Fresnel's law reflect and emit at 256
                                               angles; e^r is the ratio of the highest to the lowest temperature
+    textures   4 x + 16 min(2^21, 256 r + x) + 80 r   of x texels over r triangles: the texels, cells from which photons
+                                              leave, coordinates
     grids      max(20, 8 + 8 c) v + 4 p       of v cells with c components, in p places for leaves (see geometry.grids)
     sky        8 b n                          of n pixels of an image, or 720 zenith angles
 
@@ -36,6 +38,7 @@ import numpy as np
 
 from .geometry.grids import memory_of_grids
 from .image.tiles import TILE
+from .photons.cells import bytes_of_textures
 from .physics.fresnel import bytes_of_fresnel
 from .physics.layers import scene_layers
 from .physics.molecules import probe_count
@@ -55,6 +58,7 @@ _PARTS = {
     "rays": ("the rays under way", "the number of threads or of bands"),
     "geometry": ("the triangles", "the subdivision of the meshes"),
     "tables": ("the tables of what materials emit", "the number of materials or of bands"),
+    "textures": ("the images over surfaces", "the resolution of the images"),
     "grids": ("the cells of volumes", "the resolution of the volumes"),
     "sky": ("the radiance of the sky", "the resolution of its image or the number of bands"),
 }
@@ -81,6 +85,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     return _images_of(scene, copies) | {
         "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
+        "textures": bytes_of_textures(scene.textures),
         "grids": sum(memory_of_grids(scene.media).values()),
         "sky": float(sky_size(scene.sky, scene.band_count)),
     }

@@ -3,10 +3,19 @@
 
 import numpy as np
 
-from addon.solver import Grid, Material, Medium, PointLight, Settings
+from addon.solver import Grid, Material, Medium, PointLight, Settings, Texture, Textures
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
 QUICK = Settings(passes=4, photons_per_pass=20_000, threads=2)  # two pieces of photons
+
+
+def wallpaper(size):
+    """Textures of two triangles of the room, with an image of temperatures of size x size texels."""
+    values = np.linspace(280.0, 320.0, size * size, dtype=np.float32).reshape(size, size)
+    uv = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], np.float32)
+    image, none = np.zeros(2, np.int32), np.full(2, -1, np.int32)
+    share = np.zeros((2, 3), np.float32)
+    return Textures(np.arange(2, dtype=np.int32), uv, image, none, share, none, (Texture(values),))
 
 
 def plume(cells, **fractions):

@@ -16,6 +16,7 @@ from ..geometry.interaction import emit_at
 from ..geometry.stage import Stage, emission_at, nothing_emitted
 from ..geometry.textures import TextureTable
 from ..sampling.warps import triangle_point
+from ..scene import Textures
 from ..system.kernels import INLINED, KERNEL, njit
 
 # shares of the photons of a triangle that start next to a cell, and in any cell alike
@@ -61,6 +62,14 @@ def build_cells(stage: Stage) -> EmissionCells:
 def no_cells() -> EmissionCells:
     """The EmissionCells if nothing varies."""
     return EmissionCells(np.empty(0, np.int32), *np.empty((2, 0), np.int64), *np.empty((2, 0)))
+
+
+def bytes_of_textures(textures: Textures | None) -> float:
+    """Bytes of the textures of a scene, as kernels have them, and of cells, see memory."""
+    if textures is None:
+        return 0.0
+    texels, rows = sum(image.values.size for image in textures.images), len(textures.triangle)
+    return 4.0 * texels + 16.0 * min(_MOST_CELLS, _FEWEST_CELLS * rows + texels) + 80.0 * rows
 
 
 def concentration(cells: EmissionCells, triangles: int) -> np.ndarray:
