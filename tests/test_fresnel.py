@@ -53,6 +53,8 @@ from tests.helpers.exact_cases import (
 from tests.helpers.path_tracer import _face_reflectance, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, sphere
 
+pytestmark = pytest.mark.statistics
+
 BANDS = np.array([8.0, 9.0, 10.0, 12.0])  # um
 DEGREES = 0, 30, 60, 75, 85
 SIGMAS = 4.0
@@ -395,7 +397,6 @@ COATED = {
 }
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("emitter", chains.EMITTERS)
 @pytest.mark.parametrize("lobes", ["G", "d", "s", *(pytest.param(c, marks=pytest.mark.long) for c in LONG_CHAINS)])
 def test_every_kind_once(monkeypatch, lobes, emitter):
@@ -415,7 +416,6 @@ def test_every_kind_once(monkeypatch, lobes, emitter):
     assert error < 0.1 and abs(deviation) <= SIGMAS * error + 5e-4
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 def test_random_rooms(seed):
     """A room of random materials with a hot ball and a plate in it, in two bands: blocks of the picture against those

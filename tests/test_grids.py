@@ -27,6 +27,8 @@ from tests.helpers.grids import (
 )
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad
 
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([9.99, 10.01])  # um, so that formulas for one wavelength hold
 THREE = np.array([3.0, 5.0, 8.0, 12.0])
 FLOAT32 = 1e-6
@@ -98,7 +100,6 @@ def test_the_camera_may_be_inside(position, inside):
     assert seen(scene) == pytest.approx(black(500.0) * -np.expm1(-inside), rel=4e-6, abs=5e-7 * black(500.0))
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("albedo", [0.5, 1.0])
 def test_a_uniform_grid_scatters_as_a_closed_mesh_does(albedo):
     """Fog in the middle of a room with one hot wall: means within 4 of their errors."""
@@ -162,7 +163,6 @@ def test_a_grid_at_the_reference_temperature_is_black(scattering):
     assert np.all(np.abs(film.temperature() - 350.0) < 1e-4)
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("settings", [{"reference_subtraction": False}, {"reference_temperature": 400.0}])
 @pytest.mark.parametrize("scattering", [0.0, 1.0])
 def test_a_grid_of_one_temperature_is_black(scattering, settings):

@@ -36,6 +36,8 @@ from addon.solver.planning.preparation import prepare
 from tests.helpers import scenes
 from tests.helpers.scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
 
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([8.0, 9.0, 12.0])
 QUICK = Settings(passes=16, photons_per_pass=5000)
 GREY = Material("grey", 0.5)

@@ -16,6 +16,8 @@ from addon.solver.physics.spectrum import band_radiance
 from tests.helpers.path_tracer import standard_error, trace_paths
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, pass_means, quad, sphere
 
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([9.99, 10.01])  # um, so that formulas for one wavelength hold
 FLOAT32 = 1e-6
 
@@ -137,7 +139,6 @@ def test_the_world_is_filled_to_its_depth():
     assert seen(wall) == pytest.approx(truth, rel=4e-6)
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("settings", [{}, {"reference_subtraction": False}, {"reference_temperature": 400.0}])
 def test_an_isothermal_room_is_black(settings):
     """Grey, mirror and rough walls with gas in a part of the room and everywhere, at one temperature: each pixel has
@@ -173,7 +174,6 @@ def gas_sphere(emissivity, wall, gas, depth):
     )  # fmt: skip
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("t0", [None, 0.0, 450.0])
 def test_gas_in_a_grey_sphere(t0):
     """Radiosity J = (e Bw + (1 - e) eg Bg) / (1 - (1 - e) (1 - eg)), eg = 1 - 2/t^2 (1 - (1 + t) exp(-t)) the
@@ -190,7 +190,6 @@ def test_gas_in_a_grey_sphere(t0):
     assert abs(mean - truth) < 4 * error + 1e-3 * truth
 
 
-@pytest.mark.statistics
 def test_gas_between_plates_with_mirrors():
     """Plates of 400 K (e .8) and 300 K (e .4), gas at 600 K, tau .2 between them, mirrors around: an endless slab, of
     which 2 E3(tau) gets through (Modest, chapter 14). 4 standard errors."""
@@ -236,7 +235,6 @@ def scattering_slab(omega, tau, medium, below, anisotropy=0.0):
     )  # fmt: skip
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("omega, tau, source, truth", [
     (1.0, 1.0, "plate", 0.658671),
     (0.9, 1.0, "plate", 0.591625),
@@ -257,7 +255,6 @@ def test_scattering_slabs(omega, tau, source, truth):
     assert error < 0.01 and abs(mean - truth) < 4 * error
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("anisotropy", [0.0, 0.8, -0.5])
 def test_mean_radiance_in_a_scattering_cube(anisotropy):
     """One black face, the others cold, and pure scattering between: in the middle the mean over all directions is one
@@ -281,7 +278,6 @@ def test_mean_radiance_in_a_scattering_cube(anisotropy):
     assert abs(mean - 1 / 6) < 4 * error + 1e-3
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("anisotropy", [0.0, 0.6])
 def test_a_light_in_fog(anisotropy):
     """Light of a lamp that is scattered once, seen against nothing: the integral along the view of
@@ -309,7 +305,6 @@ def test_a_light_in_fog(anisotropy):
     assert error < 0.05 * truth and abs(mean - truth) < 4 * error + 2e-3 * truth
 
 
-@pytest.mark.statistics
 def test_fog_of_one_temperature_is_black():
     """Any mixture of media, with a wrong T0, mean within 4 standard errors."""
     vertices, triangles = box((2.0, 3.0, 2.5))
@@ -439,7 +434,6 @@ def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):
     assert np.all(abs(ours - theirs) < 4.0 * np.hypot(error, other))
 
 
-@pytest.mark.statistics
 @pytest.mark.parametrize("mirror", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_bands_may_differ_in_anisotropy(mirror):
     """Of two bands in one render each has the light of a render in which both are scattered as this one: 4 standard

@@ -44,6 +44,8 @@ from tests.helpers.grids import cells_on_ray, random_grid
 from tests.helpers.path_tracer import LONGER, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import look, make_scene, quad
 
+pytestmark = pytest.mark.statistics
+
 STEPS = (0.2, 0.9, 0.5)  # emissivities in THERMAL
 ROUNDING = 1e-6  # positions of hits are those of float32
 FACETS = 2e-4  # of a sphere's mesh

@@ -12,6 +12,8 @@ from addon.solver.physics.sky import build_sky_table, fill_sky, mean_excess
 from addon.solver.physics.spectrum import band_radiance, planck
 from tests.helpers.scenes import join, look, make_scene, mean_and_error, pass_means, quad, sphere
 
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([8.0, 9.0, 10.5, 12.0])
 ANGLES = np.array([0.0, 40.0, 75.0, 90.0])
 BY_ANGLE = Sky(np.array([230.0, 238.0, 262.0, 285.0]), ANGLES)

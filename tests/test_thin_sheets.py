@@ -13,6 +13,8 @@ from tests.helpers.painted_rooms import NOTHING, random_painted_room, steps
 from tests.helpers.path_tracer import black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, quad
 
+pytestmark = pytest.mark.statistics
+
 BANDS, SHORT_WAVES = np.array([8.0, 10.0, 12.0]), np.array([3.0, 5.0])
 HALF = 60.0  # m, half of the edge of plates that stand for infinite ones; light from beyond is (gap / HALF)^2 = 3e-6
 
@@ -33,7 +35,6 @@ def stack_radiance(sheets, world):
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
 @pytest.mark.parametrize("specular", [0.0, 1.0])
-@pytest.mark.statistics
 def test_stacks_bring_the_sum_of_all_reflections(count, specular):
     """1 to 5 sheets, seen from straight above, over surroundings of another temperature: within 3 standard errors, and
     0.1 % where these are smaller, as the plates are not infinite."""
@@ -56,8 +57,7 @@ def test_stacks_bring_the_sum_of_all_reflections(count, specular):
     assert np.all(error < 5e-3 * truth)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-@pytest.mark.statistics
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_random_rooms(seed):
     """Rooms with sheets, holes, images and mixtures against the path tracer: no block of 4 x 4 pixels is off by 5
     standard errors of both (of 48 blocks in 2 bands one is by 3.0)."""
