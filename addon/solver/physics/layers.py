@@ -57,11 +57,14 @@ SINGLE = (Layer(),)  # the layers of a scene without groups
 def scene_layers(scene: Scene) -> tuple[tuple[Layer, ...], np.ndarray | None]:
     """The layers of a scene, and the layer of each triangle, (m,) uint8; None instead if there is but one layer.
 
-    `traced` is the scene's own temperature, see `trace_apart`. Raises SceneError if there are too many layers.
+    `traced` is the scene's own temperature, see `trace_apart`. Raises SceneError if there are too many layers, or if
+    two spectra are mixed in a group.
     """
     if not scene.groups:
         return SINGLE, None
-    spectrum = _spectra(scene)[scene.material]
+    of_material = _spectra(scene)
+    _check_mixed(scene, of_material)
+    spectrum = of_material[scene.material]
     kinds = len(scene.materials) + 1
     keys = np.where(scene.group >= 0, kinds * scene.group.astype(np.int64) + spectrum + 1, -1)
     of_world = [kinds * scene.world_group] if scene.world_group >= 0 else []
@@ -82,6 +85,23 @@ def scene_layers(scene: Scene) -> tuple[tuple[Layer, ...], np.ndarray | None]:
         layers.append(Layer(scene.groups[group], *spectral, kelvin, kelvin))
     layer = np.where(keys >= 0, np.searchsorted(found, keys) + 1, 0)
     return tuple(layers), layer.astype(np.uint8)
+
+
+def _check_mixed(scene: Scene, spectra: np.ndarray) -> None:
+    """Raise SceneError if materials of different spectra are mixed within a group: one layer cannot hold both. spectra:
+    see _spectra."""
+    if scene.textures is None:
+        return
+    triangle, mixed = scene.textures.triangle, scene.textures.mixed
+    bad = (mixed >= 0) & (scene.group[triangle] >= 0) & (spectra[scene.material[triangle]] != spectra[mixed])
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        own, other = scene.material[triangle[first]], mixed[first]
+        raise SceneError(
+            f"Temperature group '{scene.groups[scene.group[triangle[first]]]}' holds a mix of the materials "
+            f"'{scene.materials[own].name}' and '{scene.materials[other].name}', whose spectra differ; a group keeps "
+            "one spectrum for each triangle"
+        )
 
 
 def _spectra(scene: Scene) -> np.ndarray:
