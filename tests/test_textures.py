@@ -15,7 +15,6 @@ from addon.solver.geometry.textures import MATERIAL, build_textures, grain, mixe
 from addon.solver.photons.emission import Batch, emit
 from addon.solver.photons.wave import empty_wave
 from addon.solver.physics.layers import scene_layers
-from addon.solver.physics.layers import scene_layers
 from addon.solver.planning.preparation import prepare
 from tests.helpers.path_tracer import black_radiance, standard_error
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, quad
