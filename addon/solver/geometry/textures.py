@@ -14,8 +14,10 @@ import numpy as np
 
 from ..sampling.rng import path_key, uniform
 from ..scene import EXTENSIONS, Texture, Textures
-from ..system.kernels import INLINED, njit
+from ..system.kernels import INLINED, KERNEL, njit
 
+# The three functions that look up or hash are calls and not inlined, unlike those around them: what every Interaction asks
+# stays small where nothing is textured.
 REPEAT, EXTEND, CLIP, MIRROR = range(len(EXTENSIONS))
 _NOTHING = -1e30  # what an image shows where it is clipped
 _FRACTIONS = 2.0**32  # barycentric coordinates as whole numbers; float32 has no finer ones from 2^-9 on
@@ -83,7 +85,7 @@ def row_of(table, t):
     return np.int64(table.row[t]) if table.row.size else np.int64(-1)
 
 
-@njit(**INLINED)
+@njit(**KERNEL)
 def temperature_in_image(table, r, u, v):
     """Temperature (K) at (u, v) of the triangle in row r of the table; -1 where no image says it."""
     if r < 0 or table.temperature_image[r] < 0:
@@ -91,7 +93,7 @@ def temperature_in_image(table, r, u, v):
     return max(-1.0, _look_up(table, table.temperature_image[r], _coordinates(table, r, u, v)))
 
 
-@njit(**INLINED)
+@njit(**KERNEL)
 def mixed_share(table, r, u, v):
     """How much of the mixed material there is at (u, v) of the triangle in row r of the table, 0..1."""
     if r < 0 or table.mixed[r] < 0:
@@ -104,7 +106,7 @@ def mixed_share(table, r, u, v):
     return (1.0 - u - v) * share[r, 0] + u * share[r, 1] + v * share[r, 2]
 
 
-@njit(**INLINED)
+@njit(**KERNEL)
 def grain(triangle, u, v, what):
     """Number in [0, 1) that belongs to a point of a triangle and decides on MATERIAL or PASSING there."""
     return uniform(path_key(path_key(np.uint64(triangle), np.int64(u * _FRACTIONS)), np.int64(v * _FRACTIONS)), what)
