@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
-from docs.examples import engine, facade, people, plume, steam, street  # noqa: E402
+from docs.examples import car, engine, facade, people, plume, steam, street  # noqa: E402
 from docs.tools import make_template  # noqa: E402
 from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
@@ -19,6 +19,7 @@ CONTRAST = {"street": 3}  # K between dark and bright pixels, where fog leaves l
 SCENES = {  # the script and its file
     "facade": (facade, DOCS / "examples" / "facade.blend"),
     "engine": (engine, DOCS / "examples" / "engine.blend"),
+    "car": (car, DOCS / "examples" / "car.blend"),
     "people": (people, DOCS / "examples" / "people.blend"),
     "plume": (plume, DOCS / "examples" / "plume.blend"),
     "steam": (steam, DOCS / "examples" / "steam.blend"),
@@ -81,7 +82,10 @@ def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_pa
     scene = open_scene(name)
     contents = read()[0]
     temperatures = [*contents.temperature.flat, *(medium.temperature for medium in contents.media)]  # K
-    coldest, hottest = min(*temperatures, scene.world["temperature"]), max(temperatures)
+    if contents.textures is not None:
+        temperatures += [kelvin for image in contents.textures.temperatures for kelvin in image.values.flat]
+    sky = [contents.world_temperature] if contents.sky is None else contents.sky.kelvin.flat
+    coldest, hottest = min(*temperatures, *sky), max(temperatures)
     infrared, picture = scene.infrared, scene.render
     picture.resolution_x, picture.resolution_y = 64, 48
     infrared.passes, infrared.photons_per_pass, infrared.target_noise = 8, 20_000, 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make car.blend: a car that has just been parked under a clear evening sky, somebody behind a plastic film, and a tree.
+"""Make car.blend: a car just parked under a clear evening sky, somebody behind a plastic film, and a tree.
 
     python -m docs.examples.car
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from addon.properties import add_custom_property
 from docs.examples.modelling import (
+    ALONG_Y,
     FOLDER,
     add,
     add_camera,
@@ -24,6 +25,7 @@ from docs.examples.modelling import (
     grid,
     joined,
     lay_on,
+    lying,
     new_image,
     save,
     surface,
@@ -33,7 +35,6 @@ from docs.examples.modelling import (
 from docs.examples.people import HANGING_ARM, HEAD, STANDING_LEG, TRUNK, add_person, mirrored
 
 AIR, BODY = 284.0, 282.0  # K
-ALONG_Y = np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)])  # turns what stands on z to lie along y
 WHEELS = (1.33, -1.33)  # m, where the axles are along x; the front is at +x
 AXLE, TYRE, ARCH = 0.33, 0.33, 0.385  # m: height of the axles, radius of tyres, of the arches around them
 
@@ -62,7 +63,8 @@ def build() -> None:
         "asphalt": surface("Asphalt", "Asphalt, road", colour=(0.2, 0.2, 0.2)),
         "grass": surface("Grass", 0.97, colour=(0.2, 0.4, 0.15)),  # no library has it; leaves emit nearly all
         "bark": surface("Bark", 0.95, colour=(0.3, 0.22, 0.15)),
-        "post": surface("Galvanised post", "Steel, galvanised, heavily oxidised", 0.5, 0.3, (0.6, 0.6, 0.62)),
+        "stone": surface("Kerb stone", "Granite", colour=(0.6, 0.6, 0.58)),
+        "steel": surface("Steel", "Steel, cold rolled", 0.8, 0.2, (0.6, 0.6, 0.62)),
         "skin": surface("Skin", "Skin, human", colour=(0.8, 0.6, 0.5)),
         "clothes": surface("Polyester", "Plastic, PET", colour=(0.3, 0.35, 0.6)),
         "hair": surface("Hair", 0.97, colour=(0.15, 0.1, 0.08)),
@@ -77,8 +79,8 @@ def build() -> None:
     add_film(materials)
     add_tree(materials)
     add_sky("Clear evening sky", AIR)
-    add_camera((6.3, -4.9, 2.35), (0.1, 0.35, 0.85), lens=42.0)
-    choose_settings((8.1, 13.9, 8), "IRON", (261.15, 311.15), passes=6)
+    add_camera((5.9, -4.7, 2.55), (-0.1, 0.4, 1.16), lens=45.0)
+    choose_settings((8.1, 13.9, 8), "IRON", (261.15, 311.15), passes=4)
     bpy.ops.infrared.clear_sky(air=AIR, humidity=50.0, replace=True)
 
 
@@ -102,13 +104,13 @@ def stations():
 
 
 def section(x, rows=26):
-    """Half a section of the body at x, from its lower edge or the arch above the wheel to the middle: (rows, 2) of y, z."""
+    """Half a section of the body at x, from its lower edge, or the arch of a wheel, to the middle: (rows, 2) y, z."""
     top, sill, width = (float(along(points, x)) for points in (TOP, SILL, WIDTH))
     y, z = curve(SECTION).T
     y, z = width * y, sill + (top - sill) * z
     share = np.linspace(0.0, 1.0, len(z))
-    out = ARCH**2 - np.min(np.abs(x - np.array(WHEELS))) ** 2
-    edge = AXLE + np.sqrt(out) if out > -1e-6 and out > 0 else (AXLE if out > -1e-6 else sill)
+    away = np.min(np.abs(x - np.array(WHEELS)))  # from the nearest axle
+    edge = AXLE + np.sqrt(max(ARCH**2 - away**2, 0.0)) if away < ARCH + 0.001 else sill
     lowest, fixed = np.interp(edge, z, share), 0.55  # rows above do not move, those below make way for the wheel
     at = np.linspace(0.0, 1.0, rows)
     at = np.where(at < fixed, lowest + at * (fixed - lowest) / fixed, at)
@@ -134,8 +136,7 @@ def add_body(materials) -> None:
     lay_on(body.data, body_uv(np.concatenate(rings)))
     body["temperature_image"] = new_image("Body temperatures", body_temperatures())
     body["temperature_extension"] = "EXTEND"
-    inner = [box((-1.95, -0.6, 0.22), (1.9, 0.6, 0.62))]
-    add("Underbody", joined(*inner), materials["trim"], 288.0)
+    add("Underbody", box((-1.95, -0.6, 0.22), (1.9, 0.6, 0.62)), materials["trim"], 288.0)
 
 
 LOW, HIGH = np.array([-2.25, -0.95]), np.array([2.25, 0.95])  # m: x and y of the corners of the image of temperatures
@@ -146,16 +147,16 @@ def body_uv(vertices):
     return (vertices[:, :2] - LOW) / (HIGH - LOW)
 
 
-def body_temperatures(width=384, height=160):
+def body_temperatures(width=288, height=122):
     """K over the car as seen from above, front to the right: (height, width). The bonnet's inner frame is cooler."""
     x = LOW[0] + (np.arange(width) + 0.5) / width * (HIGH - LOW)[0]
     y = (LOW[1] + (np.arange(height) + 0.5) / height * (HIGH - LOW)[1])[:, None]
-    heat = 29 * np.exp(-np.abs((x - 1.5) / 0.5) ** 3 - np.abs(y / 0.55) ** 3)
+    heat = 29 * np.exp(-(np.abs((x - 1.5) / 0.5) ** 3) - np.abs(y / 0.55) ** 3)
     frame = [((0.98, 0.12), (1.98, 0.42)), ((0.98, 0.55), (1.55, 0.29)), ((0.95, 0.0), (1.2, 0.0))]
     near = np.min([segment_distance(x, np.abs(y), *ends) for ends in frame], axis=0)
     heat *= 1 - 0.33 * np.exp(-((near / 0.03) ** 4))
     gap = np.abs(np.maximum(np.abs(x - 1.49) - 0.57, np.abs(y) - 0.68 + 0.06 * (x - 0.92)))
-    heat += 3.0 * np.exp(-((gap / 0.012) ** 2))  # warm air from the joint around the bonnet
+    heat += 3.0 * np.exp(-((gap / 0.016) ** 2))  # warm air from the joint around the bonnet
     nose = 9 * np.exp((x - 2.16) / 0.12) * np.exp(-((y / 0.45) ** 4))
     wings = 5 * np.exp(-(((x - 1.33) / 0.4) ** 2)) * (np.abs(y) > 0.7)
     return BODY + heat + nose + wings
@@ -170,24 +171,17 @@ def segment_distance(x, y, start, end):
 
 def add_cabin(materials) -> None:
     """Windows, pillars and roof in one piece."""
-    fraction = np.array([0.0, 0.2, 0.4, 0.55, 0.7])  # of half a side
-    power = 5.0  # of the superellipses that are its outlines
-    sides = np.arcsin(fraction ** (power / 2)), np.arccos(np.array([0.7, 0.55, 0.3, 0.05, 0.0]) ** (power / 2))
-    quarter = np.concatenate((sides[0], np.linspace(sides[0][-1], sides[1][0], 16)[1:-1], sides[1]))
-    angle = np.unique(np.concatenate([turn * np.pi / 2 + part for turn, part in
-                                      ((0, quarter), (2, -quarter), (2, quarter), (4, -quarter))]).round(9))[:-1]  # fmt: skip
-    cos, sin = np.cos(angle), np.sin(angle)
-    around = np.column_stack([np.sign(u) * np.abs(u) ** (2 / power) for u in (cos, sin)])
+    around = cabin_outline()
     up = np.concatenate((np.linspace(0, 1, 13), [1.02, 1.06]))
     rings = [cabin_ring(around, v) for v in up]
     last = rings[-1]
     middle = np.array((ROOF[0], 0.0))
-    for scale, rise in ((0.93, 0.012), (0.82, 0.022), (0.65, 0.031), (0.45, 0.037), (0.25, 0.04), (0.02, 0.041)):
+    for scale, rise in ((0.93, 0.022), (0.82, 0.04), (0.65, 0.058), (0.45, 0.071), (0.25, 0.078), (0.02, 0.08)):
         rings.append(np.column_stack((middle + scale * (last[:, :2] - middle), last[:, 2] + rise)))
-    count, here = len(angle), np.arange(len(angle))
+    count, here = len(around), np.arange(len(around))
     there = (here + 1) % count
     band = np.column_stack((here, there, there + count, here + count))
-    faces = [*np.concatenate([band + row * count for row in range(len(rings) - 1)]).tolist()]
+    faces = np.concatenate([band + row * count for row in range(len(rings) - 1)]).tolist()
     faces.append((here + (len(rings) - 1) * count).tolist())
     vertices = np.concatenate(rings)
     share = (vertices[:, 2] - BELT[3]) / (ROOF[3] - BELT[3])
@@ -195,19 +189,29 @@ def add_cabin(materials) -> None:
     cabin.data.materials.append(materials["glass"])
     cabin.data.materials.append(materials["trim"])
     slots = np.full(len(faces), PAINT, np.int32)
-    between = np.abs((around + around[there]) / 2)  # the middle of each column of faces
-    pillar = (between.min(axis=1) > 0.8) | ((between[:, 0] < 0.06) & (between[:, 1] > 0.9))
-    for row in range(12):
-        glazed = 1 <= row <= 10
-        slots[row * count : (row + 1) * count] = np.where(pillar, PAINT, GLASS if glazed else TRIM if row < 1 else PAINT)
+    middle = np.abs((around + around[there]) / 2)  # of each column of faces
+    pillar = (middle.min(axis=1) > 0.8) | ((middle[:, 0] < 0.06) & (middle[:, 1] > 0.9))
+    for row, slot in enumerate([TRIM] + 10 * [GLASS]):
+        slots[row * count : (row + 1) * count] = np.where(pillar, PAINT, slot)
     cabin.data.polygons.foreach_set("material_index", slots)
+
+
+def cabin_outline(power=5.0):
+    """A superellipse, (n, 2) of -1 to 1: many points at its corners, two close together in the middle of its sides."""
+    front = np.arcsin(np.array([0.0, 0.2, 0.4, 0.55, 0.7]) ** (power / 2))
+    side = np.arccos(np.array([0.7, 0.55, 0.3, 0.05, 0.0]) ** (power / 2))
+    quarter = np.concatenate((front, np.linspace(front[-1], side[0], 16)[1:-1], side))
+    angle = np.concatenate((quarter, np.pi - quarter, np.pi + quarter, 2 * np.pi - quarter))
+    angle = np.unique(angle.round(9))[:-1]  # the last is the first
+    return np.column_stack([np.sign(u) * np.abs(u) ** (2 / power) for u in (np.cos(angle), np.sin(angle))])
 
 
 def cabin_ring(around, share):
     """The outline of the cabin at a share of the way from the belt line to the edge of the roof; it bulges a little."""
     x, length, width, z = (1 - share) * np.array(BELT) + share * np.array(ROOF)
     bulge = 0.03 * np.sin(np.pi * np.clip(share, 0, 1))
-    return np.column_stack((x + (length + bulge) * around[:, 0], (width + bulge) * around[:, 1], np.full(len(around), z)))
+    outline = (x, 0.0) + (np.array((length, width)) + bulge) * around
+    return np.column_stack((outline, np.full(len(outline), z)))
 
 
 def ellipsoid(centre, radii, sides=32):
@@ -241,30 +245,34 @@ def add_details(materials) -> None:
     add("Number plate", box((2.17, -0.26, 0.35), (2.185, 0.26, 0.46)), materials["alloy"], 284.0, bevel=0.004)
 
 
+def open_ended(shape):
+    """A turned shape without the discs that close its two ends."""
+    return shape[0], shape[1][:-2]
+
+
 def add_wheel(materials, x, side) -> None:
     """Tyre, rim with five spokes, and the hot brake behind them. side: -1 is the right of the car."""
     warm = x > 0  # the front wheels brake most
     profile = [(0.19, -0.1), (0.22, -0.105), (0.3, -0.1), (0.322, -0.085), (TYRE, -0.05), (TYRE, 0.05), (0.322, 0.085)]
     profile += [(0.3, 0.1), (0.22, 0.105), (0.19, 0.1)]
-    tyre = turned(profile, 64)
+    tyre = open_ended(turned(profile, 64))
     radius = np.hypot(*tyre[0][:, :2].T)
     place = {"location": (x, side * 0.77, AXLE), "rotation": (0, 0, 0 if side < 0 else np.pi)}
     name = f"{'front' if warm else 'rear'} {'left' if side > 0 else 'right'}"
-    lay = lambda shape: (shape[0] @ ALONG_Y, shape[1])  # noqa: E731
     tread = np.clip((radius - 0.27) / 0.06, 0, 1)
-    add(f"Tyre {name}", lay(tyre), materials["rubber"], 287.0 + (10.0 if warm else 6.0) * tread, **place)
-    rim = turned([(0.185, 0.02), (0.2, 0.095), (0.215, 0.108), (0.222, 0.1), (0.21, 0.02)], 64)
+    add(f"Tyre {name}", lying(tyre, ALONG_Y), materials["rubber"], 287.0 + (10.0 if warm else 6.0) * tread, **place)
+    rim = open_ended(turned([(0.187, -0.08), (0.187, 0.06), (0.2, 0.1), (0.215, 0.11), (0.224, 0.104)], 64))
     hub = turned([(0.002, 0.02), (0.06, 0.02), (0.06, 0.07), (0.045, 0.082), (0.002, 0.085)], 32)
     spokes = []
     for turn in 2 * np.pi * np.arange(5) / 5 + 0.3:
         vertices, faces = box((0.04, -0.024, 0.058), (0.2, 0.024, 0.082))
         c, s = np.cos(turn), np.sin(turn)
         spokes.append((vertices @ np.array([(c, s, 0), (-s, c, 0), (0, 0, 1)]), faces))
-    add(f"Rim {name}", lay(joined(rim, hub, *spokes)), materials["alloy"], 292.0 if warm else 287.0, **place)
+    add(f"Rim {name}", lying(joined(rim, hub, *spokes), ALONG_Y), materials["alloy"], 292.0 if warm else 287.0, **place)
     disc = turned([(0.07, 0.0), (0.155, 0.0), (0.155, 0.024), (0.07, 0.024)], 64)
     back = turned([(0.002, -0.03), (0.19, -0.03), (0.19, -0.02), (0.002, -0.02)], 48)
-    add(f"Brake {name}", lay(disc), materials["disc"], 345.0 if warm else 312.0, **place)
-    add(f"Dust shield {name}", lay(back), materials["trim"], 293.0 if warm else 287.0, **place)
+    add(f"Brake {name}", lying(disc, ALONG_Y), materials["disc"], 345.0 if warm else 312.0, **place)
+    add(f"Dust shield {name}", lying(back, ALONG_Y), materials["trim"], 293.0 if warm else 287.0, **place)
 
 
 # Around the car -------------------------------------------------------------------------------------------------------
@@ -272,14 +280,15 @@ def add_wheel(materials, x, side) -> None:
 
 def add_ground(materials) -> None:
     """Asphalt that keeps the day's warmth, warmer below the engine and where the tyres rolled; a kerb and a meadow."""
-    asphalt = grid((-7, -5, 0), (15, 0, 0), (0, 8, 0), 0.08)
+    asphalt = grid((-7, -5, 0), (15, 0, 0), (0, 8, 0), 0.1)
     x, y, _ = asphalt[0].T
-    warm = 9 * np.exp(-(((x - 1.4) / 0.5) ** 2) - (y / 0.45) ** 2) + 2.5 * np.exp(-(((x + 0.3) / 1.6) ** 2) - (y / 0.5) ** 2)
+    warm = 9 * np.exp(-(((x - 1.4) / 0.5) ** 2) - (y / 0.45) ** 2)
+    warm += 2.5 * np.exp(-(((x + 0.3) / 1.6) ** 2) - (y / 0.5) ** 2)
     behind = 1 / (1 + np.exp((x - 1.3) / 0.1))
     warm += 1.6 * behind * np.exp(-(((np.abs(y) - 0.77) / 0.09) ** 4))
     add("Asphalt", asphalt, materials["asphalt"], 287.0 + warm)
     add("Road", box((-90, -60, -0.3), (90, 3.0, -0.01)), materials["asphalt"], 287.0)
-    add("Kerb", box((-90, 3.0, -0.3), (90, 3.15, 0.1)), materials["post"], 285.5, bevel=0.02)
+    add("Kerb", box((-90, 3.0, -0.3), (90, 3.15, 0.1)), materials["stone"], 285.5, bevel=0.02)
     add("Meadow", box((-90, 3.15, -0.3), (90, 160, 0.06)), materials["grass"], 280.5)
 
 
@@ -287,19 +296,19 @@ def add_film(materials) -> None:
     """A plastic film on a frame, and somebody behind it. The film is a sheet that lets most of the heat pass."""
     film = surface("Plastic film", 0.12, 1.0, 0.0, (0.1, 0.1, 0.1))
     add_custom_property(film, "transmittance", 0.78)
-    place = {"location": (-2.6, 3.75, 0.06), "rotation": (0, 0, np.radians(24))}
-    sheet = grid((-0.95, 0, 0.1), (1.9, 0, 0), (0, 0, 1.2), 0.05)
+    place = {"location": (0.33, 3.35, 0.06), "rotation": (0, 0, np.radians(38))}
+    sheet = grid((-0.75, 0, 0.1), (1.5, 0, 0), (0, 0, 1.1), 0.05)
     sheet[0][:, 1] += 0.012 * np.sin(9 * sheet[0][:, 0] + 2 * sheet[0][:, 2]) * np.sin(5 * sheet[0][:, 2])
     add("Film", sheet, film, 283.0, **place)
-    posts = [tube([(x, 0, 0), (x, 0, 0.7), (x, 0, 1.36)], 0.025, 16) for x in (-0.97, 0.97)]
-    rails = [tube([(-0.97, 0, z), (0, 0, z), (0.97, 0, z)], 0.015, 12) for z in (0.09, 1.31)]
-    add("Frame", joined(*posts, *rails), materials["post"], 283.0, **place)
+    posts = [tube([(x, 0, 0), (x, 0, 0.6), (x, 0, 1.25)], 0.025, 16) for x in (-0.77, 0.77)]
+    rails = [tube([(-0.77, 0, z), (0, 0, z), (0.77, 0, z)], 0.015, 12) for z in (0.09, 1.21)]
+    add("Frame", joined(*posts, *rails), materials["steel"], 283.0, **place)
     cones = HEAD + TRUNK + STANDING_LEG + mirrored(STANDING_LEG) + HANGING_ARM + mirrored(HANGING_ARM)
-    add_person("Somebody", cones, materials, (-2.75, 4.5, 0.06), np.radians(24))
+    add_person("Somebody", cones, materials, (-0.15, 4.15, 0.06), np.radians(38))
 
 
 def twig_mask(size=128):
-    """How much of a card is no leaf: (size, size), 0 on leaves, 1 between them. The twig grows along the image's rows."""
+    """How much of a card is no leaf: (size, size), 0 on leaves, 1 between them. The twig grows along the rows."""
     x, y = np.meshgrid((np.arange(size) + 0.5) / size, (np.arange(size) + 0.5) / size)
     away = np.abs(y - 0.5) - 0.008 * (1 - x)  # the stalk
     away = np.where(x < 0.8, away, 1.0)
@@ -313,7 +322,7 @@ def twig_mask(size=128):
     return (away > 0).astype(np.float32)
 
 
-def add_tree(materials, place=(-3.4, 5.4, 0.0), cards=2600) -> None:
+def add_tree(materials, place=(-9.5, 4.6, 0.0), cards=1800) -> None:
     """A tree whose twigs are cards. What is between the leaves is not there: a material that lets all pass."""
     leaf = surface("Leaf", 0.96, colour=(0.15, 0.4, 0.1))
     nothing = surface("Nothing", 0.0)
@@ -324,7 +333,7 @@ def add_tree(materials, place=(-3.4, 5.4, 0.0), cards=2600) -> None:
     out = random.standard_normal((cards, 3))
     out /= np.linalg.norm(out, axis=1)[:, None]
     radius = random.random((cards, 1)) ** 0.4 * (1 + 0.13 * np.sin(5 * out[:, :1] + 4 * out[:, 1:2]))
-    centre = (0, 0, 3.1) + radius * out * (1.75, 1.75, 1.5)
+    centre = (0, 0, 3.1) + radius * out * (1.7, 1.7, 1.35)
     growing = out + 0.7 * random.standard_normal((cards, 3)) + (0, 0, 0.2)
     growing *= 0.42 / np.linalg.norm(growing, axis=1)[:, None]
     across = np.cross(growing, random.standard_normal((cards, 3)))

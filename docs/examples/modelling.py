@@ -21,6 +21,8 @@ FOLDER = Path(__file__).resolve().parent
 # Binary fractions to which what is saved is rounded, far finer than anything to be seen: short numbers compress well.
 PER_METRE, PER_KELVIN = 2**14, 2**6
 
+ALONG_X = np.array([(0, 0, -1), (0, 1, 0), (1, 0, 0)])  # turns what stands on z to lie along x
+ALONG_Y = np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)])  # and along -y
 SHARP = np.radians(40.0)  # from which angle between two faces on their edge is an edge to be seen, not part of a curve
 
 # Shapes ---------------------------------------------------------------------------------------------------------------
@@ -107,6 +109,11 @@ def joined(*shapes):
         for face in of_shape
     ]
     return np.concatenate([vertices for vertices, _ in shapes]), faces
+
+
+def lying(shape, matrix):
+    """A shape turned by one of the matrices above."""
+    return shape[0] @ matrix.T, shape[1]
 
 
 def blob(distance: Callable, low, high, step):
@@ -226,8 +233,9 @@ def _is_round(mesh):
 
 
 def new_image(name, values, is_float=True):
-    """An image of one channel, stored in the file. values: (height, width), row 0 at the bottom; K, or 0 to 1 as bytes."""
+    """An image that is stored in the file. values: (height, width), row 0 at the bottom; K, or 0 to 1 for bytes."""
     height, width = values.shape
+    values = np.round(values * PER_KELVIN) / PER_KELVIN
     image = bpy.data.images.new(name, width, height, float_buffer=is_float, is_data=True)
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = values[..., None]
