@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
-from docs.examples import car, engine, facade, people, plume, steam, street  # noqa: E402
+from docs.examples import car, engine, facade, modelling, people, plume, steam, street  # noqa: E402
 from docs.tools import make_template  # noqa: E402
 from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
@@ -51,6 +51,36 @@ def test_checks_and_reader_have_nothing_to_say(name):
     solver_scene, warnings = read()
     assert warnings == []
     assert len(solver_scene.triangles) < 200_000
+
+
+def evaluated_normals(thing):
+    """Of the mesh after modifiers: normals at corners (c, 3), and of the faces these are of (c, 3), their areas (c,)."""
+    mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    corners = np.array([corner.vector for corner in mesh.corner_normals])
+    sizes = [face.loop_total for face in mesh.polygons]
+    faces = np.repeat([face.normal for face in mesh.polygons], sizes, axis=0)
+    return corners, faces, np.repeat([face.area for face in mesh.polygons], sizes)
+
+
+def test_round_shapes_are_shaded_round_with_their_edges():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    paint = modelling.surface("Paint", 0.9)
+    can = modelling.add("Can", modelling.turned([(0.5, 0.0), (0.5, 1.0)], 24), paint, 300.0)
+    corners, faces, _ = evaluated_normals(can)
+    ends = np.abs(faces[:, 2]) > 0.5
+    assert np.allclose(corners[ends], faces[ends], atol=1e-3)  # float32, and vertices are rounded to 1 / 2**14 m
+    tilt = np.sum(corners[~ends] * faces[~ends], axis=1)  # corners lie half a facet beside the middle of one
+    assert np.allclose(tilt, np.cos(np.pi / 24), atol=1e-3)
+
+
+def test_boxes_stay_flat_and_their_bevels_are_round():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    paint, shape = modelling.surface("Paint", 0.9), modelling.box((0, 0, 0), (1, 1, 1))
+    assert modelling.add("Box", shape, paint, 300.0).data.normals_domain == "FACE"
+    corners, faces, area = evaluated_normals(modelling.add("Cushion", shape, paint, 300.0, bevel=0.05))
+    sides = area > 0.5  # m2; 0.81 of the sides, at most 0.9 * 0.05 of a bevel's strip
+    assert np.allclose(corners[sides], faces[sides], atol=1e-3)
+    assert np.abs(corners[~sides] - faces[~sides]).max() > 0.1
 
 
 @pytest.mark.parametrize("path", sorted(DOCS.rglob("*.blend")), ids=lambda path: path.stem)

@@ -9,7 +9,6 @@ the film is a thin sheet, and the leaves are cut out of cards by an image.
 
 from __future__ import annotations
 
-import bpy
 import numpy as np
 
 from addon.properties import add_custom_property
@@ -18,7 +17,7 @@ from docs.examples.modelling import (
     FOLDER,
     add,
     add_camera,
-    add_sky,
+    add_clear_sky,
     box,
     choose_settings,
     curve,
@@ -78,10 +77,9 @@ def build() -> None:
     add_ground(materials)
     add_film(materials)
     add_tree(materials)
-    add_sky("Clear evening sky", AIR)
     add_camera((5.9, -4.7, 2.55), (-0.1, 0.4, 1.16), lens=45.0)
     choose_settings((8.1, 13.9, 8), "IRON", (261.15, 311.15), passes=4)
-    bpy.ops.infrared.clear_sky(air=AIR, humidity=50.0, replace=True)
+    add_clear_sky("Clear evening sky", AIR, humidity=50.0)
 
 
 # The car --------------------------------------------------------------------------------------------------------------

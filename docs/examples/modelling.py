@@ -18,7 +18,8 @@ from addon.properties import add_custom_property
 
 FOLDER = Path(__file__).resolve().parent
 
-# Binary fractions to which what is saved is rounded, far finer than anything to be seen: short numbers compress well.
+# Binary fractions to which what is saved is rounded, far finer than anything to be seen: short numbers compress well,
+# and do not depend on how a system rounds.
 PER_METRE, PER_KELVIN = 2**14, 2**6
 
 ALONG_X = np.array([(0, 0, -1), (0, 1, 0), (1, 0, 0)])  # turns what stands on z to lie along x
@@ -275,6 +276,17 @@ def add_sky(name, temperature):
     world = bpy.data.worlds.new(name)
     add_custom_property(world, "temperature", temperature)
     bpy.context.scene.world = world
+    return world
+
+
+def add_clear_sky(name, air, humidity):
+    """A world with the clear sky of a weather, by zenith angle and wavelength. air: K. humidity: percent."""
+    world = add_sky(name, air)
+    bpy.ops.infrared.clear_sky(air=air, humidity=humidity, replace=True)
+    table = world["temperature_table"].to_dict()
+    for key, steps in (("wavelength", PER_METRE), ("kelvin", PER_KELVIN)):
+        table[key] = (np.round(np.array(table[key]) * steps) / steps).tolist()
+    world["temperature_table"] = table
     return world
 
 

@@ -133,7 +133,9 @@ def describe(scene):
             entry["face_materials"] = [face.material_index for face in obj.data.polygons]
             if "temperature" in obj.data.attributes:
                 entry["temperatures"] = [point.value for point in obj.data.attributes["temperature"].data]
-            entry["modifiers"] = [(m.type, getattr(m, "width", None)) for m in obj.modifiers]
+            entry["modifiers"] = [
+                (m.type, getattr(m, "width", None), getattr(m, "harden_normals", None)) for m in obj.modifiers
+            ]
             entry["materials"] = [(m.name, custom_properties(m)) for m in obj.data.materials]
         elif obj.type == "LIGHT":
             entry["light"] = (obj.data.type, obj.data.energy, obj.data.shadow_soft_size)
