@@ -54,7 +54,7 @@ def test_checks_and_reader_have_nothing_to_say(name):
 
 
 def evaluated_normals(thing):
-    """Of the mesh after modifiers: normals at corners (c, 3), and of the faces these are of (c, 3), their areas (c,)."""
+    """Of a mesh after modifiers: normals at corners (c, 3), those of their faces (c, 3), and areas of these (c,)."""
     mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     corners = np.array([corner.vector for corner in mesh.corner_normals])
     sizes = [face.loop_total for face in mesh.polygons]
