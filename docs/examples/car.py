@@ -331,7 +331,7 @@ def add_tree(materials, place=(-9.5, 4.6, 0.0), cards=1800) -> None:
     out = random.standard_normal((cards, 3))
     out /= np.linalg.norm(out, axis=1)[:, None]
     radius = random.random((cards, 1)) ** 0.4 * (1 + 0.13 * np.sin(5 * out[:, :1] + 4 * out[:, 1:2]))
-    centre = (0, 0, 3.1) + radius * out * (1.7, 1.7, 1.35)
+    centre = (0, 0, 2.85) + radius * out * (1.7, 1.7, 1.35)
     growing = out + 0.7 * random.standard_normal((cards, 3)) + (0, 0, 0.2)
     growing *= 0.42 / np.linalg.norm(growing, axis=1)[:, None]
     across = np.cross(growing, random.standard_normal((cards, 3)))
@@ -344,7 +344,7 @@ def add_tree(materials, place=(-9.5, 4.6, 0.0), cards=1800) -> None:
     lay_on(tree.data, np.tile(corner + 0.5, (cards, 1)))
     trunk = np.array([(0, 0, 0), (0.04, 0, 0.9), (-0.03, 0.03, 1.8), (0.05, 0, 2.8), (0, 0, 4.2)])
     branches = [tube(curve(trunk), np.linspace(0.15, 0.02, 33), 16)]
-    for height in np.linspace(1.6, 3.6, 14):
+    for height in np.linspace(1.4, 3.4, 14):
         turn = 2.4 * height * 5
         way = np.array([np.cos(turn), np.sin(turn), 0.5])
         start = np.array([np.interp(height, trunk[:, 2], trunk[:, 0]), 0, height])
