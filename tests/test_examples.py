@@ -11,7 +11,7 @@ bpy = pytest.importorskip("bpy")
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
 from docs.examples import car, engine, facade, modelling, people, plume, steam, street  # noqa: E402
-from docs.tools import make_template  # noqa: E402
+from docs.tools import make_template, plot_tutorial  # noqa: E402
 from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
 
@@ -51,6 +51,19 @@ def test_checks_and_reader_have_nothing_to_say(name):
     solver_scene, warnings = read()
     assert warnings == []
     assert len(solver_scene.triangles) < 200_000
+
+
+def test_step_10_of_the_tutorial_works_in_a_new_file():
+    scene = open_scene("template")
+    plot_tutorial.follow_steps()
+    assert scene_checks(scene, bpy.context.view_layer) == []
+    contents, warnings = read()
+    assert warnings == []
+    assert contents.sky is not None
+    (image,) = contents.textures.temperatures
+    assert 293.15 <= image.values.min() < image.values.max() <= 333.16  # K, what 0 and 1 mean; in float32
+    film, pond = (next(m for m in contents.materials if m.name == name) for name in ("Film", "Floor"))
+    assert film.transmittance == 0.78 and pond.fresnel
 
 
 def evaluated_normals(thing):

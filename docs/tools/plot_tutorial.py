@@ -23,6 +23,8 @@ def follow_steps() -> None:
     add_grid_plane()
     wear_paint(bpy.data.materials["Paint"])
     add_film()
+    infrared = bpy.context.scene.infrared
+    infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", 273.15, 323.15
 
 
 def become_water(floor) -> None:
@@ -44,7 +46,7 @@ def add_plane(name: str, location: tuple[float, float, float]):
 
 def add_grid_plane() -> None:
     """A plane whose temperatures are an image, of 20 °C to 60 °C."""
-    plane = add_plane("Plane", (-2.6, -1.2, 1.2))
+    plane = add_plane("Plane", (-4.4, 0.0, 1.0))
     add_custom_property(plane.active_material, "emissivity", 0.95)
     image = bpy.data.images.new("Grid", 512, 512, is_data=True)
     image.generated_type = "UV_GRID"
