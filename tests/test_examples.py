@@ -10,8 +10,8 @@ bpy = pytest.importorskip("bpy")
 
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
-from docs.examples import engine, facade, people, plume, steam, street  # noqa: E402
-from docs.tools import make_template  # noqa: E402
+from docs.examples import car, engine, facade, modelling, people, plume, steam, street  # noqa: E402
+from docs.tools import make_template, plot_tutorial  # noqa: E402
 from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
 
@@ -19,6 +19,7 @@ CONTRAST = {"street": 3}  # K between dark and bright pixels, where fog leaves l
 SCENES = {  # the script and its file
     "facade": (facade, DOCS / "examples" / "facade.blend"),
     "engine": (engine, DOCS / "examples" / "engine.blend"),
+    "car": (car, DOCS / "examples" / "car.blend"),
     "people": (people, DOCS / "examples" / "people.blend"),
     "plume": (plume, DOCS / "examples" / "plume.blend"),
     "steam": (steam, DOCS / "examples" / "steam.blend"),
@@ -52,6 +53,49 @@ def test_checks_and_reader_have_nothing_to_say(name):
     assert len(solver_scene.triangles) < 200_000
 
 
+def test_step_10_of_the_tutorial_works_in_a_new_file():
+    scene = open_scene("template")
+    plot_tutorial.follow_steps()
+    assert scene_checks(scene, bpy.context.view_layer) == []
+    contents, warnings = read()
+    assert warnings == []
+    assert contents.sky is not None
+    (image,) = contents.textures.temperatures
+    assert 293.15 <= image.values.min() < image.values.max() <= 333.16  # K, what 0 and 1 mean; in float32
+    film, pond = (next(m for m in contents.materials if m.name == name) for name in ("Film", "Floor"))
+    assert film.transmittance == 0.78 and pond.fresnel
+
+
+def evaluated_normals(thing):
+    """Of a mesh after modifiers: normals at corners (c, 3), those of their faces (c, 3), and areas of these (c,)."""
+    mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    corners = np.array([corner.vector for corner in mesh.corner_normals])
+    sizes = [face.loop_total for face in mesh.polygons]
+    faces = np.repeat([face.normal for face in mesh.polygons], sizes, axis=0)
+    return corners, faces, np.repeat([face.area for face in mesh.polygons], sizes)
+
+
+def test_round_shapes_are_shaded_round_with_their_edges():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    paint = modelling.surface("Paint", 0.9)
+    can = modelling.add("Can", modelling.turned([(0.5, 0.0), (0.5, 1.0)], 24), paint, 300.0)
+    corners, faces, _ = evaluated_normals(can)
+    ends = np.abs(faces[:, 2]) > 0.5
+    assert np.allclose(corners[ends], faces[ends], atol=1e-3)  # float32, and vertices are rounded to 1 / 2**14 m
+    tilt = np.sum(corners[~ends] * faces[~ends], axis=1)  # corners lie half a facet beside the middle of one
+    assert np.allclose(tilt, np.cos(np.pi / 24), atol=1e-3)
+
+
+def test_boxes_stay_flat_and_their_bevels_are_round():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    paint, shape = modelling.surface("Paint", 0.9), modelling.box((0, 0, 0), (1, 1, 1))
+    assert modelling.add("Box", shape, paint, 300.0).data.normals_domain == "FACE"
+    corners, faces, area = evaluated_normals(modelling.add("Cushion", shape, paint, 300.0, bevel=0.05))
+    sides = area > 0.5  # m2; 0.81 of the sides, at most 0.9 * 0.05 of a bevel's strip
+    assert np.allclose(corners[sides], faces[sides], atol=1e-3)
+    assert np.abs(corners[~sides] - faces[~sides]).max() > 0.1
+
+
 @pytest.mark.parametrize("path", sorted(DOCS.rglob("*.blend")), ids=lambda path: path.stem)
 def test_panels_show_the_units_of_all_numbers(path):
     """Without a subtype a field shows a bare number of kelvin, also where temperatures are shown in degrees Celsius."""
@@ -81,7 +125,10 @@ def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_pa
     scene = open_scene(name)
     contents = read()[0]
     temperatures = [*contents.temperature.flat, *(medium.temperature for medium in contents.media)]  # K
-    coldest, hottest = min(*temperatures, scene.world["temperature"]), max(temperatures)
+    if contents.textures is not None:
+        temperatures += [kelvin for image in contents.textures.temperatures for kelvin in image.values.flat]
+    sky = [contents.world_temperature] if contents.sky is None else contents.sky.kelvin.flat
+    coldest, hottest = min(*temperatures, *sky), max(temperatures)
     infrared, picture = scene.infrared, scene.render
     picture.resolution_x, picture.resolution_y = 64, 48
     infrared.passes, infrared.photons_per_pass, infrared.target_noise = 8, 20_000, 0.0

@@ -12,6 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from docs.examples.modelling import (
+    ALONG_X,
+    ALONG_Y,
     FOLDER,
     add,
     add_camera,
@@ -21,6 +23,7 @@ from docs.examples.modelling import (
     curve,
     grid,
     joined,
+    lying,
     prism,
     save,
     surface,
@@ -29,8 +32,6 @@ from docs.examples.modelling import (
 )
 
 CYLINDERS = np.array([-0.27, -0.09, 0.09, 0.27])  # m, along x; the exhaust is at -y, the inlet at +y
-ALONG_X = np.array([(0, 0, -1), (0, 1, 0), (1, 0, 0)])  # turns what stands on z to lie along x
-ALONG_Y = np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)])  # and along -y
 
 
 def build() -> None:
@@ -57,11 +58,6 @@ def build() -> None:
     add_sky("Clear sky", 255.0)
     add_camera((-1.15, -1.75, 1.45), (-0.06, -0.03, 0.72), lens=41.0)
     choose_settings((8.1, 13.9, 8), "INFERNO", (278.15, 443.15), passes=6)
-
-
-def lying(shape, matrix):
-    """A shape turned by one of the matrices above."""
-    return shape[0] @ matrix.T, shape[1]
 
 
 def add_block(materials) -> None:

@@ -18,8 +18,13 @@ from addon.properties import add_custom_property
 
 FOLDER = Path(__file__).resolve().parent
 
-# Binary fractions to which what is saved is rounded, far finer than anything to be seen: short numbers compress well.
+# Binary fractions to which what is saved is rounded, far finer than anything to be seen: short numbers compress well,
+# and do not depend on how a system rounds.
 PER_METRE, PER_KELVIN = 2**14, 2**6
+
+ALONG_X = np.array([(0, 0, -1), (0, 1, 0), (1, 0, 0)])  # turns what stands on z to lie along x
+ALONG_Y = np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)])  # and along -y
+SHARP = np.radians(40.0)  # from which angle between two faces on their edge is an edge to be seen, not part of a curve
 
 # Shapes ---------------------------------------------------------------------------------------------------------------
 
@@ -53,13 +58,14 @@ def prism(outline, width):
 
 
 def curve(points, steps=8):
-    """A smooth curve through points (Catmull-Rom): (m, 3), with so many steps between two of them."""
+    """A smooth curve through points (Catmull-Rom) in space or in a plane: (m, 3) or (m, 2), so many steps from one to
+    the next."""
     points = np.array(points, float)
     ends = 2 * points[0] - points[1], 2 * points[-1] - points[-2]
     a, b, c, d = (np.concatenate(([ends[0]], points, [ends[1]]))[i : i + len(points) - 1, None] for i in range(4))
     t = np.linspace(0.0, 1.0, steps, endpoint=False)[:, None]
     inner = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
-    return np.concatenate((inner.reshape(-1, 3), points[-1:]))
+    return np.concatenate((inner.reshape(-1, points.shape[1]), points[-1:]))
 
 
 def tube(path, radius, sides=32):
@@ -106,6 +112,11 @@ def joined(*shapes):
     return np.concatenate([vertices for vertices, _ in shapes]), faces
 
 
+def lying(shape, matrix):
+    """A shape turned by one of the matrices above."""
+    return shape[0] @ matrix.T, shape[1]
+
+
 def blob(distance: Callable, low, high, step):
     """The surface where distance(points (n, 3)) (n,) is 0, negative inside, as quads: surface nets (Gibson 1998).
 
@@ -142,8 +153,11 @@ def blob(distance: Callable, low, high, step):
 # Things ---------------------------------------------------------------------------------------------------------------
 
 
-def surface(name, emissivity, specular=0.0, roughness=0.0, colour=(0.5, 0.5, 0.5)):
-    """A material. emissivity: a number, points over wavelength, or a name in the library. colour: in Solid mode."""
+def surface(name, emissivity, specular=0.0, roughness=0.0, colour=(0.5, 0.5, 0.5), fresnel=False):
+    """A material. emissivity: a number, points over wavelength, or a name in the library. colour: in Solid mode.
+
+    fresnel: whether the mirrored share follows Fresnel's law.
+    """
     material = bpy.data.materials.new(name)
     if isinstance(emissivity, float):
         add_custom_property(material, "emissivity", emissivity)
@@ -151,6 +165,8 @@ def surface(name, emissivity, specular=0.0, roughness=0.0, colour=(0.5, 0.5, 0.5
         material["emissivity"] = emissivity
     add_custom_property(material, "specular", specular)
     add_custom_property(material, "roughness", roughness)
+    if fresnel:
+        add_custom_property(material, "fresnel", True)
     material.diffuse_color = (*colour, 1.0)
     return material
 
@@ -173,11 +189,15 @@ def fill(block, **properties):
 
 
 def add(name, shape, material, temperature, location=(0, 0, 0), rotation=(0, 0, 0), bevel=0.0):
-    """An object of a shape. temperature: K, one for all, or one for each vertex. bevel: m, how round edges are."""
+    """An object of a shape, shaded smooth where it is round.
+
+    temperature: K, one for all, or one for each vertex. bevel: m, how round edges are.
+    """
     vertices, faces = shape
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata((np.round(vertices * PER_METRE) / PER_METRE).tolist(), [], faces)
     mesh.materials.append(material)
+    shade_smooth(mesh, keep_flat=not bevel)
     thing = link(name, mesh)
     thing.location, thing.rotation_euler = location, rotation
     if np.ndim(temperature):
@@ -188,7 +208,48 @@ def add(name, shape, material, temperature, location=(0, 0, 0), rotation=(0, 0, 
     if bevel:
         modifier = thing.modifiers.new("Bevel", "BEVEL")
         modifier.width, modifier.segments = bevel, 3
+        modifier.harden_normals = True  # the bevel is shaded round, the faces beside it stay flat
     return thing
+
+
+def shade_smooth(mesh, sharp=SHARP, keep_flat=True):
+    """Shade a mesh smooth but for edges between faces at a larger angle than `sharp`, rad.
+
+    keep_flat: if that changes nothing, as on boxes and walls, the mesh stays flat, which renders faster.
+    """
+    mesh.shade_smooth()
+    mesh.set_sharp_from_angle(angle=sharp)
+    if keep_flat and not _is_round(mesh):
+        mesh.shade_flat()
+
+
+def _is_round(mesh):
+    """Whether some corner's normal is not that of its face."""
+    corners, faces = np.empty((len(mesh.loops), 3), np.float32), np.empty((len(mesh.polygons), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", corners.ravel())
+    mesh.polygons.foreach_get("normal", faces.ravel())
+    sizes = np.empty(len(faces), np.int32)
+    mesh.polygons.foreach_get("loop_total", sizes)
+    return bool(np.abs(corners - np.repeat(faces, sizes, axis=0)).max() > 1e-3)  # rounded vertices tilt by less
+
+
+def new_image(name, values, is_float=True):
+    """An image that is stored in the file. values: (height, width), row 0 at the bottom; K, or 0 to 1 for bytes."""
+    height, width = values.shape
+    values = np.round(values * PER_KELVIN) / PER_KELVIN
+    image = bpy.data.images.new(name, width, height, float_buffer=is_float, is_data=True)
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = values[..., None]
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    return image
+
+
+def lay_on(mesh, uv):
+    """Give a mesh a UV map: (n, 2), where each vertex lies in an image."""
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uv[corners].astype(np.float32).ravel())
 
 
 def link(name, data):
@@ -215,6 +276,17 @@ def add_sky(name, temperature):
     world = bpy.data.worlds.new(name)
     add_custom_property(world, "temperature", temperature)
     bpy.context.scene.world = world
+    return world
+
+
+def add_clear_sky(name, air, humidity):
+    """A world with the clear sky of a weather, by zenith angle and wavelength. air: K. humidity: percent."""
+    world = add_sky(name, air)
+    bpy.ops.infrared.clear_sky(air=air, humidity=humidity, replace=True)
+    table = world["temperature_table"].to_dict()
+    for key, steps in (("wavelength", PER_METRE), ("kelvin", PER_KELVIN)):
+        table[key] = (np.round(np.array(table[key]) * steps) / steps).tolist()
+    world["temperature_table"] = table
     return world
 
 

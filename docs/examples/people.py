@@ -23,6 +23,7 @@ from docs.examples.modelling import (
     grid,
     joined,
     save,
+    shade_smooth,
     surface,
     tube,
     turned,
@@ -139,6 +140,7 @@ def add_person(name, cones, materials, location, turn):
     slots = np.array([cone[5] for cone in cones])[cone_distances(cones, middles).argmin(axis=1)]
     person.data.polygons.foreach_set("material_index", slots.astype(np.int32))
     person.modifiers.new("Smooth", "SUBSURF").render_levels = 1
+    shade_smooth(person.data, sharp=np.pi)  # a body has no edges
     return person
 
 

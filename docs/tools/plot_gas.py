@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import bpy
@@ -20,32 +19,12 @@ from mathutils import Vector
 from PIL import Image
 
 from docs.tools.blender import registered
-from docs.tools.paths import DOCS, IMAGES
+from docs.tools.paths import IMAGES
 from docs.tools.pictures import tiled, titled
+from docs.tools.plot_examples import draw, open_scene, render
 from docs.tools.plots import pyplot
 
 SPOT = (0.75, 0.0, 1.35)  # m, of the plume scene: on the axis, between the shocks behind the nozzle
-
-
-def open_scene(name: str):
-    """Open the file of an example; returns its scene, which renders all its passes however long that takes."""
-    bpy.ops.wm.open_mainfile(filepath=str(DOCS / "examples" / f"{name}.blend"), load_ui=False)
-    bpy.context.scene.infrared.time_limit = 0.0
-    return bpy.context.scene
-
-
-def render(path: Path) -> None:
-    """Render the open file and export its picture with the colour bar."""
-    start = time.monotonic(), time.process_time()
-    bpy.ops.render.render()
-    print(f"{path.stem}: {time.monotonic() - start[0]:.0f} s, {time.process_time() - start[1]:.0f} s of processor time")
-    bpy.ops.infrared.export_picture(filepath=str(path))
-
-
-def draw(name: str) -> None:
-    """The picture of an example as it is."""
-    open_scene(name)
-    render(IMAGES / f"example-{name}.png")
 
 
 def draw_street(folder: Path) -> None:

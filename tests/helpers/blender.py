@@ -127,10 +127,15 @@ def describe(scene):
         if obj.type == "MESH":
             entry["vertices"] = [list(vertex.co) for vertex in obj.data.vertices]
             entry["faces"] = [list(face.vertices) for face in obj.data.polygons]
+            entry["smooth_faces"] = [face.use_smooth for face in obj.data.polygons]
+            entry["sharp_edges"] = sorted(sorted(edge.vertices) for edge in obj.data.edges if edge.use_edge_sharp)
+            entry["uv"] = [[list(point.vector) for point in layer.uv] for layer in obj.data.uv_layers]
             entry["face_materials"] = [face.material_index for face in obj.data.polygons]
             if "temperature" in obj.data.attributes:
                 entry["temperatures"] = [point.value for point in obj.data.attributes["temperature"].data]
-            entry["modifiers"] = [(m.type, getattr(m, "width", None)) for m in obj.modifiers]
+            entry["modifiers"] = [
+                (m.type, getattr(m, "width", None), getattr(m, "harden_normals", None)) for m in obj.modifiers
+            ]
             entry["materials"] = [(m.name, custom_properties(m)) for m in obj.data.materials]
         elif obj.type == "LIGHT":
             entry["light"] = (obj.data.type, obj.data.energy, obj.data.shadow_soft_size)
@@ -146,9 +151,15 @@ def plain(value):
 
 
 def custom_properties(block):
-    """Custom properties in plain values, with those of groups such as the species of a gas."""
+    """Custom properties in plain values, with those of groups such as the species of a gas. Images are their name, size
+    and values, other blocks of Blender their name."""
     plain_values = {}
     for key, value in block.items():
         convert = getattr(value, "to_list", None) or getattr(value, "to_dict", None)
-        plain_values[key] = convert() if convert else value
+        if isinstance(value, bpy.types.Image):
+            plain_values[key] = value.name, *value.size, list(value.pixels)
+        elif isinstance(value, bpy.types.ID):
+            plain_values[key] = value.name
+        else:
+            plain_values[key] = convert() if convert else value
     return plain_values
