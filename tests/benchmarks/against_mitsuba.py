@@ -138,6 +138,8 @@ def mitsuba_images(scene, count, options):
     scale = _SIZE / np.abs(problem.vertices - centre).max()
     problem.vertices, problem.matrix = (problem.vertices - centre) * scale, np.array(problem.matrix, float)
     problem.matrix[:3, 3] = (problem.matrix[:3, 3] - centre) * scale
+    for skin in problem.skins:
+        skin.corners = (skin.corners - centre) * scale
     budgets = [_CHUNK] * count
     images, _ = run_peer("mitsuba", problem, options.threads, "processor", budgets, polite=True, python=options.python)
     return images[..., 0] - problem.offset[0]

@@ -73,9 +73,9 @@ class Problem:
         These are in units of the largest in the band, so that they are near 1.
         """
         three = (bands + [bands[-1]] * 2)[:3]
-        radiances = self.emission, self.world, *(skin.emission for skin in self.skins)
-        radiances += () if self.sky is None else (self.sky,)
-        scale = np.max([np.abs(one.reshape(-1, len(self.world))[:, three]).max(axis=0) for one in radiances], axis=0)
+        others = *(skin.emission for skin in self.skins), *(() if self.sky is None else (self.sky,))
+        radiances = np.vstack([each.reshape(-1, len(self.world)) for each in (self.emission, self.world, *others)])
+        scale = np.abs(radiances[:, three]).max(axis=0)
         if self.gas is not None:
             scale = np.maximum(scale, self.gas.brightest()[three])
         scale[scale == 0] = 1.0
@@ -131,8 +131,8 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
     pairs = np.column_stack((scene.material, scene.temperature))[~skinned]
     parts, part = np.unique(pairs, axis=0, return_inverse=True)
     material = parts[:, 0].astype(int)
-    emission = np.array([band_radiance(edges, t, scene.materials[int(m)].curve) for m, t in parts])
     black = band_radiance(edges, reference)
+    emission = [band_radiance(edges, t, scene.materials[int(m)].curve) for m, t in parts]
     vertices, triangles, part, lost = _fronts(scene, part.ravel().astype(np.int32), ~skinned)
     if lost > _SLIPS and any(medium.outline is None for medium in scene.media):
         raise ValueError("Peers get the gas of the world in a box around the scene, which must let no ray out")
@@ -140,7 +140,7 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
         vertices,
         triangles,
         part,
-        emission - (1 - reflectance[material]) * black,
+        np.reshape(emission, (-1, len(black))) - (1 - reflectance[material]) * black,
         reflectance[material],
         np.array([scene.materials[m].specular == 1.0 for m in material]),
         band_radiance(edges, scene.world_temperature) - black,
@@ -178,8 +178,9 @@ def _sky_radiance(sky, edges, black):
 
 
 def _fronts(scene, part, kept):
-    """The triangles kept (m,) of a scene, with their parts, turned so that the sides that paths from the camera reach are fronts (most renderers' lights shine from
-    fronts only); where both sides are reached, two triangles, a hair apart. And the share of the paths that get lost.
+    """The triangles kept (m,) of a scene, with their parts, turned so that the sides that paths from the camera reach
+    are fronts (most renderers' lights shine from fronts only); where both sides are reached, two triangles, a hair
+    apart. And the share of the paths that get lost.
     """
     vertices, triangles = np.asarray(scene.vertices, float), np.asarray(scene.triangles, np.int32)
     reached, lost = _reached_sides(scene, vertices, triangles)

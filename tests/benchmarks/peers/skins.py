@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What varies over a scene's surfaces as any renderer can take it: images of radiances and shares, normals of corners."""
+"""What varies over surfaces as any renderer can take it: images of radiances and shares, normals of corners."""
 
 import math
 from dataclasses import dataclass, fields, replace
@@ -7,7 +7,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 _PREFIX = "skin"  # of their arrays beside those of the rest of a problem
-_FINEST = 512  # texels along an edge of the images that peers get, at least: bilinear temperatures in steps of one texel
+_FINEST = (
+    512  # texels along an edge of the images that peers get, at least: bilinear temperatures in steps of one texel
+)
 
 
 @dataclass
@@ -87,7 +89,7 @@ _MATERIAL, _MIXED, _KELVIN, _SHARE, _SMOOTH, _TEMPERATURE, _CONSTANT = range(7) 
 
 
 def _keys_of(scene):
-    """(m, 7) float keys of triangles: those with equal ones look alike; (m, 3, 2) texture coordinates, (m, 3) shares."""
+    """Of triangles: (m, 7) float keys, equal where they look alike; (m, 3, 2) texture coordinates; (m, 3) shares."""
     count, textures = len(scene.triangles), scene.textures
     keys = np.full((count, 7), -1.0)
     uv, share = np.zeros((count, 3, 2)), np.zeros((count, 3))
