@@ -174,9 +174,9 @@ def test_a_sky_is_an_image_of_radiance(sky):
     table, random = build_sky_table(sky, EDGES, band_radiance(EDGES, REFERENCE)), np.random.default_rng(4)
     rows, columns = image.shape[:2]
     for row, column in zip(random.integers(0, rows, 300), random.integers(0, columns, 300), strict=True):
-        zenith, turn = np.pi * row / (rows - 1), 2.0 * np.pi * (column + 0.5) / columns  # from +y to +x
+        zenith, turn = np.pi * row / (rows - 1), 2.0 * np.pi * (column + 0.5) / columns  # from -x to +y
         seen = np.empty(len(EDGES) - 1)
-        fill_sky(table, (np.sin(zenith) * np.sin(turn), np.sin(zenith) * np.cos(turn), np.cos(zenith)), seen)
+        fill_sky(table, (-np.sin(zenith) * np.cos(turn), np.sin(zenith) * np.sin(turn), np.cos(zenith)), seen)
         tolerance = 1e-6 if sky.zenith is None else 2e-3
         np.testing.assert_allclose(image[row, column], seen, atol=tolerance * band_radiance(EDGES, REFERENCE).max())
 

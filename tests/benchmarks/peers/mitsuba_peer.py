@@ -209,8 +209,8 @@ def _skin_mesh(name, skin):
 
 
 def _sky(radiance):
-    """Its local +y is up, -z is +y in the world."""
-    turned = mi.ScalarTransform4f().rotate([1, 0, 0], 90)
+    """Its local y is up, and its image starts at -z, which looks along -x of the world, where ours starts."""
+    turned = mi.ScalarTransform4f([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     bitmap = mi.Bitmap(np.ascontiguousarray(radiance, np.float32))
     return {"type": "envmap", "bitmap": bitmap, "to_world": turned}
 

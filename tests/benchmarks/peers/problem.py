@@ -10,7 +10,7 @@ from tests.benchmarks.peers.skins import Skin, build_skins, interpolation, lets_
 
 _WALKS, _BOUNCES, _SHIFT = 200_000, 12, 1e-5
 _SLIPS = 1e-4  # share of rays that slip through edges, which do not count
-_SKY = 513, 1024  # zenith angles and azimuths of the radiance of a sky
+_SKY = 1024  # zenith angles and azimuths of the radiance of a sky, at least
 
 
 @dataclass
@@ -157,22 +157,23 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
 
 
 def _sky_radiance(sky, edges, black):
-    """(h, w, B) excess radiance of a sky. Row 0 is straight up, the last one down; columns start in their middles at +y
-    and go on by way of +x. None without a sky."""
+    """(h, w, B) excess radiance of a sky. Row 0 is straight up, the last one down; columns start half of one from -x
+    and go on by way of +y. None without a sky. Of an image all values are among them, so that no kink is rounded.
+    """
     from addon.solver.physics.spectrum import band_radiance
 
     if sky is None:
         return None
     if sky.wavelengths is not None:
         raise ValueError("Peers take skies of the same apparent temperature at all wavelengths")
-    rows, columns = _SKY
-    zenith, turn = np.linspace(0.0, 180.0, rows), (np.arange(columns) + 0.5) / columns
     if sky.zenith is not None:
-        of_rows = band_radiance(edges, np.interp(zenith, sky.zenith, sky.kelvin))
-        return np.repeat(of_rows[:, None] - black, columns, axis=1)
+        of_rows = band_radiance(edges, np.interp(np.linspace(0.0, 180.0, _SKY), sky.zenith, sky.kelvin))
+        return np.repeat(of_rows[:, None] - black, 4, axis=1)
     height, width = sky.kelvin.shape
-    up = interpolation(np.clip((1.0 - zenith / 180.0) * height - 0.5, 0.0, height - 1.0), height, False)
-    around = interpolation((0.25 + turn) * width - 0.5, width, True)
+    rows, columns = 2 * height * -(-_SKY // (2 * height)) + 1, width * (2 * (_SKY // (2 * width)) + 1)
+    down, turn = np.linspace(0.0, 1.0, rows), (np.arange(columns) + 0.5) / columns
+    up = interpolation(np.clip((1.0 - down) * height - 0.5, 0.0, height - 1.0), height, False)
+    around = interpolation(turn * width - 0.5, width, True)
     excess = band_radiance(edges, sky.kelvin.ravel().astype(float)).reshape(height, width, -1) - black
     return np.einsum("rh,hwb,cw->rcb", up, excess, around, optimize=True)
 
