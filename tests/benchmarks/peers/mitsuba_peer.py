@@ -245,6 +245,8 @@ class _Mitsuba:
             scene["world"] = _sky(problem.sky)
         elif np.any(problem.world):
             scene["world"] = {"type": "constant", "radiance": _rgb(problem.world)}
+        elif problem.skins:  # else paths that pass through sheets and leave the scene count as if they had met nothing
+            scene["world"] = {"type": "constant", "radiance": _rgb(problem.world), "sampling_weight": 0.0}
         for part, vertices, triangles in problem.meshes():
             lobes = (problem.mirror[part], 0.0) if problem.lobes is None else problem.lobes[part]
             properties = mi.Properties()
