@@ -108,7 +108,12 @@ def load_truth(name, scene, options):
         images = np.concatenate((images, more))
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, images=images)
-    return Truth(images, scene.band_edges, scene.world_temperature)
+    return Truth(images, scene.band_edges, ambient(scene))
+
+
+def ambient(scene):
+    """T0 of the reference, K: the surroundings', or of a sky the lowest, as Mitsuba samples no sky that is negative."""
+    return scene.world_temperature if scene.sky is None else float(scene.sky.kelvin.min())
 
 
 def digest(scene):
@@ -118,6 +123,9 @@ def digest(scene):
         of.update(np.round(np.ascontiguousarray(value, np.float64), 7).tobytes())
     surfaces = [(material.emissivity, material.specular, material.roughness) for material in scene.materials]
     of.update(repr((surfaces, scene.camera, scene.band_edges, scene.world_temperature)).encode())
+    varies = [material.transmittance for material in scene.materials], scene.textures, scene.corner_normals, scene.sky
+    if any(material.is_sheet for material in scene.materials) or any(one is not None for one in varies[1:]):
+        of.update(pickle.dumps(varies))
     if scene.media:
         of.update(pickle.dumps((scene.media, scene.world_depth)))
     return of.hexdigest()[:12]
@@ -125,11 +133,13 @@ def digest(scene):
 
 def mitsuba_images(scene, count, options):
     """(count, height, width) independent images of the excess, of _CHUNK seconds each."""
-    problem = build_problem(scene, scene.world_temperature, all_lobes=True)
+    problem = build_problem(scene, ambient(scene), all_lobes=True)
     centre = 0.5 * (problem.vertices.min(axis=0) + problem.vertices.max(axis=0))
     scale = _SIZE / np.abs(problem.vertices - centre).max()
     problem.vertices, problem.matrix = (problem.vertices - centre) * scale, np.array(problem.matrix, float)
     problem.matrix[:3, 3] = (problem.matrix[:3, 3] - centre) * scale
+    for skin in problem.skins:
+        skin.corners = (skin.corners - centre) * scale
     budgets = [_CHUNK] * count
     images, _ = run_peer("mitsuba", problem, options.threads, "processor", budgets, polite=True, python=options.python)
     return images[..., 0] - problem.offset[0]

@@ -2,8 +2,8 @@
 """Families of scenes that are hard for photon maps and caches, in numbers: random members without end.
 
 Each family is a function of a random generator that returns a Scene of one narrow band, 64 x 48 pixels. FIXED are
-members that do not change, by the family's name. The surroundings have the ambient temperature, T0 of the excess. The
-last four families hold grey gas.
+members that do not change, by the family's name. The surroundings have the ambient temperature, T0 of the excess, but
+under a sky. Four families, `plume` and those after it, hold grey gas; the last four have surfaces that vary, or a sky.
 """
 
 import zlib
@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from addon.solver import Grid, Material, Medium
+from addon.solver import Grid, Material, Medium, Sky, Texture
+from tests.benchmarks.painted_parts import NOTHING, Coat, PaintedParts, random_square, turned_profile, whole_square
 from tests.benchmarks.speed_scenes import Parts, cylinder, grid, grid_triangles, revolve
 from tests.helpers.grids import placed
 from tests.helpers.scenes import box, look, quad, sphere
@@ -478,6 +479,105 @@ def filled(rng):
     return replace(scene, media=tuple(media), world_depth=1.0)
 
 
+# Surfaces that vary, and skies
+
+_EXTENSIONS = "REPEAT", "EXTEND", "MIRROR"
+
+
+def random_image(rng, values, extension=None):
+    """A Texture of values (height, width), of a random extension and interpolation."""
+    extension = extension or str(rng.choice(_EXTENSIONS))
+    return Texture(values.astype(np.float32), extension, bool(rng.integers(2)))
+
+
+def hot_texels(rng, extension=None):
+    """An image of temperatures, a few of whose texels are hot."""
+    shape = rng.integers(4, 20, 2)
+    kelvin = AMBIENT + rng.uniform(0, 20, shape)
+    hot = rng.random(shape) < rng.uniform(0.01, 0.1)
+    hot.flat[rng.integers(hot.size)] = True
+    return random_image(rng, np.where(hot, rng.uniform(350, 900), kelvin), extension)
+
+
+def painted(rng):
+    """A room open to the camera: images of temperatures with hot texels, materials that images mix, a mirror."""
+    parts = PaintedParts()
+    light, dark = rng.uniform(0.05, 0.5), rng.uniform(0.6, 0.95)
+    shell(parts, (2.0, 2.0, 2.0), AMBIENT, grey(rng.uniform(0.2, 0.9)), skip=(2, 3, 4))
+    extension = str(rng.choice(_EXTENSIONS))
+    mixed = [random_image(rng, rng.random(rng.integers(2, 12, 2)) ** rng.uniform(0.3, 3), extension) for _ in range(2)]
+    back = Coat(random_square(rng), hot_texels(rng, extension), grey(light), mixed[0])
+    parts.add(quad((1, 2, 1), (1, 0, 0), (0, 0, 1)), AMBIENT, grey(dark), coat=back)
+    ground = Coat(random_square(rng), None, grey(dark), mixed[1])
+    parts.add(quad((1, 1, 0), (1, 0, 0), (0, 1, 0)), AMBIENT, grey(light), coat=ground)
+    plate = turned(quad((0, 0, 0), (0.4, 0, 0), (0, 0, 0.4)), rng.uniform(-0.8, 0.8))
+    parts.add(plate, AMBIENT, grey(0.6), (0.5, 1.2, 0.45), Coat(random_square(rng), hot_texels(rng)))
+    metal = turned(quad((0, 0, 0), (0.25, 0, 0), (0, 0, 0.3)), rng.uniform(-0.8, 0.8))
+    parts.add(metal, AMBIENT, grey(0.1, 1.0), (1.5, 1.4, 0.31))
+    return parts.scene(view((1.0, -2.6, 1.4), (1.0, 1.0, 0.8)), BAND, AMBIENT)
+
+
+def curved(rng):
+    """A vase and a bowl of any lobes, shaded smooth, beside a small hot ball on a floor."""
+    parts = PaintedParts()
+    height, rings, waist = rng.uniform(0.4, 0.9), 64, rng.uniform(0.05, 0.12)
+    for x, bottom in ((-0.35, 0.01), (0.35, 0.05)):
+        z = np.linspace(0.0, height, rings)
+        radius = 0.16 + waist * np.sin(rng.uniform(2, 6) * z / height + rng.uniform(0, 6))
+        surface = grey(rng.uniform(0.05, 0.5), rng.choice((0.0, 0.5, 1.0)), rng.choice((0.0, 0.25, 0.5)))
+        vertices, triangles, normals = turned_profile(np.column_stack((radius, z)), 128)
+        parts.add((vertices, triangles), AMBIENT, surface, (x, rng.uniform(-0.3, 0.3), bottom), normals=normals)
+    place = rng.uniform((-0.1, -0.6, 0.1), (0.1, -0.2, 0.6))
+    parts.add(sphere(3, rng.uniform(0.02, 0.08)), rng.uniform(500, 1200), grey(0.9), place)
+    floor(parts, grey(0.5))
+    return parts.scene(view((0.5, -2.2, 1.2), (0, 0, 0.3)), BAND, AMBIENT)
+
+
+def leaves(rng):
+    """Leaves that an image cuts out of cards, some warm, some translucent, and a film over a floor with a hot ball."""
+    parts = PaintedParts()
+    floor(parts, grey(0.5))
+    rows, columns = np.indices((32, 16)) + 0.5
+    lobes = 1.0 + 0.2 * np.sin(rng.uniform(2, 9) * np.arctan2(rows - 16, columns - 8))
+    inside = np.hypot((columns - 8) / 7, (rows - 16) / 15) < lobes
+    holes = Texture((~inside).astype(np.float32), "EXTEND", True)
+    passes = rng.uniform(0.05, 0.3)
+    kinds = grey(rng.uniform(0.6, 0.95)), Material("leaf", float(rng.uniform(0.4, 0.6)), transmittance=float(passes))
+    size = rng.uniform(0.08, 0.2)
+    for _ in range(rng.integers(10, 40)):
+        leaf = turned(quad((0, 0, 0), (0.5 * size, 0, 0), (0, 0, size)), rng.uniform(0, 3), axis=rng.integers(2))
+        at = rng.uniform((-0.6, -0.6, 0.25), (0.6, 0.6, 0.9))
+        kelvin = rng.choice((AMBIENT, AMBIENT, AMBIENT + rng.uniform(5, 40)))
+        coat = Coat(whole_square(), None, NOTHING, holes)
+        parts.add(turned(leaf, rng.uniform(0, 6)), kelvin, kinds[rng.integers(2)], at, coat)
+    film = Material("film", float(rng.uniform(0.05, 0.4)), transmittance=float(rng.uniform(0.2, 0.5)))
+    parts.add(quad((rng.uniform(-0.5, 0.5), -0.7, 0.35), (0.3, 0.1, 0), (0, 0, 0.3)), 310.0, film)
+    ball = sphere(3, rng.uniform(0.08, 0.2))
+    parts.add(ball, rng.uniform(350, 600), grey(0.9), (*rng.uniform(-0.3, 0.3, 2), rng.uniform(0.3, 0.8)))
+    return parts.scene(view((0.6, -2.2, 1.3), (0, 0, 0.4)), BAND, AMBIENT)
+
+
+def skylit(rng):
+    """Blocks, a mirror ball and a wall of holes on a ground under a sky: an image, colder upwards, with a warm spot."""
+    parts = PaintedParts()
+    floor(parts, grey(rng.uniform(0.4, 0.9)), 290.0)
+    for _ in range(rng.integers(2, 6)):
+        surface = grey(rng.uniform(0.1, 0.95), rng.choice((0.0, 0.0, 0.5, 1.0)))
+        at = (*rng.uniform(-0.7, 0.7, 2), rng.uniform(0.22, 0.4))
+        parts.add(block(rng.uniform(0.1, 0.4, 3)), rng.uniform(280, 320), surface, at)
+    parts.add(sphere(3, 0.15), 290.0, grey(0.0, 1.0), (*rng.uniform(-0.3, 0.3, 2), 0.8))
+    holes = random_image(rng, (rng.random((5, 7)) < 0.5).astype(float))
+    coat = Coat(random_square(rng), None, NOTHING, replace(holes, closest=True))
+    parts.add(quad((0, 0.6, 0.41), (0.6, 0.1, 0), (0, 0, 0.4)), 300.0, grey(0.3), coat=coat)
+    height, width = rng.integers(8, 40, 2)
+    zenith = 180.0 * (1.0 - (np.arange(height) + 0.5) / height)
+    kelvin = np.interp(zenith, (0, 90, 100, 180), (rng.uniform(200, 260), 285, 290, 290))[:, None]
+    kelvin = kelvin + rng.uniform(0, 15, (height, width))
+    kelvin[rng.integers(height // 2 + 1, height - 1), rng.integers(width)] = rng.uniform(300, 900)
+    sky = Sky(kelvin.astype(np.float32))
+    return replace(parts.scene(view((0.6, -2.2, 1.3), (0, 0, 0.35)), BAND, AMBIENT), sky=sky)
+
+
 FAMILIES = {
     "tube": random_tube,
     "comb": random_comb,
@@ -498,6 +598,10 @@ FAMILIES = {
     "fog": fog,
     "smoke": smoke,
     "filled": filled,
+    "painted": painted,
+    "curved": curved,
+    "leaves": leaves,
+    "skylit": skylit,
 }
 FIXED = {"tube": tube, "comb": comb, "terrain": terrain, "rough": rough}
 

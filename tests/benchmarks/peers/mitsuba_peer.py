@@ -76,6 +76,38 @@ class _Rough(mi.BSDF):
 mi.register_bsdf("rough", _Rough)
 
 
+class _BothSides(mi.Emitter):
+    """As `area`, but both sides shine, so that a sheet needs no twin, and points are drawn evenly over the area,
+    whatever the image of radiances has where: it may be negative, and wrapped around the surface more than once."""
+
+    def __init__(self, properties):
+        mi.Emitter.__init__(self, properties)
+        self.radiance = properties["radiance"]
+        self.m_flags = int(mi.EmitterFlags.Surface | mi.EmitterFlags.SpatiallyVarying)
+
+    def eval(self, si, active=True):
+        return dr.select(active, self.radiance.eval(si, active), 0.0)
+
+    def sample_direction(self, it, sample, active=True):
+        ds = self.get_shape().sample_direction(it, sample, active)
+        active &= ds.pdf > 0.0
+        si = mi.SurfaceInteraction3f(ds, it.wavelengths)
+        ds.emitter = mi.EmitterPtr(self)
+        return ds, dr.select(active, self.radiance.eval(si, active) / ds.pdf, 0.0)
+
+    def pdf_direction(self, it, ds, active=True):
+        return dr.select(active, self.get_shape().pdf_direction(it, ds, active), 0.0)
+
+    def eval_direction(self, it, ds, active=True):
+        return self.eval(mi.SurfaceInteraction3f(ds, it.wavelengths), active)
+
+    def to_string(self):
+        return "BothSides"
+
+
+mi.register_emitter("both_sides", _BothSides)
+
+
 def load(variant, problem, threads, clock):
     return _Mitsuba(variant, problem, threads, clock)
 
@@ -127,13 +159,60 @@ def _medium(gas):
     return mi.load_dict(medium), "volpath" if grey else "volpathmis"
 
 
-def _mesh(name, vertices, triangles, properties):
-    mesh = mi.Mesh(name, len(vertices), len(triangles), properties)
+def _mesh(name, vertices, triangles, properties, **of_vertices):
+    """of_vertices: normals (n, 3) and texcoords (n, 2), both or none or the latter alone."""
+    mesh = mi.Mesh(name, len(vertices), len(triangles), properties, "normals" in of_vertices, bool(of_vertices))
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = vertices.ravel().astype(np.float32)
     parameters["faces"] = triangles.ravel()
+    for kind, values in of_vertices.items():
+        parameters[f"vertex_{kind}"] = values.ravel().astype(np.float32)
     parameters.update()
     return mesh
+
+
+def _image(values, wrap):
+    """Texture of values (h, w, channels), constant over each texel; row 0 is at v = 0."""
+    tensor = mi.TensorXf(np.ascontiguousarray(values, np.float32))
+    return mi.load_dict({"type": "bitmap", "data": tensor, "raw": True, "filter_type": "nearest", "wrap_mode": wrap})
+
+
+def _skin_bsdf(skin):
+    """The first surface, blended with the second by an image; with one that lets all pass, the image cuts holes."""
+    opacity = 1.0 - skin.transmittance
+    each = [
+        {"type": "twosided", "nested": _bsdf(reflectance / max(share, 1e-9), *lobes)}
+        for reflectance, share, lobes in zip(skin.reflectance, opacity, skin.lobes, strict=True)
+    ]
+    first, second = (
+        one if share == 1.0 else {"type": "mask", "opacity": float(share), "nested": one}
+        for one, share in zip(each, opacity, strict=True)
+    )
+    if not skin.share.any():
+        return first
+    if opacity[1] == 0.0:
+        holes = _image(opacity[0] * (1.0 - skin.share[..., None]), skin.wrap)
+        return {"type": "mask", "opacity": holes, "nested": each[0]}
+    return {"type": "blendbsdf", "weight": _image(skin.share[..., None], skin.wrap), "first": first, "second": second}
+
+
+def _skin_mesh(name, skin):
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(_skin_bsdf(skin))
+    if np.any(skin.emission):
+        emission = _image(skin.emission, skin.wrap)
+        properties["emitter"] = mi.load_dict({"type": "both_sides", "radiance": emission})
+    of_vertices = {} if skin.normals is None else {"normals": skin.normals.reshape(-1, 3)}
+    triangles = np.arange(3 * len(skin.corners), dtype=np.uint32).reshape(-1, 3)
+    vertices, texcoords = skin.corners.reshape(-1, 3), skin.uv.reshape(-1, 2)
+    return _mesh(name, vertices, triangles, properties, texcoords=texcoords, **of_vertices)
+
+
+def _sky(radiance):
+    """Its local y is up, and its image starts at -z, which looks along -x of the world, where ours starts."""
+    turned = mi.ScalarTransform4f([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    bitmap = mi.Bitmap(np.ascontiguousarray(radiance, np.float32))
+    return {"type": "envmap", "bitmap": bitmap, "to_world": turned}
 
 
 class _Mitsuba:
@@ -162,8 +241,12 @@ class _Mitsuba:
                 "sampler": {"type": "multijitter"},
             },
         }
-        if np.any(problem.world):
+        if problem.sky is not None:
+            scene["world"] = _sky(problem.sky)
+        elif np.any(problem.world):
             scene["world"] = {"type": "constant", "radiance": _rgb(problem.world)}
+        elif problem.skins:  # else paths that pass through sheets and leave the scene count as if they had met nothing
+            scene["world"] = {"type": "constant", "radiance": _rgb(problem.world), "sampling_weight": 0.0}
         for part, vertices, triangles in problem.meshes():
             lobes = (problem.mirror[part], 0.0) if problem.lobes is None else problem.lobes[part]
             properties = mi.Properties()
@@ -171,6 +254,8 @@ class _Mitsuba:
             if np.any(problem.emission[part]):
                 properties["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(problem.emission[part])})
             scene[f"part{part}"] = _mesh(f"part{part}", vertices, triangles, properties)
+        for i, skin in enumerate(problem.skins):
+            scene[f"skin{i}"] = _skin_mesh(f"skin{i}", skin)
         if problem.gas is not None:
             self._fill(scene, problem.gas)
         self.scene = mi.load_dict(scene)

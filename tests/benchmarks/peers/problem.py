@@ -6,9 +6,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from tests.benchmarks.peers.gas import Gas, build_gas
+from tests.benchmarks.peers.skins import Skin, build_skins, interpolation, lets_through, needs_skin, take_skins
 
 _WALKS, _BOUNCES, _SHIFT = 200_000, 12, 1e-5
 _SLIPS = 1e-4  # share of rays that slip through edges, which do not count
+_SKY = 1024  # zenith angles and azimuths of the radiance of a sky, at least
 
 
 @dataclass
@@ -20,7 +22,8 @@ class Problem:
     reflectance (p, B); mirror (p,) bool, else diffuse. world (B,) radiance of the surroundings. matrix (4, 4) camera to
     world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top. lobes (p, 2):
     share of the reflectance that is specular, and its alpha; None where `mirror` says all, as most peers need it.
-    gas: between the surfaces, None without.
+    gas: between the surfaces, None without. skins: surfaces that vary; they are not among the triangles. sky (h, w, B):
+    radiance by direction, as Mitsuba's `envmap` has it with +z up, in place of world; None where that is the same.
     """
 
     vertices: np.ndarray
@@ -37,13 +40,16 @@ class Problem:
     offset: np.ndarray
     lobes: np.ndarray | None = None
     gas: Gas | None = None
+    skins: tuple[Skin, ...] = ()
+    sky: np.ndarray | None = None
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that it consists of, by name."""
-        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "gas"}
-        return {name: array for name, array in own.items() if array is not None} | (
-            self.gas.arrays() if self.gas else {}
-        )
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("gas", "skins")}
+        arrays = {name: array for name, array in own.items() if array is not None}
+        for i, skin in enumerate(self.skins):
+            arrays |= skin.arrays(i)
+        return arrays | (self.gas.arrays() if self.gas else {})
 
     def save(self, path):
         np.savez(path, **self.arrays())
@@ -52,8 +58,8 @@ class Problem:
     def load(cls, path):
         with np.load(path) as file:
             arrays = {name: array[()] for name, array in file.items()}
-        gas = Gas.from_arrays(arrays)
-        return cls(**arrays, gas=gas)
+        gas, skins = Gas.from_arrays(arrays), take_skins(arrays)
+        return cls(**arrays, gas=gas, skins=skins)
 
     @property
     def groups(self) -> list[list[int]]:
@@ -67,7 +73,9 @@ class Problem:
         These are in units of the largest in the band, so that they are near 1.
         """
         three = (bands + [bands[-1]] * 2)[:3]
-        scale = np.maximum(np.abs(self.emission[:, three]).max(axis=0), np.abs(self.world[three]))
+        others = *(skin.emission for skin in self.skins), *(() if self.sky is None else (self.sky,))
+        radiances = np.vstack([each.reshape(-1, len(self.world)) for each in (self.emission, self.world, *others)])
+        scale = np.abs(radiances[:, three]).max(axis=0)
         if self.gas is not None:
             scale = np.maximum(scale, self.gas.brightest()[three])
         scale[scale == 0] = 1.0
@@ -78,6 +86,8 @@ class Problem:
             world=self.world[three] / scale,
             offset=self.offset[three] / scale,
             gas=self.gas and self.gas.of_bands(three, scale),
+            skins=tuple(skin.of_bands(three, scale) for skin in self.skins),
+            sky=None if self.sky is None else self.sky[..., three] / scale,
         )
         return part, scale
 
@@ -103,7 +113,7 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
     linearity: emission is e(T) - eps B(T0) and offset B(T0).
 
     all_lobes: also surfaces that are specular in part, and rough ones at the reference. What a rough lobe loses is
-    emitted at an angle, which no peer can; at the reference it is no excess.
+    emitted at an angle, which no peer can; at the reference it is no excess. And skins and a sky, as Mitsuba has them.
     """
     from addon.solver import Settings
     from addon.solver.physics.spectrum import band_radiance
@@ -112,23 +122,25 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
     bad = [] if all_lobes else [m.name for m in scene.materials if m.specular % 1.0 or (m.specular and m.roughness)]
     rough = np.array([m.alpha > 0.0 for m in scene.materials])[scene.material]
     bad += ["rough surfaces that are not at the reference"] if np.any(scene.temperature[rough] != reference) else []
+    skinned = needs_skin(scene)
+    bad += ["skins or a sky"] if not all_lobes and (skinned.any() or scene.sky is not None) else []
     if bad or scene.lights or scene.temperature.ndim > 1:
         raise ValueError(f"Only diffuse and mirror materials, emitting geometry and one temperature a triangle: {bad}")
     edges = scene.band_edges
     reflectance = prepare(scene, Settings(threads=2)).stage.radiometry.reflectance.astype(float)
-    pairs = np.column_stack((scene.material, scene.temperature))
+    pairs = np.column_stack((scene.material, scene.temperature))[~skinned]
     parts, part = np.unique(pairs, axis=0, return_inverse=True)
     material = parts[:, 0].astype(int)
-    emission = np.array([band_radiance(edges, t, scene.materials[int(m)].curve) for m, t in parts])
     black = band_radiance(edges, reference)
-    vertices, triangles, part, lost = _fronts(scene, part.ravel().astype(np.int32))
+    emission = [band_radiance(edges, t, scene.materials[int(m)].curve) for m, t in parts]
+    vertices, triangles, part, lost = _fronts(scene, part.ravel().astype(np.int32), ~skinned)
     if lost > _SLIPS and any(medium.outline is None for medium in scene.media):
         raise ValueError("Peers get the gas of the world in a box around the scene, which must let no ray out")
     return Problem(
         vertices,
         triangles,
         part,
-        emission - (1 - reflectance[material]) * black,
+        np.reshape(emission, (-1, len(black))) - (1 - reflectance[material]) * black,
         reflectance[material],
         np.array([scene.materials[m].specular == 1.0 for m in material]),
         band_radiance(edges, scene.world_temperature) - black,
@@ -139,15 +151,41 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
         black,
         np.array([(scene.materials[m].specular, scene.materials[m].alpha) for m in material]) if all_lobes else None,
         build_gas(scene, black),
+        build_skins(scene, reflectance, black),
+        _sky_radiance(scene.sky, edges, black),
     )
 
 
-def _fronts(scene, part):
-    """Triangles turned so that the sides that paths from the camera reach are fronts (most renderers' lights shine from
-    fronts only); where both sides are reached, two triangles, a hair apart. And the share of the paths that get lost.
+def _sky_radiance(sky, edges, black):
+    """(h, w, B) excess radiance of a sky. Row 0 is straight up, the last one down; columns start half of one from -x
+    and go on by way of +y. None without a sky. Of an image all values are among them, so that no kink is rounded.
+    """
+    from addon.solver.physics.spectrum import band_radiance
+
+    if sky is None:
+        return None
+    if sky.wavelengths is not None:
+        raise ValueError("Peers take skies of the same apparent temperature at all wavelengths")
+    if sky.zenith is not None:
+        of_rows = band_radiance(edges, np.interp(np.linspace(0.0, 180.0, _SKY), sky.zenith, sky.kelvin))
+        return np.repeat(of_rows[:, None] - black, 4, axis=1)
+    height, width = sky.kelvin.shape
+    rows, columns = 2 * height * -(-_SKY // (2 * height)) + 1, width * (2 * (_SKY // (2 * width)) + 1)
+    down, turn = np.linspace(0.0, 1.0, rows), (np.arange(columns) + 0.5) / columns
+    up = interpolation(np.clip((1.0 - down) * height - 0.5, 0.0, height - 1.0), height, False)
+    around = interpolation(turn * width - 0.5, width, True)
+    excess = band_radiance(edges, sky.kelvin.ravel().astype(float)).reshape(height, width, -1) - black
+    return np.einsum("rh,hwb,cw->rcb", up, excess, around, optimize=True)
+
+
+def _fronts(scene, part, kept):
+    """The triangles kept (m,) of a scene, with their parts, turned so that the sides that paths from the camera reach
+    are fronts (most renderers' lights shine from fronts only); where both sides are reached, two triangles, a hair
+    apart. And the share of the paths that get lost.
     """
     vertices, triangles = np.asarray(scene.vertices, float), np.asarray(scene.triangles, np.int32)
     reached, lost = _reached_sides(scene, vertices, triangles)
+    triangles, reached = triangles[kept], reached[kept]
     both = reached.all(axis=1)
     back_only = reached[:, 1] & ~both
     triangles = np.where(back_only[:, None], triangles[:, ::-1], triangles)
@@ -177,7 +215,7 @@ def _reached_sides(scene, vertices, triangles):
     )
     direction = direction @ scene.camera.matrix[:3, :3].T
     origin = np.broadcast_to(scene.camera.matrix[:3, 3], direction.shape)
-    counts = np.zeros((len(triangles), 2), int)
+    counts, open_ones = np.zeros((len(triangles), 2), int), lets_through(scene)
     for _ in range(_BOUNCES):
         hits = embree.run(origin.astype(np.float32), direction.astype(np.float32), output=True)
         hit = hits["primID"] >= 0
@@ -186,12 +224,13 @@ def _reached_sides(scene, vertices, triangles):
         back = np.sum(direction * normal, axis=1) > 0
         np.add.at(counts, (triangle, back.astype(int)), 1)
         normal = np.where(back[:, None], -normal, normal)
-        distance = np.asarray(hits["tfar"])[hit]
+        passes = open_ones[triangle] & (random.random(len(triangle)) < 0.5)
+        distance, normal = np.asarray(hits["tfar"])[hit], np.where(passes[:, None], -normal, normal)
         origin = origin + distance[:, None] * direction + 1e-5 * np.ptp(vertices, axis=0).min() * normal
         scattered = random.normal(size=origin.shape)
         diffuse = normal + scattered / np.linalg.norm(scattered, axis=1, keepdims=True)
         mirrored = direction - 2 * np.sum(direction * normal, axis=1, keepdims=True) * normal
         is_mirror = np.array([m.specular for m in scene.materials])[scene.material[triangle]] == 1
-        direction = np.where(is_mirror[:, None], mirrored, diffuse)
+        direction = np.where(passes[:, None], direction, np.where(is_mirror[:, None], mirrored, diffuse))
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     return counts > _SLIPS * np.maximum(counts.sum(axis=1, keepdims=True), 1), 1.0 - len(origin) / _WALKS
