@@ -16,8 +16,8 @@ from ..sampling.rng import path_key, uniform
 from ..scene import EXTENSIONS, Texture, Textures
 from ..system.kernels import INLINED, KERNEL, njit
 
-# The three functions that look up or hash are calls and not inlined, unlike those around them: what every Interaction asks
-# stays small where nothing is textured.
+# The three functions that look up or hash are calls and not inlined, unlike those around them: what every Interaction
+# asks stays small where nothing is textured.
 REPEAT, EXTEND, CLIP, MIRROR = range(len(EXTENSIONS))
 _NOTHING = -1e30  # what an image shows where it is clipped
 _FRACTIONS = 2.0**32  # barycentric coordinates as whole numbers; float32 has no finer ones from 2^-9 on
