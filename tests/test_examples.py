@@ -27,6 +27,7 @@ SCENES = {  # the script and its file
     "template": (make_template, TEMPLATE),
 }
 every_scene = pytest.mark.parametrize("name", SCENES)
+LONG = "plume", "steam", "street", "car"  # renders that one Python is enough for
 
 
 def open_scene(name):
@@ -115,7 +116,9 @@ def test_panels_show_the_units_of_all_numbers(path):
     assert fixed == []  # Blender keeps their type: scripts could no longer set a library name or a curve
 
 
-@every_scene
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.statistics if name in LONG else []) for name in SCENES]
+)
 def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_path):
     """A body emits at most what a blackbody of the hottest one does; what it lacks it reflects, at least the coldest.
 

@@ -118,8 +118,9 @@ from tests.helpers.faults import QUICK, plume, room, wallpaper
 from tests.helpers.process import resident
 def images(film):
     return film.bands(), film.noise(), film.temperature()
-scene, settings = room({more}, **{options}), Settings(passes=2, photons_per_pass={photons}, threads=2)
+scene, settings = room(**{options}, {more}), Settings(passes=2, photons_per_pass={photons}, threads=2)
 images(render(room(bands=2), QUICK))  # loads the kernels; few bands, for freed memory is kept
+images(render(room(bands=2, media=(plume(8), plume(8, soot=1e-7, CO2=0.01)), textures=wallpaper(8)), QUICK))
 open("/proc/self/clear_refs", "w").write("5")  # the peak starts anew
 before = resident("VmRSS")
 images(render(scene, settings))
@@ -131,6 +132,7 @@ print(sum(needed.values()), taken)
 """
 
 
+@pytest.mark.statistics
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="measured by Linux")
 @pytest.mark.parametrize(
     "options, photons, more",
