@@ -20,6 +20,8 @@ from tests.helpers.path_tracer import black_radiance, standard_error
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, quad
 from tests.helpers.traced_textures import build_painted, kelvin_at, mixed_at
 
+pytestmark = pytest.mark.statistics
+
 EDGES = np.array([8.0, 10.0, 12.0])
 CORNERS = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], np.float32)  # uv of the triangles of a quad
 
@@ -177,7 +179,6 @@ def test_a_hot_texel_is_found_like_a_lamp():
     assert np.all(error < np.maximum(2.0 * its_error, 0.01 * truth))
 
 
-@pytest.mark.statistics
 def test_what_a_mixture_reflects_is_the_mean():
     """A floor half mirror, half white paint, from grain to grain, below a warm ceiling: the mean of the two, within 4
     standard errors."""
