@@ -153,6 +153,7 @@ def test_every_kind_once(lobes, emitter):
     check(lobes, emitter)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lobes, emitter", cases(MIXED))
 def test_plates_with_two_lobes(lobes, emitter):
     check(lobes, emitter)

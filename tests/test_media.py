@@ -434,7 +434,8 @@ def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):
     assert np.all(abs(ours - theirs) < 4.0 * np.hypot(error, other))
 
 
-@pytest.mark.parametrize("mirror", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("mirror", [False, True])
 def test_bands_may_differ_in_anisotropy(mirror):
     """Of two bands in one render each has the light of a render in which both are scattered as this one: 4 standard
     errors. The ball is found by shadow rays, photons and by chance, behind the mirror too."""

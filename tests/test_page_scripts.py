@@ -211,6 +211,7 @@ def test_accuracy_fails_where_an_image_is_wrong_and_writes_its_page(accuracy, mo
 
 
 @on_linux
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # where no memory is added, its logarithm is infinite,
 @pytest.mark.filterwarnings("ignore:Data has no positive values")  # and there is none to draw
 def test_scaling_prints_and_draws(monkeypatch, tmp_path, capsys):

@@ -94,6 +94,7 @@ def test_it_finds_nothing_where_recalls_are_right():
     assert ratio < 1.0 + 4.0 / np.sqrt(32)
 
 
+@pytest.mark.long
 def test_it_finds_what_is_recalled_between_plates():
     """Plates 5 mm apart, with disks of photons that are wider: all is recalled, and the image is wrong by what the
     check says. It follows one more step of a path, so it tells all of the error but what the next ends recall: with a
