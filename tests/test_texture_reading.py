@@ -504,7 +504,7 @@ def test_the_override_of_a_view_layer_counts(mixed):
 
 def test_a_transmittance_is_a_number_or_a_list():
     sheet = read_material(material("Film", emissivity=0.2, transmittance=0.7), 0.95)
-    assert sheet.transmittance == 0.7 and sheet.is_sheet
+    assert sheet.transmittance == 0.7 and sheet.transmits
     sheet = read_material(material("Film", emissivity=0.2, transmittance=[8.0, 0.1, 12.0, 0.8]), 0.95)
     assert sheet.transmittance.tolist() == [[8.0, 0.1], [12.0, 0.8]]
     assert read_material(material("Wall", emissivity=0.2), 0.95).transmittance == 0.0

@@ -9,7 +9,7 @@ import pytest
 from addon.solver import Camera, Material, SceneError, Settings, SunLight, Texture, Textures, render
 from addon.solver.camera.first_hits import first_hit_images
 from tests.helpers.chains import FILM
-from tests.helpers.painted_rooms import NOTHING, random_painted_room, steps
+from tests.helpers.painted_rooms import NOTHING, random_painted_room, steps, with_fog
 from tests.helpers.path_tracer import black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, quad
 
@@ -57,11 +57,16 @@ def test_stacks_bring_the_sum_of_all_reflections(count, specular):
     assert np.all(error < 5e-3 * truth)
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
-def test_random_rooms(seed):
-    """Rooms with sheets, holes, images and mixtures against the path tracer: no block of 4 x 4 pixels is off by 5
-    standard errors of both (of 48 blocks in 2 bands one is by 3.0)."""
-    scene = random_painted_room(np.random.default_rng(seed))
+ROOMS = [(1, False), *(pytest.param(*room, marks=pytest.mark.long) for room in ((3, False), (4, True), (5, True)))]
+
+
+@pytest.mark.parametrize("seed, fog", ROOMS)
+def test_random_rooms(seed, fog):
+    """Rooms with sheets, holes, images and mixtures, and gas, against the path tracer: no block of 4 x 4 pixels is off
+    by 5 standard errors of both (of 48 blocks in 2 bands one is by 3.0)."""
+    random = np.random.default_rng(seed)
+    scene = random_painted_room(random)
+    scene = with_fog(scene, random) if fog else scene
     traced = trace_paths(scene, 100, 16, reference=300.0)
     settings, sums = Settings(passes=48, photons_per_pass=10_000, threads=1), []
     render(scene, settings, lambda film: sums.append(film.passes * blocks(film.bands().transpose(1, 2, 0))))

@@ -111,7 +111,7 @@ def _scene_spectra(scene) -> tuple[tuple[bytes, ...], tuple[float, ...], tuple[f
         with suppress(SceneError):
             if not is_medium(material):
                 read = read_material(material, infrared.default_emissivity)
-                shown = (read.curve, read.transmitted_curve) if read.is_sheet else (read.curve,)
+                shown = (read.curve, read.transmitted_curve) if read.transmits else (read.curve,)
                 curves |= {np.array(curve).tobytes() for curve in shown}
     return tuple(sorted(curves)), tuple(sorted(temperatures or [0.0])), tuple(sorted(lights))
 

@@ -22,8 +22,8 @@ def read_material(material, default_emissivity: float) -> Material:
     passed = material.get("transmittance")
     transmittance = 0.0 if passed is None else _spectrum(passed, "transmittance", owner)
     specular = read_number(material, "specular", 0.0, owner, " from 0 to 1")
-    is_sheet = np.any(np.atleast_2d(transmittance)[:, -1] > 0.0)
-    fresnel = read_choice(material, "fresnel", owner) and not (is_sheet and specular > 0.0)
+    transmits = np.any(np.atleast_2d(transmittance)[:, -1] > 0.0)
+    fresnel = read_choice(material, "fresnel", owner) and not (transmits and specular > 0.0)
     by_name = fresnel and isinstance(emissivity, str)
     return Material(
         name=material.name,

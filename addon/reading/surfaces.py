@@ -42,10 +42,8 @@ class SurfaceReader:
         self.materials: list[Material] = []
         self.vertices, self.triangles, self.slots, self.temperatures = [], [], [], []
         self.normals = []  # (m, 3, 3) float32 of each object, None of flat ones
-        self.textures, self.varying = (
-            TextureReader(warnings, kept_images),
-            [],
-        )  # what varies over each object, None if nothing does
+        self.textures = TextureReader(warnings, kept_images)
+        self.varying = []  # rows of Textures of each object, None if nothing varies over it
         self.metres, self.media = 1.0, []  # length of a unit, which scene_reader sets
         self.volumes = VolumeReader(warnings)
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object

@@ -71,7 +71,7 @@ class Material:
         return self.fresnel and self.specular > 0
 
     @property
-    def is_sheet(self) -> bool:
+    def transmits(self) -> bool:
         """Whether light passes straight through, at some wavelength."""
         return bool(np.any(self.transmitted_curve[1] > 0.0))
 
@@ -84,10 +84,10 @@ class Material:
                 raise SceneError(f"Material '{self.name}': {label} {value:g} is outside 0..1")
         if self.constants is not None:
             _check_constants(np.asarray(self.constants, dtype=np.float64), self.name, self.fresnel)
-        if self.is_sheet:
-            self._check_sheet()
+        if self.transmits:
+            self._check_transmittance()
 
-    def _check_sheet(self) -> None:
+    def _check_transmittance(self) -> None:
         if self.follows_fresnel:
             raise SceneError(f"Material '{self.name}': a thin sheet with a transmittance cannot follow Fresnel's law")
         curves = self.curve, self.transmitted_curve
@@ -188,6 +188,8 @@ class Textures:
     images: see Texture.
     """
 
+    _INDICES = "temperature_image", "share_image", "mixed"
+
     triangle: np.ndarray
     uv: np.ndarray
     temperature_image: np.ndarray
@@ -227,8 +229,6 @@ class Textures:
                 raise SceneError(
                     f"Shares of a mixed material run from {values.min():g} to {values.max():g}, beyond 0..1"
                 )
-
-    _INDICES = "temperature_image", "share_image", "mixed"
 
 
 @dataclass(frozen=True)

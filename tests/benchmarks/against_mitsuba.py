@@ -124,7 +124,7 @@ def digest(scene):
     surfaces = [(material.emissivity, material.specular, material.roughness) for material in scene.materials]
     of.update(repr((surfaces, scene.camera, scene.band_edges, scene.world_temperature)).encode())
     varies = [material.transmittance for material in scene.materials], scene.textures, scene.corner_normals, scene.sky
-    if any(material.is_sheet for material in scene.materials) or any(one is not None for one in varies[1:]):
+    if any(material.transmits for material in scene.materials) or any(one is not None for one in varies[1:]):
         of.update(pickle.dumps(varies))
     if scene.media:
         of.update(pickle.dumps((scene.media, scene.world_depth)))

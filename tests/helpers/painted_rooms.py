@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 
-from addon.solver import Material, Texture, Textures
+from addon.solver import Material, Medium, Texture, Textures
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -45,6 +45,21 @@ def random_painted_room(random):
     camera = look((0.9, 0.7, 0.5), (0.3, 0.3, 0.2), 24, 16, tangent=0.7)
     scene = make_scene(*mesh, materials, camera, EDGES, index, world_temperature=float(random.choice([300.0, 240.0])))
     return dataclasses.replace(scene, textures=_textures(random, index))
+
+
+def with_fog(scene, random):
+    """The room, filled with grey gas that absorbs and every other time scatters, out to its windows and beyond."""
+    vertices, triangles = box((1.3, 1.2, 0.7))
+    extinction, albedo = random.uniform(0.5, 2.0), random.choice([0.0, 0.6])
+    fog = Medium(
+        "fog",
+        extinction * (1.0 - albedo),
+        random.uniform(280.0, 360.0),
+        scattering=extinction * albedo,
+        vertices=vertices - (0.15, 0.2, 0.05),
+        triangles=triangles,
+    )
+    return dataclasses.replace(scene, media=(fog,))
 
 
 def _textures(random, index):

@@ -10,17 +10,17 @@ import numpy as np
 from ..geometry.eye import Eye, eye_rays
 from ..geometry.free_space import free_space, unlimited
 from ..geometry.segments import ENDLESS, Tracer
-from ..geometry.stage import Stage, has_sheets
+from ..geometry.stage import Stage, transmits_anywhere
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
 from .final_gather import choose_splits, open_finals, share
 from .gathers import asking_photons, locate_gathers, meet, part_near
 from .media import cross_media
 from .onward import follow
+from .passing import pass_through
 from .rays import Bounce, Estimate, Rows, empty_rays, empty_rows, join, start_paths
 from .reflection import Asking, recall, reflect, shadow_rays
 from .shadow_rays import Lighting, add_unshadowed
-from .sheets import pass_sheets
 
 
 class CameraPass(NamedTuple):
@@ -61,18 +61,18 @@ def render_pixels(
     # the pixels, and two rows for each that check what is recalled, see follow
     rows = empty_rows(np.zeros((3 * pixels.size, shared.weights.size), np.float32))
     seen, finals = np.zeros(pixels.size, np.float32), []
-    count, number, sheets = len(rays.origin), 0, has_sheets(stage)
+    count, number, passes = len(rays.origin), 0, transmits_anywhere(stage)
     while count and not cancelled():
-        limit = reach.copy() if sheets else reach  # a trace overwrites it
+        limit = reach.copy() if passes else reach  # a trace overwrites it
         hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         # what passes a sheet is not parted here, but where it ends
-        whole = rays._replace(pixel=rays.pixel.copy(), density=rays.density.copy()) if sheets else rays
+        whole = rays._replace(pixel=rays.pixel.copy(), density=rays.density.copy()) if passes else rays
         if estimate.photons and number > 0:
             part_near(bounce, rows)
         scattered = cross_media(tracer, stage, lighting, bounce, rows) if tracer.holds_media else None
-        if sheets:
-            passed, left = pass_sheets(stage, bounce._replace(rays=whole), samples, limit)
+        if passes:
+            passed, left = pass_through(stage, bounce._replace(rays=whole), samples, limit)
         if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
         gathers = meet(stage, lighting, bounce, rows)
@@ -85,12 +85,12 @@ def render_pixels(
         if len(shadows.reach):
             add_unshadowed(tracer, stage, shadows, rows.image)
         room = count + int(gathers.rays.sum()) + 2 * np.count_nonzero(gathers.rays) + np.count_nonzero(bounce.goes_on)
-        rays = empty_rays(room, bands, sheets)
+        rays = empty_rays(room, bands, passes)
         count, number = follow(stage, lighting.looking.together, bounce, samples, gathers, rays), number + 1
         if scattered is not None:
             rays, count = join(rays, count, scattered)
         reach = np.full(count, ENDLESS, np.float32)
-        if sheets:
+        if passes:
             (rays, count), reach = join(rays, count, passed), np.concatenate((reach, left))
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)
@@ -102,7 +102,7 @@ def _camera_rays(shared, samples, numbers):
     """The camera rays of some pixels, and their reach, (n,) float32, see eye_rays."""
     count = int(samples.sum())
     stage = shared.stage
-    rays = empty_rays(count, stage.radiometry.reference.size, has_sheets(stage))
+    rays = empty_rays(count, stage.radiometry.reference.size, transmits_anywhere(stage))
     reach = np.empty(count, np.float32)
     eye_rays(shared.eye, shared.keys[0], shared.index, samples, numbers, rays.origin, rays.direction, reach)
     start_paths(shared.keys[1], samples, numbers, rays)

@@ -45,7 +45,7 @@ class Rays(NamedTuple):
     diffusely, photons are no part of a caustic: negative where shadow rays could find what it meets, else ASTRAY.
     doubts: (n,) bool, whether the ray goes on from its end though the cache resolves the light there, see onward.doubt.
     passed: (n,) float32, length of the way, in units of the direction's length, that the ray had come before it passed
-    the thin sheet at its origin; (0,) in a scene without sheets.
+    the thin sheet at its origin; (0,) in a scene without thin sheets.
     """
 
     origin: np.ndarray
@@ -60,8 +60,8 @@ class Rays(NamedTuple):
     passed: np.ndarray
 
 
-def empty_rays(count: int, bands: int, sheets: bool = False) -> Rays:
-    """Room for count rays. sheets: whether the scene has thin sheets."""
+def empty_rays(count: int, bands: int, passes: bool = False) -> Rays:
+    """Room for count rays. passes: whether light passes through any surface."""
     return Rays(
         np.empty((count, 3), np.float32),
         np.empty((count, 3), np.float32),
@@ -72,7 +72,7 @@ def empty_rays(count: int, bands: int, sheets: bool = False) -> Rays:
         np.empty(count, np.bool_),
         np.empty(count, np.float32),
         np.zeros(count, np.bool_),
-        np.zeros(count if sheets else 0, np.float32),
+        np.zeros(count if passes else 0, np.float32),
     )
 
 

@@ -11,22 +11,19 @@ from ..geometry.interaction import (
     Interaction,
     emit_at,
     emit_towards,
-    interact,
     leave,
-    pass_on,
-    pass_towards,
     stand_at,
 )
-from ..geometry.segments import ENDLESS, Hits, RayBatch, transmit
+from ..geometry.see_through import let_through
+from ..geometry.segments import ENDLESS, RayBatch, transmit
 from ..geometry.stage import (
     emission_at,
     enter,
     fill_emission,
-    has_sheets,
     layer_at,
     lobes_at,
     nothing_emitted,
-    shine_through,
+    transmits_anywhere,
 )
 from ..geometry.surfaces import clear_of
 from ..geometry.triangles import CLEAR, normal
@@ -53,6 +50,7 @@ from ..physics.lobes import (
     follows_fresnel,
     glossy_density,
 )
+from ..physics.radiometry import absolute_sum
 from ..physics.sky import radiance_from
 from ..planning.lamps import Lamps
 from ..planning.pilot import SKY_RAYS
@@ -60,7 +58,7 @@ from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, ra
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
 from ..sampling.warps import cone_direction, cosine_stratum, to_world
-from ..system.kernels import INLINED, KERNEL, njit
+from ..system.kernels import KERNEL, njit
 
 _SIDE = math.isqrt(SKY_RAYS)  # strata on each side of the unit square, of the rays to the surroundings
 POINTS = 4096  # lamp points of one pass
@@ -138,20 +136,12 @@ def _fill_points(lamps, stage, key, emitted, points):
             points.density[i] = dense * lamps.density[at.triangle, at.side_id & 1]
             mean = cells.mean_radiance(lamps.cells, at.triangle)
             if mean > 0.0:
-                points.brightness[i] = max(_absolute_sum(emission_at(stage, at, emitted)) / mean, _DARKEST)
+                points.brightness[i] = max(absolute_sum(emission_at(stage, at, emitted)) / mean, _DARKEST)
                 points.strength[i] *= points.brightness[i] / dense
         else:
             position, n = _light_point(lamps.lights, entry - lamps.side_id.size, s, w)
             put_vector(position, points.position, i)
             put_vector(n, points.normal, i)
-
-
-@njit(**INLINED)
-def _absolute_sum(radiance):
-    total = 0.0
-    for b in range(radiance.size):
-        total += abs(radiance[b])
-    return total
 
 
 @njit(inline="always")
@@ -422,46 +412,14 @@ def _start(surfaces, receiver, direction, reach, layer, shadows, count):
 def add_unshadowed(tracer, stage, shadows, image) -> None:
     """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through
     thin sheets and media."""
-    sheets = has_sheets(stage)
-    hits = tracer.trace(shadows.origin, shadows.direction, shadows.reach.copy() if sheets else shadows.reach)
-    if sheets:
-        _pass_sheets(tracer, stage, shadows, hits)
+    passes = transmits_anywhere(stage)
+    hits = tracer.trace(shadows.origin, shadows.direction, shadows.reach.copy() if passes else shadows.reach)
+    if passes:
+        rays = RayBatch(shadows.origin, shadows.direction), shadows.reach
+        let_through(tracer.trace, stage, hits, rays, shadows.radiance, np.flatnonzero(hits.triangle >= 0))
     if tracer.holds_media:
         _transmit(tracer.cross(shadows.origin, shadows.direction, hits.distance), shadows.radiance)
     _add_unshadowed(hits, shadows, image)
-
-
-def _pass_sheets(tracer, stage, shadows, hits) -> None:
-    """Let the shadow rays that met these hits go on through thin sheets; those that then meet nothing more have met
-    nothing at all."""
-    ray = np.flatnonzero(hits.triangle >= 0)
-    onward, met = RayBatch(shadows.origin[ray], shadows.direction[ray]), Hits(*(column[ray] for column in hits))
-    while len(ray):
-        left = _pass_on(stage, met, onward, ray, shadows)
-        ray, onward = ray[:left], RayBatch(*(column[:left] for column in onward))
-        met = tracer.trace(*onward, np.where(shadows.reach[ray] < ENDLESS, np.float32(1.0), ENDLESS))
-        stopped = met.triangle >= 0
-        hits.triangle[ray[~stopped]], hits.distance[ray[~stopped]] = -1, shadows.reach[ray[~stopped]]
-        ray, onward = ray[stopped], RayBatch(*(column[stopped] for column in onward))
-        met = Hits(*(column[stopped] for column in met))
-
-
-@njit(**KERNEL)
-def _pass_on(stage, hits, rays, ray, shadows):
-    """Lower what shadow rays bring by what the sheets that n rays meet take, and send those that pass on behind them,
-    as the first rays; returns how many these are. ray: (n,) int64, which shadow rays these are, moved alike."""
-    kept = np.int64(0)
-    for i in range(hits.triangle.size):
-        at, of = interact(stage.surfaces, hits, i, rays.direction), ray[i]
-        if shine_through(stage, at, shadows.radiance[of]):
-            if shadows.reach[of] < ENDLESS:
-                end = moved(vector(shadows.origin, of), shadows.reach[of], vector(shadows.direction, of))
-                pass_towards(stage.surfaces, at, end, rays, kept)
-            else:
-                pass_on(stage.surfaces, at, rays, kept)
-            ray[kept] = of
-            kept += 1
-    return kept
 
 
 @njit(**KERNEL)

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from ..physics.media import deflect, mean_phase, weigh_phase
+from ..physics.radiometry import absolute_sum
 from ..sampling.rng import uniform
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
@@ -32,12 +33,12 @@ def walk(air, i, rays, weight, numbers, out):
     out: origin, direction, n and weights (b,).
     """
     (origin, direction), (path, first), (new_origin, new_direction, n, onward) = rays, numbers, out
-    before = _sum(weight)
+    before = absolute_sum(weight)
     end = fly(air, i, weight, uniform(path, first), uniform(path, first + 1))
     if not end < np.inf:
         return ARRIVED
     medium = scatterer(air, i, weight, uniform(path, first + 2))
-    after = _sum(weight)
+    after = absolute_sum(weight)
     survival = min(_MOST, after / before) if after > 0.0 else 0.0
     if medium < 0 or uniform(path, first + 3) >= survival:
         return LOST
@@ -47,7 +48,7 @@ def walk(air, i, rays, weight, numbers, out):
     put_vector((start[0] + end * way[0], start[1] + end * way[1], start[2] + end * way[2]), new_origin, n)
     g, c, along = air.table.anisotropy[medium], 0, scaled(way, 1.0 / air.length[i])
     if g.size > 1:
-        c = _pick(weight, uniform(path, first + 6) * _sum(weight))
+        c = _pick(weight, uniform(path, first + 6) * absolute_sum(weight))
     turned = deflect(g[c], along, uniform(path, first + 4), uniform(path, first + 5))
     put_vector(turned, new_direction, n)
     cosine = dot(along, turned)
@@ -56,14 +57,6 @@ def walk(air, i, rays, weight, numbers, out):
         onward[b] = weight[b]
     weigh_phase(g, mean, cosine, onward)
     return medium
-
-
-@njit(**INLINED)
-def _sum(weight):
-    total = 0.0
-    for b in range(weight.size):
-        total += abs(weight[b])
-    return total
 
 
 @njit(**INLINED)
@@ -89,7 +82,7 @@ def fly(air, i, weight, u, v):
 
     so the sum of |w| never grows: this is the twin of the roulette by power. u, v: numbers in [0, 1).
     """
-    table, total = air.table, _sum(weight)
+    table, total = air.table, absolute_sum(weight)
     if not total > 0.0:
         return np.inf
     c = _pick(weight, u * total)
@@ -134,7 +127,7 @@ def scatterer(air, i, weight, u):
     Where several overlap, one is picked with P_m, the share of |w| that it scatters, and w_b <- w_b s_mb / s_b / P_m.
     u: number in [0, 1).
     """
-    total, medium, of, amount, chance = _sum(weight), np.int64(-1), np.int64(-1), 0.0, 1.0
+    total, medium, of, amount, chance = absolute_sum(weight), np.int64(-1), np.int64(-1), 0.0, 1.0
     table, scattering, pick = air.table, air.bands.scattering, u * total
     for s in range(air.first[i], air.first[i + 1]):
         if air.march.amount[s] > 0.0 and pick >= 0.0:

@@ -102,8 +102,8 @@ class Atmosphere(Tracer):
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         return self._surfaces.trace(origin, direction, reach)
 
-    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
-        return self._surfaces.trace_uncut(origin, direction)
+    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
+        return self._surfaces.trace_uncut(origin, direction, reach)
 
     def between(self, surfaces: Tracer) -> Atmosphere:
         """The same media between surfaces that another tracer finds."""

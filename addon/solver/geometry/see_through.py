@@ -9,12 +9,15 @@ transmit in the mean.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..sampling.vectors import moved, put_vector, vector
 from ..system.kernels import KERNEL, njit
 from .interaction import interact, pass_on, pass_towards
 from .segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch
+from .stage import Stage, shine_through
 from .surfaces import Surfaces, used_materials
 from .textures import PASSING, grain
 
@@ -43,14 +46,67 @@ class SeeingThrough(Tracer):
             hits.distance[ray] = np.minimum(hits.distance[ray] + unit * met.distance, ENDLESS)
         return hits
 
-    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
-        return self._uncut.trace(origin, direction)
+    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
+        return self._uncut.trace(origin, direction, reach)
 
 
-def with_holes(tracer: Tracer, surfaces: Surfaces, transmittance: np.ndarray, in_sheets: bool = False) -> Tracer:
+def let_through(
+    trace: Callable[..., Hits],
+    stage: Stage,
+    hits: Hits,
+    rays: tuple[RayBatch, np.ndarray],
+    value: np.ndarray,
+    among: np.ndarray,
+) -> None:
+    """Let rays go on through the thin sheets that they met, and lower what they bring by what these take. In hits,
+    those that then meet nothing more have met nothing at all.
+
+    trace: of a Tracer, with holes or without. hits: of the rays, with their reach (n,) float32, ENDLESS or in units of
+    the direction's length. value: (n, b) float32. among: (k,) int64, which rays those are; overwritten.
+    """
+    whole, reach = rays
+    onward, met = RayBatch(*(column[among] for column in whole)), Hits(*(column[among] for column in hits))
+    while len(among):
+        passed = _go_on(stage, met, onward, rays, value, among)
+        among, onward = among[:passed], RayBatch(*(column[:passed] for column in onward))
+        met = trace(*onward, np.where(reach[among] < ENDLESS, np.float32(1.0), ENDLESS))
+        stopped = met.triangle >= 0
+        hits.triangle[among[~stopped]], hits.distance[among[~stopped]] = -1, reach[among[~stopped]]
+        among, onward = among[stopped], RayBatch(*(column[stopped] for column in onward))
+        met = Hits(*(column[stopped] for column in met))
+
+
+@njit(**KERNEL)
+def _go_on(stage, hits, onward, rays, value, among):
+    """Lower value by what the surfaces take that n rays met, and send those of which anything is left on behind these,
+    as the first rays; returns how many. onward, among: (n,), moved alike. Others: see let_through."""
+    (whole, reach), kept = rays, np.int64(0)
+    for i in range(hits.triangle.size):
+        at, of = interact(stage.surfaces, hits, i, onward.direction), among[i]
+        if shine_through(stage, at, value[of]):
+            _set_out(stage.surfaces, at, (whole.origin, whole.direction, reach), of, onward, kept)
+            among[kept] = of
+            kept += 1
+    return kept
+
+
+@njit(inline="always")
+def _set_out(surfaces, at, whole, of, onward, i):
+    """Let a ray go on behind the surface at an Interaction, as ray i: towards where it ends, or in its direction.
+    whole: origin, direction and reach of the rays from their beginning, of which this is number `of`."""
+    origin, direction, reach = whole
+    if reach[of] < ENDLESS:
+        end = moved(vector(origin, of), reach[of], vector(direction, of))
+        pass_towards(surfaces, at, end, onward, i)
+    else:
+        pass_on(surfaces, at, onward, i)
+        put_vector(vector(direction, of), onward.direction, i)  # distances are in units of its length
+
+
+def with_holes(tracer: Tracer, surfaces: Surfaces, transmittance: np.ndarray, in_thin_sheets: bool = False) -> Tracer:
     """The tracer of surfaces whose materials have this transmittance, (materials,) 0..1, in the mean over the bands: it
     sees through what transmits everything and, if asked to, through points of thin sheets. Itself if there is none."""
-    chance = transmittance if in_sheets else np.floor(transmittance)
+    chance = transmittance if in_thin_sheets else np.floor(transmittance)
     return SeeingThrough(tracer, surfaces, chance) if chance[used_materials(surfaces)].any() else tracer
 
 
@@ -71,7 +127,7 @@ def _pass(surfaces, passing, hits, rays, whole, onward, ray):
 
     passing: see SeeingThrough. whole: origin, direction and reach of all rays, of which these are rows `ray`.
     """
-    (may, chance), (origin, direction, reach), count = passing, whole, np.int64(0)
+    (may, chance), count = passing, np.int64(0)
     for i in range(hits.triangle.size):
         t, of = hits.triangle[i], ray[i]
         if t < 0 or not may[t]:
@@ -80,12 +136,7 @@ def _pass(surfaces, passing, hits, rays, whole, onward, ray):
         chosen = chance[at.material]
         if chosen < 1.0 and grain(t, hits.u[i], hits.v[i], PASSING) >= chosen:
             continue
-        if reach[of] < ENDLESS:
-            end = moved(vector(origin, of), reach[of], vector(direction, of))
-            pass_towards(surfaces, at, end, onward, count)
-        else:
-            pass_on(surfaces, at, onward, count)
-            put_vector(vector(direction, of), onward.direction, count)  # distances are in units of its length
+        _set_out(surfaces, at, whole, of, onward, count)
         ray[count] = of
         count += 1
     return count

@@ -76,9 +76,9 @@ class Tracer:
         hits = self._scene.run(origin, direction, reach, output=True)
         return Hits(hits["primID"], hits["u"], hits["v"], hits["tfar"])
 
-    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
-        """The first Hits also where a surface has a hole, see see_through."""
-        return self.trace(origin, direction)
+    def trace_uncut(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
+        """As `trace`, also where a surface has a hole, see see_through."""
+        return self.trace(origin, direction, reach)
 
     def visible(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""

@@ -26,7 +26,7 @@ class Stage(NamedTuple):
     radiometry: Radiometry
 
 
-def has_sheets(stage: Stage) -> bool:
+def transmits_anywhere(stage: Stage) -> bool:
     """Whether light passes straight through any surface."""
     return bool(stage.radiometry.transmittance.any())
 
@@ -101,12 +101,19 @@ def shine_through(stage, at, value):
 
 
 @njit(**INLINED)
+def is_mixed(stage, at):
+    """Whether the triangle at an Interaction has a mixed material."""
+    row = row_of(stage.surfaces.textures, at.triangle)
+    return row >= 0 and stage.surfaces.textures.mixed[row] >= 0
+
+
+@njit(**INLINED)
 def mixed_at(stage, at):
     """Of a mixed material at an Interaction: the material that is mixed in, and its share; else its own, and 0."""
+    if not is_mixed(stage, at):
+        return stage.surfaces.material[at.triangle], 0.0
     table = stage.surfaces.textures
     row = row_of(table, at.triangle)
-    if row < 0 or table.mixed[row] < 0:
-        return stage.surfaces.material[at.triangle], 0.0
     return table.mixed[row], mixed_share(table, row, at.u, at.v)
 
 
@@ -128,8 +135,9 @@ def lobes_met(stage, hits, i):
 def stored_at(stage, at):
     """Which photons are stored at an Interaction: NONE, STRAIGHT or ALL, see radiometry.stored_photons. Of a mixed
     material both grains store what either does: photons are counted on areas that hold both."""
-    stores, own = stage.radiometry.stores, stage.surfaces.material[at.triangle]
-    return max(stores[own], stores[mixed_at(stage, at)[0]])
+    stores, table = stage.radiometry.stores, stage.surfaces.textures
+    kept = stores[stage.surfaces.material[at.triangle]]
+    return max(kept, stores[table.mixed[row_of(table, at.triangle)]]) if is_mixed(stage, at) else kept
 
 
 @njit(**INLINED)

@@ -15,6 +15,7 @@ import numpy as np
 from ..geometry.interaction import emit_at
 from ..geometry.stage import Stage, emission_at, nothing_emitted
 from ..geometry.textures import TextureTable
+from ..physics.radiometry import absolute_sum
 from ..sampling.warps import triangle_point
 from ..scene import Textures
 from ..system.kernels import INLINED, KERNEL, njit
@@ -112,8 +113,7 @@ def _fill_told(stage, triangle, side, cells, emitted, told):
                 w = (c % edge + (p % side + 0.5) / side) / edge
                 u, v = triangle_point(s, w)
                 radiance = emission_at(stage, emit_at(stage.surfaces, np.int32(2 * t), u, v, _COSINE), emitted)
-                for b in range(radiance.size):
-                    total += abs(radiance[b])
+                total += absolute_sum(radiance)
             told[first + c] = total / (side * side)
 
 

@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.interaction import interact, leave, pass_on
-from ..geometry.segments import Hits, RayBatch, Tracer
+from ..geometry.interaction import leave, pass_on
+from ..geometry.see_through import let_through
+from ..geometry.segments import ENDLESS, Hits, RayBatch, Tracer
 from ..geometry.stage import (
     Stage,
     diffuse_reflectance_at,
     enter,
-    has_sheets,
+    is_mixed,
     lobe_reflectance_at,
     lobes_at,
-    mixed_at,
     reflectance_at,
-    shine_through,
     stored_at,
+    transmits_anywhere,
     transmittance_at,
 )
 from ..physics.lobes import (
@@ -27,10 +27,10 @@ from ..physics.lobes import (
     evaluate_diffuse,
     follows_fresnel,
     is_glossy,
-    is_sheet,
     is_wide,
     sample_diffuse,
     sample_specular,
+    transmits,
 )
 from ..physics.radiometry import ALL, STRAIGHT
 from ..sampling.rng import path_key, uniform
@@ -78,18 +78,21 @@ def trace_photons(
     on_hits(hits, wave) is called before every bounce with the Hits of the wave's rays.
     """
     bands = stage.radiometry.reference.size
-    sheets = has_sheets(stage)
-    wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer, sheets), batch.count, 0
+    passes = transmits_anywhere(stage)
+    wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer, passes), batch.count, 0
     emit(emitters, stage, batch, wave)
     rooms = np.empty(bands, np.float32), np.empty(bands, np.float32)
     scattered, flying = None, 0
     if tracer.holds_media:
         collect(tracer, stage, wave, batch.key, emitters.surroundings)
-        scattered = empty_wave(count, bands, optics.keep_layer, sheets)
+        scattered = empty_wave(count, bands, optics.keep_layer, passes)
     while count and not cancelled():
         hits = tracer.trace_uncut(wave.origin[:count], wave.direction[:count])
-        if sheets and not tracer.holds_media:
-            _reach_back(tracer, stage, hits, wave)
+        if passes and not tracer.holds_media:
+            # rays of photons from the surroundings lead back to them
+            back = np.flatnonzero((wave.arrival[:count] >= 0) & (hits.triangle >= 0))
+            rays, reach = RayBatch(wave.origin, wave.direction), np.full(count, ENDLESS)
+            let_through(tracer.trace_uncut, stage, hits, (rays, reach), wave.power, back)
         if tracer.holds_media:
             hits.triangle[wave.arrival[:count] >= 0] = -1  # they have arrived, whatever their ray met
             flying = fly_photons(tracer, hits, wave, (batch.key, bounce), scattered)
@@ -118,12 +121,11 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
         at = arrive(stage.surfaces, hits, i, wave)
         rho, lobes = reflectance_at(stage, at, rooms[0]), lobes_at(stage, at)
         share, through = _reflected_share(optics, wave.power[i], rho), np.float32(0.0)
-        if (
-            is_sheet(lobes) and wave.arrival[i] < 0
-        ):  # what is behind gets light from the surroundings by its own photons
+        # what is behind a thin sheet gets the light of the surroundings by photons of its own
+        if transmits(lobes) and wave.arrival[i] < 0:
             through = _reflected_share(optics, wave.power[i], transmittance_at(stage, at))
         goes_on = share > 0.0 or through > 0.0
-        if not goes_on and mixed_at(stage, at)[1] == 0.0:
+        if not (goes_on or is_mixed(stage, at)):
             continue
         diffuse = evaluate_diffuse(at, scaled(at.incoming, -1.0))
         straight, stores = wave.chain[i] & STRAIGHT_FROM_LIGHT != 0 and is_glossy(lobes), stored_at(stage, at)
@@ -201,35 +203,6 @@ def _pass(stage, optics, at, passing, wave, i, to):
     wave.arrival[to], wave.passed[to] = wave.arrival[i], wave.passed[i] + np.float32(at.distance)
     if optics.keep_layer:
         wave.layer[to] = wave.layer[i]
-
-
-def _reach_back(tracer, stage, hits, wave) -> None:
-    """Let photons from the surroundings, whose rays lead back to them, through the thin sheets on their way: lower
-    their power, and mark in hits those that came from the surroundings."""
-    ray = np.flatnonzero((wave.arrival[: len(hits.triangle)] >= 0) & (hits.triangle >= 0))
-    back, met = RayBatch(wave.origin[ray], wave.direction[ray]), Hits(*(column[ray] for column in hits))
-    while len(ray):
-        left = _shine_back(stage, met, back, ray, wave.power)
-        ray, back = ray[:left], RayBatch(*(column[:left] for column in back))
-        met = tracer.trace_uncut(*back)
-        gone = met.triangle < 0
-        hits.triangle[ray[gone]] = -1
-        ray, back = ray[~gone], RayBatch(*(column[~gone] for column in back))
-        met = Hits(*(column[~gone] for column in met))
-
-
-@njit(**FAST_KERNEL)
-def _shine_back(stage, hits, rays, ray, power):
-    """Lower the power of photons by what the surfaces that n rays meet take, and send those rays that pass on behind
-    them, as the first rays; returns how many these are. ray: (n,) int64, which photons they belong to, moved alike."""
-    kept = np.int64(0)
-    for i in range(hits.triangle.size):
-        at = interact(stage.surfaces, hits, i, rays.direction)
-        if shine_through(stage, at, power[ray[i]]):
-            ray[kept] = ray[i]
-            pass_on(stage.surfaces, at, rays, kept)
-            kept += 1
-    return kept
 
 
 @njit(inline="always")

@@ -16,7 +16,7 @@ from ..geometry.flight import ARRIVED, LOST, NUMBERS, walk
 from ..geometry.interaction import interact, pass_on
 from ..geometry.segments import Hits, RayBatch, Tracer, glow, transmit, ways
 from ..geometry.stage import Stage, lobes_met, shine_through
-from ..physics.lobes import is_sheet
+from ..physics.lobes import transmits
 from ..physics.sky import radiance_from
 from ..sampling.rng import path_key, path_keys, uniform
 from ..sampling.vectors import vector
@@ -119,7 +119,7 @@ def _collect(air, stage, hits, rays, numbers, light, surroundings):
             radiance = radiance_from(around, way, room)
             for b in range(radiance.size):
                 sky[j, b] += weight[j, b] * radiance[b]
-        elif end == ARRIVED and is_sheet(lobes_met(stage, hits, i)):
+        elif end == ARRIVED and transmits(lobes_met(stage, hits, i)):
             at = interact(stage.surfaces, hits, i, rays.direction)
             end = _PASSED if shine_through(stage, at, weight[j]) else LOST
             pass_on(stage.surfaces, at, rays, kept)

@@ -28,7 +28,7 @@ class Wave(NamedTuple):
     ray leads back: it arrives if that ray leaves the scene. FORWARDS for photons that travel so, FROM_SUN for those of
     them that have met nothing yet since a sun sent them. u, v: (n,) float32, barycentric coordinates on that side.
     layer: (n,) uint8 as in Photons. passed: (n,) float32, m, length of the way up to the last thin sheet that it has
-    passed since its emission or reflection; (0,) in a scene without sheets.
+    passed since its emission or reflection; (0,) in a scene without thin sheets.
     """
 
     origin: np.ndarray
@@ -44,8 +44,8 @@ class Wave(NamedTuple):
     passed: np.ndarray
 
 
-def empty_wave(count: int, bands: int, layer: bool, sheets: bool = False) -> Wave:
-    """Room for count rays. layer: see photon_arrays. sheets: whether the scene has thin sheets."""
+def empty_wave(count: int, bands: int, layer: bool, passes: bool = False) -> Wave:
+    """Room for count rays. layer: see photon_arrays. passes: whether light passes through any surface."""
     return Wave(
         np.empty((count, 3), np.float32),
         np.empty((count, 3), np.float32),
@@ -57,7 +57,7 @@ def empty_wave(count: int, bands: int, layer: bool, sheets: bool = False) -> Wav
         np.empty(count, np.float32),
         np.empty(count, np.float32),
         np.empty(count if layer else 0, np.uint8),
-        np.zeros(count if sheets else 0, np.float32),
+        np.zeros(count if passes else 0, np.float32),
     )
 
 

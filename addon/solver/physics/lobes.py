@@ -77,7 +77,7 @@ def build_lobe_table(materials: tuple[Material, ...]) -> LobeTable:
     sharp = np.where(alpha >= _WIDE, GLOSSY | WIDE, np.where(alpha > 0.0, GLOSSY, SPECULAR))
     flags = np.where(specular < 1.0, DIFFUSE, 0) | np.where(specular > 0.0, sharp, 0)
     flags |= np.where([material.follows_fresnel for material in materials], FRESNEL, 0)
-    flags |= np.where([material.is_sheet for material in materials], STRAIGHT_THROUGH, 0)
+    flags |= np.where([material.transmits for material in materials], STRAIGHT_THROUGH, 0)
     albedo = [ggx_albedo(float(width)) if width > 0.0 else np.ones(ALBEDO_NODES) for width in alpha]
     return LobeTable(flags.astype(np.uint8), specular, alpha.astype(np.float32), np.array(albedo))
 
@@ -142,7 +142,7 @@ def is_wide(lobes):
 
 
 @njit(**INLINED)
-def is_sheet(lobes):
+def transmits(lobes):
     """Whether light passes straight through."""
     return lobes.flags & STRAIGHT_THROUGH != 0
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..scene import Material, Texture
-from ..system.kernels import FAST_INLINED, njit
+from ..system.kernels import FAST_INLINED, INLINED, njit
 from .fresnel import FresnelTable, build_fresnel_table, fill_emissivity, no_fresnel
 from .lobes import LobeTable, build_lobe_table, emitted_complement
 from .spectrum import band_emissivity, band_radiance, faintest
@@ -19,7 +19,7 @@ from .spectrum import band_emissivity, band_radiance, faintest
 # Step in ln T of the emission table: cubic Hermite errs by (step x)^4 / 384 with x = c2 / (lambda T), 4e-8 at x = 16.
 _LOG_STEP = 0.004
 COLDEST = 1.0  # K, see emission_range
-_ALMOST = 1.0 - 2.0**-20  # more of a sheet than this is no sheet
+_ALMOST = 1.0 - 2.0**-20  # largest mean transmittance of what is there at all
 NONE, STRAIGHT, ALL = range(3)  # which photons a material stores, each more than the one before, see stored_photons
 
 
@@ -85,9 +85,9 @@ def build_radiometry(
     nodes = table_rows(temperatures)
     log_start = math.log(low) if high > 0 else 0.0
     table = np.exp(log_start + _LOG_STEP * np.arange(nodes))
-    rough_sheets = [i for i, material in enumerate(materials) if material.is_sheet and material.alpha > 0.0]
+    rough = [i for i, material in enumerate(materials) if material.transmits and material.alpha > 0.0]
     curves = [material.curve for material in materials]
-    curves += [_complement(materials[i].transmitted_curve) for i in rough_sheets]
+    curves += [_complement(materials[i].transmitted_curve) for i in rough]
     emission = np.empty((len(curves) + 1, nodes, len(edges) - 1))
     slope = np.empty_like(emission)
     black, black_slope = band_radiance(edges, table), band_radiance(edges, table, derivative=True)
@@ -102,7 +102,7 @@ def build_radiometry(
             slope[i] = band_radiance(edges, table, curve, derivative=True) * _LOG_STEP
             base[i] *= band_emissivity(edges, reference, curve)
     full = np.full(len(materials), len(curves), np.int32)
-    full[rough_sheets] = len(materials) + np.arange(len(rough_sheets))
+    full[rough] = len(materials) + np.arange(len(rough))
 
     def averaged(curve) -> np.ndarray:
         grey = np.full(len(edges) - 1, curve[1][0])
@@ -129,7 +129,7 @@ def build_radiometry(
 def _not_reflected(material: Material) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (n,) um and emissivity and transmittance together, (n,)."""
     (um, emitted), (other, passed) = material.curve, material.transmitted_curve
-    if not material.is_sheet:
+    if not material.transmits:
         return um, emitted
     if len(um) == len(other) == 1:
         return um, emitted + passed
@@ -142,8 +142,8 @@ def _complement(curve: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.nd
 
 
 def mean_transmittance(materials: tuple[Material, ...], edges: np.ndarray) -> np.ndarray:
-    """(m,) float64 mean transmittance of materials between the first and the last edge (um), 1 only if nothing else is
-    there."""
+    """(m,) float64 mean transmittance of materials between the first and the last edge (um), 1 only where it is 1 at
+    all wavelengths."""
     um = np.unique(np.concatenate([edges, *(material.transmitted_curve[0] for material in materials)]))
     um = um[(um >= edges[0]) & (um <= edges[-1])]
     values = np.array([np.interp(um, *material.transmitted_curve) for material in materials])
@@ -200,6 +200,15 @@ def excess_emissivity(edges: np.ndarray, one: float, other: float, curve: tuple[
     kelvin = np.array([cold, max(one, other, 1.001 * cold, faintest(float(edges[0])))])
     emitted, black = band_radiance(edges, kelvin, curve), band_radiance(edges, kelvin)
     return (emitted[1] - emitted[0]) / (black[1] - black[0])
+
+
+@njit(**INLINED)
+def absolute_sum(value):
+    """Sum over the bands of the absolute values of a radiance, a power or a weight (b,), float64."""
+    total = 0.0
+    for b in range(value.size):
+        total += abs(value[b])
+    return total
 
 
 @njit(inline="always")

@@ -20,6 +20,7 @@ from ..geometry.surfaces import clear_of, sheet_of
 from ..geometry.triangles import CLEAR, areas, centroids, normal
 from ..photons.cells import EmissionCells, choose_point, concentration, density_at
 from ..photons.lights import SUN, LightTable, light_totals
+from ..physics.radiometry import absolute_sum
 from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
 from ..sampling.low_discrepancy import unevenness
 from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
@@ -361,7 +362,7 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
         brought = cosine * view * chances.visible[entry] * power / chance / CANDIDATES
         fill_emission(stage, lamp, room.emitted)
         sums[0] += shared * brought
-        sums[1] += shared * brought * (math.pi * area * _total(room.emitted) / power - 1.0) ** 2
+        sums[1] += shared * brought * (math.pi * area * absolute_sum(room.emitted) / power - 1.0) ** 2
         room.taken[c] = cosine * view * area / math.pi * chances.of_sheet[room.sheet[c]] / chance
         room.left[c] = (1.0 - shared) ** 2 * brought * math.pi * power / area / TYPICAL_RAYS
     for c in range(CANDIDATES):
@@ -377,15 +378,6 @@ def _taken(room, sheet):
         if room.sheet[c] == sheet:
             taken, count = taken + room.taken[c], count + 1
     return taken / count
-
-
-@njit(**INLINED)
-def _total(radiance):
-    """Sum over the bands of the absolute value of a radiance (b,)."""
-    total = 0.0
-    for b in range(radiance.size):
-        total += abs(radiance[b])
-    return total
 
 
 def _light_need(lights: LightTable, pilot: Pilot) -> np.ndarray:

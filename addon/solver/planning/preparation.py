@@ -116,7 +116,7 @@ def prepare(
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
     transmittance = mean_transmittance(scene.materials, scene.band_edges)
     rendering = with_holes(tracer, surfaces, transmittance)  # the tracer of passes
-    tracer = with_holes(tracer, surfaces, transmittance, in_sheets=True)
+    tracer = with_holes(tracer, surfaces, transmittance, in_thin_sheets=True)
     if scene.media:
         tracer = Atmosphere(tracer, scene.media, centre, scene.world_depth)
     radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)

@@ -54,7 +54,7 @@ def take_skins(named: dict[str, np.ndarray]) -> tuple[Skin, ...]:
 
 def needs_skin(scene) -> np.ndarray:
     """(m,) bool, which triangles are textured, thin sheets, or shaded smooth."""
-    needs = np.array([material.is_sheet for material in scene.materials])[scene.material]
+    needs = np.array([material.transmits for material in scene.materials])[scene.material]
     if scene.textures is not None:
         needs[scene.textures.triangle] = True
     if scene.corner_normals is not None:
@@ -64,7 +64,7 @@ def needs_skin(scene) -> np.ndarray:
 
 def lets_through(scene) -> np.ndarray:
     """(m,) bool, which triangles let light pass straight through, at least in part."""
-    sheets = np.array([material.is_sheet for material in scene.materials])
+    sheets = np.array([material.transmits for material in scene.materials])
     passes = sheets[scene.material]
     if scene.textures is not None:
         passes[scene.textures.triangle] |= (scene.textures.mixed >= 0) & sheets[scene.textures.mixed]

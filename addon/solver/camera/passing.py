@@ -11,7 +11,7 @@ import numpy as np
 from ..geometry.interaction import interact, pass_on
 from ..geometry.segments import ENDLESS
 from ..geometry.stage import Stage, lobes_met, transmittance_at
-from ..physics.lobes import is_sheet
+from ..physics.lobes import transmits
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
@@ -20,7 +20,7 @@ from .rays import Bounce, Rays, empty_rays, largest_throughput
 from .streams import PASSING
 
 
-def pass_sheets(stage: Stage, bounce: Bounce, samples: np.ndarray, reach: np.ndarray) -> tuple[Rays, np.ndarray]:
+def pass_through(stage: Stage, bounce: Bounce, samples: np.ndarray, reach: np.ndarray) -> tuple[Rays, np.ndarray]:
     """The rays of a bounce that go on behind the thin sheets that they met, and their reach. Of weak ones roulette ends
     some. All distances of the bounce's hits become those from where the rays set out.
 
@@ -29,16 +29,16 @@ def pass_sheets(stage: Stage, bounce: Bounce, samples: np.ndarray, reach: np.nda
     """
     count = len(bounce.hits.triangle)
     passed, left = empty_rays(count, bounce.rays.throughput.shape[1], True), np.empty(count, np.float32)
-    found = _pass_sheets(stage, bounce, samples, reach, passed, left)
+    found = _pass_through(stage, bounce, samples, reach, passed, left)
     bounce.hits.distance[:] += bounce.rays.passed[:count]
     return Rays(*(column[:found] for column in passed)), left[:found]
 
 
 @njit(**FAST_KERNEL)
-def _pass_sheets(stage, bounce, samples, reach, passed, left):
+def _pass_through(stage, bounce, samples, reach, passed, left):
     rays, hits, found = bounce.rays, bounce.hits, np.int64(0)
     for i in range(hits.triangle.size):
-        if hits.triangle[i] < 0 or not is_sheet(lobes_met(stage, hits, i)):
+        if hits.triangle[i] < 0 or not transmits(lobes_met(stage, hits, i)):
             continue
         at, way = interact(stage.surfaces, hits, i, rays.direction), vector(rays.direction, i)
         tau, path = transmittance_at(stage, at), path_key(rays.path[i], PASSING + bounce.number)
