@@ -107,7 +107,7 @@ def test_settings_reach_the_solver(infrared):
     settings = read_settings(infrared)
     assert (settings.assumed_emissivity, settings.reflected_temperature) == (0.5, 250.0)
     infrared.assumed_emissivity = 0.0
-    with pytest.raises(SceneError, match="Panel 'Spectrum > Sensor': Assumed Emissivity is 0"):
+    with pytest.raises(SceneError, match="Panel 'Spectrum > Object Parameters': Assumed Emissivity is 0"):
         read_settings(infrared)
 
 
