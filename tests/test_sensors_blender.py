@@ -163,7 +163,7 @@ def test_the_panel_shows_the_response(infrared, sensor):
     with patch("addon.ui.checks.draw_checks") as drawn:
         INFRARED_PT_sensor.draw_settings(None, column, infrared)
     shown = [call.args[1] for call in column.prop.call_args_list]
-    assert shown == ["sensor", "assumed_emissivity"]  # the reflected temperature has a row of its own
+    assert shown == ["sensor"]
     assert column.template_icon.called == (sensor != "BOX")
     assert [check.level for check in drawn.call_args.args[1]] == {"INSB": ["ERROR"], "HGCDTE": ["WARNING"]}.get(
         sensor, []
