@@ -80,7 +80,8 @@ def test_a_render_through_air_and_a_window_reads_the_plates_own_temperature(infr
 def test_air_of_the_world_is_corrected_for(infrared, tmp_path):
     """Grey gas at the temperature of the sky between camera and plate: the plate's own temperature comes out.
 
-    The plate's upper side is at z = 0.5; rays start at the camera's clip start. Through a long lens rays differ in length by less than 0.1 % of the way, and so
+    The plate's upper side is at z = 0.5; rays start at the camera's clip start. Through a long lens they differ in
+    length by less than 0.1 % of the way, and so
     in what the air adds and takes: less than 1e-4 of S(320 K) - S(260 K), 10 mK.
     """
     world, scene = bpy.context.scene.world, bpy.context.scene
