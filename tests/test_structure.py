@@ -29,7 +29,8 @@ ROOMS = (
     ("ui",),
     ("rendering",),
     ("reading",),
-    ("properties", "heat_settings", "interface"),
+    ("properties", "heat_settings", "measure_settings", "interface"),
+    ("measuring",),
     ("output",),
     ("version", "solver", "presets"),
 )
