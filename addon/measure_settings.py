@@ -55,8 +55,8 @@ class InfraredMeasuringTool(bpy.types.PropertyGroup):
     points: CollectionProperty(name="Points", description="Places in the picture", type=InfraredToolPoint)
     use_own_emissivity: BoolProperty(
         name="Own Emissivity",
-        description="Correct this tool's temperatures for an emissivity and a reflected temperature of its own, not for "
-        "those of the picture",
+        description="Correct this tool's temperatures for an emissivity and a reflected temperature of its own, not "
+        "for those of the picture",
         default=False,
         update=redraw_pictures,
     )
