@@ -83,13 +83,14 @@ def _own_materials(earlier: Path) -> Path:
 
 
 def _modules():
-    from . import engine, preferences, properties
+    from . import engine, measure_settings, preferences, properties
     from .ui import band_presets, checks, object_panel, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
     from .ui.temperatures import clear_sky, heat_display, heat_map, surface_image, temperature_groups, temperature_tools
 
     return (
+        measure_settings,
         properties,
         operators,
         sensor_image,

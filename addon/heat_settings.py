@@ -23,7 +23,7 @@ def redraw_pictures(_owner=None, _context=None) -> None:
 
 
 class InfraredSpot(bpy.types.PropertyGroup):
-    """A fixed spot of the spot meter."""
+    """A fixed spot in files of earlier versions, see measure_settings.convert_spots."""
 
     position: FloatVectorProperty(
         name="Position",
@@ -99,8 +99,9 @@ class HeatDisplaySettings:
     )
     spots: CollectionProperty(
         name="Spots",
-        description="Fixed spots at which the temperature of a render is shown",
+        description="Fixed spots in files of earlier versions; measuring tools stand in their place",
         type=InfraredSpot,
+        options={"HIDDEN"},
     )
 
 

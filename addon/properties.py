@@ -12,6 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from .heat_settings import HeatDisplaySettings, InfraredSpot
 from .interface import TEMPERATURE_DIGITS, temperature_property
+from .measure_settings import MeasureSettings
 from .object_settings import ROOM_TEMPERATURE, ObjectParameterSettings
 from .output.formats import ENUM_ITEMS
 from .solver.scene import ATMOSPHERE, LAMP_TEMPERATURE, SUN_TEMPERATURE
@@ -188,7 +189,7 @@ def show_passes(settings, _context) -> None:
         layer.update_render_passes()
 
 
-class InfraredSettings(HeatDisplaySettings, ObjectParameterSettings, bpy.types.PropertyGroup):
+class InfraredSettings(HeatDisplaySettings, ObjectParameterSettings, MeasureSettings, bpy.types.PropertyGroup):
     """Settings of the Infrared Photons engine, one set in every scene."""
 
     passes: IntProperty(

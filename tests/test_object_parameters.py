@@ -4,12 +4,11 @@
 import numpy as np
 import pytest
 
+from addon.measuring.correcting import Sensor, corrected, corrected_noise
 from addon.measuring.object_parameters import (
     ObjectParameters,
     camera_air_transmission,
     gas_transmission,
-    object_noise,
-    object_temperature,
     vapour_density,
 )
 from addon.solver import Correction, Film
@@ -54,12 +53,12 @@ def seen(kelvin, parameters, weights):
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_an_objects_temperature_comes_back(sensor):
-    """200 sets of parameters, objects from 220 K to 1500 K: within 1 mK."""
+    """200 sets of parameters, objects from 220 K to 1500 K: within 1 mK. float32 of 1500 K is 0.06 mK."""
     weights, rng = SENSORS[sensor], np.random.default_rng(1)
     kelvin, worst = np.geomspace(220.0, 1500.0, 60), 0.0
     for _ in range(200):
         parameters = random_parameters(rng)
-        found = object_temperature(seen(kelvin, parameters, weights), EDGES, weights, parameters)
+        found = corrected(seen(kelvin, parameters, weights), Sensor(EDGES, weights), parameters.correction)
         worst = max(worst, np.abs(found - kelvin).max())
     print(f"{sensor}: at most {1000.0 * worst:.2g} mK")
     assert worst < 1e-3
@@ -74,58 +73,37 @@ def test_without_air_and_optics_it_is_the_older_correction_to_the_last_bit():
         np.testing.assert_array_equal(
             Correction(emissivity, reflected).object_radiance(radiance, EDGES, weights), older
         )
-        found = object_temperature(radiance, EDGES, weights, ObjectParameters(emissivity, reflected))
-        np.testing.assert_array_equal(found, apparent_temperature(older, EDGES, weights))
+        found = corrected(radiance, Sensor(EDGES, weights), ObjectParameters(emissivity, reflected).correction)
+        np.testing.assert_array_equal(found, apparent_temperature(older, EDGES, weights).astype(np.float32))
 
 
 def test_a_film_corrects_by_the_same_function():
     """One place: the temperatures that a render delivers are those that follow from its radiance."""
     weights, parameters = SENSORS["bolometer"], random_parameters(np.random.default_rng(2))
     kelvin = np.linspace(250.0, 500.0, 40)
-    share = sensor_radiance(EDGES, weights, 1.0) * 0.0  # no radiance at the reference
     film = Film(len(kelvin), 1, EDGES, 0.0, weights=weights)
     bands = np.zeros((len(kelvin), 11))
-    bands[:, 4] = seen(kelvin, parameters, weights) / weights[4] + share
+    bands[:, 4] = seen(kelvin, parameters, weights) / weights[4]
     film.add_pass(bands.astype(np.float32), np.zeros(len(kelvin), np.float32), 0)
     film.correction = parameters.correction
-    expected = object_temperature(film.radiance(), EDGES, weights, parameters)
+    expected = corrected(film.radiance(), Sensor(EDGES, weights), parameters.correction)
     np.testing.assert_allclose(film.temperature(), expected, rtol=0, atol=1e-3)
     np.testing.assert_allclose(film.temperature()[0], kelvin, rtol=0, atol=5e-3)  # radiance is rounded to float32
 
 
-def test_where_nothing_of_the_object_is_left_there_is_no_temperature():
-    """The window alone sends more than is seen: NaN there, and a temperature beside it."""
-    weights = SENSORS["ideal"]
-    parameters = ObjectParameters(0.9, optics_transmission=0.5, optics_temperature=350.0)
-    window = 0.5 * sensor_radiance(EDGES, weights, 350.0)
-    found = object_temperature(np.array([0.0, 0.9 * window, 3.0 * window]), EDGES, weights, parameters)
-    assert np.isnan(found[:2]).all() and found[2] > 0.0
-    plain = object_temperature(np.array([-1e-3, 0.0]), EDGES, weights, ObjectParameters())
-    np.testing.assert_array_equal(plain, 0.0)  # as in the passes of a render
-
-
 def test_the_noise_follows_the_parameters():
     """From what one correction says of the error to what another says of it; a film of the same passes knows both."""
-    weights, rng = SENSORS["bolometer"], np.random.default_rng(3)
-    film = Film(20, 20, EDGES, 290.0, weights=weights)
+    sensor, rng = Sensor(EDGES, SENSORS["bolometer"]), np.random.default_rng(3)
+    film = Film(20, 20, EDGES, 290.0, weights=sensor.weights)
     for _ in range(30):
         film.add_pass(rng.normal(0.02, 0.01, (400, 11)).astype(np.float32), np.zeros(400, np.float32), 0)
-    stated, wanted = ObjectParameters(0.9, 285.0), ObjectParameters(0.5, 285.0, air_transmission=0.9)
-    film.correction = stated.correction
-    before = film.noise()
-    film.correction = wanted.correction
-    found = object_noise(before, film.radiance(), EDGES, weights, stated, wanted)
+    stated = ObjectParameters(0.9, 285.0).correction
+    wanted = ObjectParameters(0.5, 285.0, air_transmission=0.9, optics_transmission=0.8).correction
+    film.correction = stated
+    before = film.temperature(), film.noise()
+    film.correction = wanted
+    found = corrected_noise(before, film.temperature(), sensor, (stated, wanted))
     np.testing.assert_allclose(found, film.noise(), rtol=1e-3)  # the errors are small, so that the slope is one
-    np.testing.assert_array_equal(object_noise(before, film.radiance(), EDGES, weights, stated, stated), before)
-
-
-def test_an_unknown_error_stays_unknown():
-    weights = SENSORS["ideal"]
-    film = Film(3, 1, EDGES, 290.0, weights=weights)
-    film.add_pass(np.full((3, 11), 0.02, np.float32), np.zeros(3, np.float32), 0)
-    wanted = ObjectParameters(0.8, 280.0)
-    found = object_noise(film.noise(), film.radiance(), EDGES, weights, ObjectParameters(), wanted)
-    np.testing.assert_array_equal(found, object_temperature(film.radiance(), EDGES, weights, wanted))
 
 
 # Air

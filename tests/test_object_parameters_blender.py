@@ -6,7 +6,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.measuring.object_parameters import ObjectParameters, camera_air_transmission, object_temperature  # noqa: E402
+from addon.measuring.correcting import Sensor, corrected  # noqa: E402
+from addon.measuring.object_parameters import ObjectParameters, camera_air_transmission  # noqa: E402
 from addon.reading.object_parameters import PROPERTIES, read_object_parameters  # noqa: E402
 from addon.reading.settings import read_settings  # noqa: E402
 from addon.rendering.checks import object_parameter_checks, scene_checks  # noqa: E402
@@ -70,7 +71,7 @@ def test_a_render_through_air_and_a_window_reads_the_plates_own_temperature(infr
     images = render_to_exr(tmp_path)["ViewLayer"]
     np.testing.assert_array_equal(images["Radiance"], plain)
     parameters = ObjectParameters(0.8, 260.0, optics_transmission=0.9, optics_temperature=310.0)
-    expected = object_temperature(plain, uniform_edges(7.5, 14.0, 4), np.ones(4), parameters)
+    expected = corrected(plain, Sensor(uniform_edges(7.5, 14.0, 4), np.ones(4)), parameters.correction)
     np.testing.assert_allclose(images["Temperature"], expected, rtol=0, atol=1e-4)  # float32 of 320 K is 3e-5 K
     [layer] = finished_layers.values()
     facts = layer["metadata"]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measuring in a finished picture: numpy alone, nothing of Blender."""
+"""What measuring tools read in a picture of temperatures. This knows nothing of Blender."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..solver.physics.correction import Correction
-from ..solver.physics.spectrum import apparent_temperature, planck
+from ..solver.physics.spectrum import planck
 from ..solver.physics.transmission import transmittance
 from ..solver.scene import Medium, SceneError, check_temperature
 
@@ -27,7 +27,6 @@ SHARE = 1.9  # of the first of two exponentials; the second has 1 minus that
 DRY = 0.006569, 0.01262  # m^-1/2, of each
 HUMID = -0.002276, -0.00667  # m^-1/2 (g/m3)^-1/2, of each
 VAPOUR = 1.5587, 6.939e-2, -2.7816e-4, 6.8455e-7  # logarithm of saturated vapour in g/m3, by powers of deg C
-ROUNDING = 1e-5  # relative, of temperatures that come from radiance in float32
 SAMPLES = 64  # wavelengths in a band, at which a gas is looked at
 
 
@@ -104,48 +103,3 @@ def gas_transmission(gas: Medium, distance: float, edges: np.ndarray, weights: n
     wavelengths = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
     signal = np.repeat(weights * np.diff(edges), SAMPLES) * planck(wavelengths, temperature)
     return float(signal @ transmittance(gas, wavelengths, distance) / signal.sum())
-
-
-def object_temperature(
-    radiance: np.ndarray, edges: np.ndarray, weights: np.ndarray, parameters: ObjectParameters
-) -> np.ndarray:
-    """Temperature of objects by what a sensor sees of them, K, float64 of the radiance's shape.
-
-    radiance: W m-2 sr-1, any shape. edges: (b + 1,) um. weights: (b,) response.
-    NaN where air, optics and what is reflected alone would send more than is seen: no temperature fits. Without a
-    correction radiance of 0 and below, as of a faint and noisy pixel, is 0 K, as in the passes of a render.
-    """
-    correction = parameters.correction
-    emitted = correction.object_radiance(np.asarray(radiance, np.float64), edges, weights)
-    kelvin = apparent_temperature(emitted, edges, weights)
-    return kelvin if correction.share == 1.0 else np.where(emitted > 0.0, kelvin, np.nan)
-
-
-def object_noise(
-    noise: np.ndarray,
-    radiance: np.ndarray,
-    edges: np.ndarray,
-    weights: np.ndarray,
-    stated: ObjectParameters,
-    wanted: ObjectParameters,
-) -> np.ndarray:
-    """Standard error of `object_temperature` by wanted parameters, K, float64 of the radiance's shape.
-
-    noise: that by the parameters that a render stated, K, of the radiance's shape. It goes back to radiance by the
-    slope of the stated temperatures, which is exact for small errors. An error as large as the stated temperature says
-    that nothing is known, and becomes as large as the wanted one.
-    """
-    if stated == wanted:
-        return np.asarray(noise, np.float64)
-    seen = np.asarray(radiance, np.float64)
-    before, after = (p.correction.object_radiance(seen, edges, weights) for p in (stated, wanted))
-    kelvin = apparent_temperature(before, edges, weights)
-    step = 1e-4 * np.maximum(before, 1e-30)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (apparent_temperature(before + step, edges, weights) - kelvin) / step
-        error = noise / slope * (stated.correction.share / wanted.correction.share)
-    error = np.where(np.isfinite(error), error, 0.0)
-    above, below = (apparent_temperature(np.maximum(after + by, 0.0), edges, weights) for by in (error, -error))
-    unknown = noise >= (1.0 - ROUNDING) * kelvin
-    new = np.where(unknown, apparent_temperature(after, edges, weights), 0.5 * (above - below))
-    return np.where(after > 0.0, new, np.nan)
