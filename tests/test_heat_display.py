@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.heat_settings import read_scale, scene_unit  # noqa: E402
 from addon.output.colour_bar import INK, ColourBar  # noqa: E402
-from addon.output.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
+from addon.output.heat_picture import LEAST_HEIGHT, Beside, write_picture  # noqa: E402
 from addon.output.palette import PALETTES, display  # noqa: E402
 from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale  # noqa: E402
 from addon.rendering import final_render, last_render  # noqa: E402
@@ -175,7 +175,7 @@ def test_combined_is_in_the_working_space_of_the_file(tmp_path):
 def test_the_picture_file_holds_the_colours_bit_by_bit(tmp_path):
     image = np.linspace(280, 340, 40 * 30).reshape(40, 30)
     scale = TemperatureScale("VIRIDIS", 290.0, 330.0)
-    write_picture(tmp_path / "a.png", image, scale, KELVIN, colour_bar=False)
+    write_picture(tmp_path / "a.png", image, scale, KELVIN, Beside(colour_bar=False))
     np.testing.assert_array_equal(read_png(tmp_path / "a.png"), display(scale.colours(image)))
 
 

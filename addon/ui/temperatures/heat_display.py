@@ -15,7 +15,7 @@ from gpu_extras.batch import batch_for_shader
 from ...heat_settings import read_scale, scene_unit, use_true_colours, view_problem
 from ...interface import ENGINE
 from ...output.colour_bar import BACKGROUND, INK, ColourBar
-from ...output.heat_picture import write_picture
+from ...output.heat_picture import Beside, write_picture
 from ...output.palette import display, spread
 from ...output.temperature_scale import TemperatureScale, automatic_range
 from ...rendering.last_render import finished_layers
@@ -193,7 +193,7 @@ class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
         try:
             for layer, suffix in layer_suffixes(layers).items():
                 path = Path(bpy.path.abspath(self.target(suffix)))
-                write_picture(path, layers[layer]["temperature"], scale, unit, self.colour_bar)
+                write_picture(path, layers[layer]["temperature"], scale, unit, Beside(self.colour_bar))
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
