@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 640, 220  # px
 LEFT, RIGHT, TOP, BOTTOM = 64, 12, 12, 40  # px around the drawing
 MOST_POINTS = 2000  # of a profile that is drawn; of a longer one extremes are kept
 BINS = 64
-STOPS = 32  # of the bar's colours
+STOPS = 128  # of the bar's colours
 COLOURS = ("#c2410c", "#1d4ed8", "#15803d", "#7e22ce", "#a16207", "#0e7490", "#be123c", "#4d7c0f")
 
 

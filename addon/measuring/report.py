@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..output.marks import Mark, outline
+from ..output.marks import Mark, label_place, outline
 from ..output.temperature_scale import TemperatureScale, TemperatureUnit
 from ..solver.system.files import replacing
 from . import graphs
@@ -21,6 +21,7 @@ from .table import SHORT_TITLES, ToolReading, by_tool, columns, row, short_row
 
 LEAST_WIDTH = 480  # px that a small picture is shown in
 MOST_ENLARGED = 8
+LETTER = 0.65  # width of a letter or figure, in heights of the text
 STYLE = """
 :root { color-scheme: light dark; }
 body { font: 15px/1.45 system-ui, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; margin: 2rem auto; max-width: 62rem;
@@ -36,7 +37,7 @@ h3 { font-size: 1rem; margin: 1.2rem 0 .3rem; } p.lead { margin: 0 0 1rem; color
 svg text { font: 12px system-ui, sans-serif; fill: currentColor; } svg text.label { fill: #fff; }
 table { border-collapse: collapse; margin: .4rem 0 1rem; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: .25rem .8rem .25rem 0; border-bottom: 1px solid #d9d9de; vertical-align: top; }
-th { font-weight: 600; } td.name { overflow-wrap: anywhere; max-width: 18rem; } .all { font-size: 12px; }
+th { font-weight: 600; } td { overflow-wrap: break-word; max-width: 18rem; } .all { font-size: 13px; }
 .wide { overflow-x: auto; } svg.graph { width: 100%; max-width: 640px; height: auto; }
 .grid { stroke: #8883; } .frame, .tick { stroke: currentColor; fill: none; }
 .curve { fill: none; stroke: #c2410c; stroke-width: 1.5; } .bar { fill: #c2410c; } .isotherm { fill: #22c55e55; }
@@ -118,7 +119,8 @@ def _picture(picture: ReportedPicture, unit: TemperatureUnit) -> str:
     for tool in picture.tools:
         parts += _graph(tool, unit, ends)
     if picture.tools:
-        parts += ["<h3>All figures</h3>", _table(columns(unit), [row(tool, unit) for tool in picture.tools], "all")]
+        titles, *figures = zip(columns(unit), *(row(tool, unit) for tool in picture.tools), strict=True)
+        parts += ["<h3>All figures</h3>", _table(titles, figures, "all")]
     return "\n".join([*parts, _facts(picture.facts, "h3"), "</section>"])
 
 
@@ -135,12 +137,11 @@ def _thermal(picture: ReportedPicture, unit: TemperatureUnit) -> str:
     for mark in picture.marks:
         lines = outline(mark, text)
         path = " ".join("M" + "L".join(f"{x:.2f} {height - y:.2f}" for x, y in line.tolist()) for line in lines)
-        x, y = np.vstack(lines).max(axis=0)
-        anchor, x = ("start", x + 0.4 * text) if x + 6.0 * text < width else ("end", np.vstack(lines)[:, 0].min())
+        x, y = label_place(mark, text, LETTER * text * len(mark.label), picture.size)
         parts.append(f'<path class="edge" d="{path}"/><path class="mark" d="{path}"/>')
         parts.append(
             f'<text class="label" style="font-size:{text:.3f}px;stroke-width:{3 / larger:.3f}px" x="{x:.2f}" '
-            f'y="{max(height - y + 0.4 * text, text):.2f}" text-anchor="{anchor}">{escape(mark.label)}</text>'
+            f'y="{height - y:.2f}">{escape(mark.label)}</text>'
         )
     return "\n".join([*parts, "</svg>", graphs.bar(picture.scale, unit, max(160, min(larger * height, 480)))])
 
@@ -173,7 +174,7 @@ def _frames(frames: Sequence[ToolReading], unit: TemperatureUnit) -> str:
 
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]], kind: str = "tools") -> str:
     head = "".join(f"<th>{escape(title)}</th>" for title in titles)
-    lines = ["<tr>" + "".join(f'<td class="name">{escape(cell)}</td>' for cell in cells) + "</tr>" for cells in rows]
+    lines = ["<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>" for cells in rows]
     table = [f'<table class="{kind}">', f"<thead><tr>{head}</tr></thead>", "<tbody>", *lines, "</tbody></table>"]
     return "\n".join(['<div class="wide">', *table, "</div>"])
 
