@@ -24,7 +24,10 @@ COLOURS = ("#c2410c", "#1d4ed8", "#15803d", "#7e22ce", "#a16207", "#0e7490", "#b
 
 @dataclass(frozen=True)
 class Axes:
-    """What the sides of a drawing stand for: x from x_low to x_high, y from y_low to y_high, with their titles."""
+    """What the sides of a drawing stand for: x from x_low to x_high, y from y_low to y_high, with their titles.
+
+    counts: whether x are whole numbers.
+    """
 
     x_low: float
     x_high: float
@@ -32,6 +35,7 @@ class Axes:
     y_high: float
     x_title: str
     y_title: str
+    counts: bool = False
 
     def x(self, value):
         """Pixels from the left of a value, number or array."""
@@ -48,11 +52,11 @@ class Axes:
             f'<svg class="graph" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(label)}">',
             f"<title>{escape(label)}</title>",
         ]
-        for value, text in _labels(self.x_low, self.x_high, 8):
+        for value, text in _labels(self.x_low, self.x_high, 8, self.counts):
             x = self.x(value)
             parts.append(f'<path class="grid" d="M{x:.1f} {TOP}V{low}"/>')
             parts.append(f'<text x="{x:.1f}" y="{low + 14}" text-anchor="middle">{text}</text>')
-        for value, text in _labels(self.y_low, self.y_high, 5):
+        for value, text in _labels(self.y_low, self.y_high, 5, False):
             y = self.y(value)
             parts.append(f'<path class="grid" d="M{LEFT} {y:.1f}H{right}"/>')
             parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>')
@@ -68,10 +72,11 @@ class Axes:
         return "\n".join(parts)
 
 
-def _labels(low: float, high: float, most: int) -> list[tuple[float, str]]:
-    """(value, text) of round values between two."""
+def _labels(low: float, high: float, most: int, whole: bool) -> list[tuple[float, str]]:
+    """(value, text) of round values between two. whole: of whole numbers alone."""
     decimals = max(0, -math.floor(math.log10(tick_step(low, high, most)) + 1e-9))
-    return [(value, f"{value:.{decimals}f}") for value in ticks(low, high, most)]
+    values = [value for value in ticks(low, high, most) if not whole or abs(value - round(value)) < 1e-6]
+    return [(value, f"{value:.{0 if whole else decimals}f}") for value in values]
 
 
 def _range(values: np.ndarray) -> tuple[float, float] | None:
@@ -112,7 +117,7 @@ def profile(values: np.ndarray, unit: TemperatureUnit, label: str) -> str:
         pieces = np.array_split(np.arange(len(shown)), MOST_POINTS // 2)
         kept = sorted({int(i) for part in pieces for i in (part[shown[part].argmin()], part[shown[part].argmax()])})
         shown, at = shown[kept], at[kept]
-    axes = Axes(1.0, max(len(values), 2), *ends, "Pixel along the line", unit.symbol)
+    axes = Axes(1.0, max(len(values), 2), *ends, "Pixel along the line", unit.symbol, True)
     return axes.drawn(f'<path class="curve" d="{_path(axes.x(at), axes.y(shown))}"/>', f"Profile of {label}")
 
 
@@ -150,7 +155,7 @@ def over_frames(series: Mapping[str, tuple[Sequence[int], np.ndarray]], unit: Te
     if ends is None or not all_frames.size:
         return ""
     first, last = float(all_frames.min()), float(all_frames.max())
-    axes = Axes(first, last if last > first else first + 1.0, *ends, "Frame", unit.symbol)
+    axes = Axes(first, last if last > first else first + 1.0, *ends, "Frame", unit.symbol, True)
     parts = []
     for index, ((frames, _), shown) in enumerate(zip(series.values(), values, strict=True)):
         colour, x = COLOURS[index % len(COLOURS)], axes.x(np.asarray(frames, np.float64))

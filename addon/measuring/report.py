@@ -33,8 +33,8 @@ h3 { font-size: 1rem; margin: 1.2rem 0 .3rem; } p.lead { margin: 0 0 1rem; color
 .picture image { image-rendering: pixelated; }
 .mark { fill: none; stroke: #fff; stroke-width: 1.4; vector-effect: non-scaling-stroke; }
 .edge { fill: none; stroke: #000; stroke-width: 3.6; vector-effect: non-scaling-stroke; }
-.label { font: 600 13px system-ui, sans-serif; fill: #fff; stroke: #000; stroke-width: 3px; paint-order: stroke; }
-svg text { font: 12px system-ui, sans-serif; fill: currentColor; } svg text.label { fill: #fff; }
+svg text { font: 12px system-ui, sans-serif; fill: currentColor; } svg text.label { fill: #fff; font-weight: 600; }
+.under { fill: #18181c; opacity: .75; }
 table { border-collapse: collapse; margin: .4rem 0 1rem; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: .25rem .8rem .25rem 0; border-bottom: 1px solid #d9d9de; vertical-align: top; }
 th { font-weight: 600; } td { overflow-wrap: break-word; max-width: 18rem; } .all { font-size: 13px; }
@@ -137,12 +137,15 @@ def _thermal(picture: ReportedPicture, unit: TemperatureUnit) -> str:
     for mark in picture.marks:
         lines = outline(mark, text)
         path = " ".join("M" + "L".join(f"{x:.2f} {height - y:.2f}" for x, y in line.tolist()) for line in lines)
-        x, y = label_place(mark, text, LETTER * text * len(mark.label), picture.size)
-        parts.append(f'<path class="edge" d="{path}"/><path class="mark" d="{path}"/>')
-        parts.append(
-            f'<text class="label" style="font-size:{text:.3f}px;stroke-width:{3 / larger:.3f}px" x="{x:.2f}" '
-            f'y="{height - y:.2f}">{escape(mark.label)}</text>'
-        )
+        long = LETTER * text * len(mark.label)
+        x, y = label_place(mark, text, long, picture.size)
+        parts += [
+            f'<path class="edge" d="{path}"/><path class="mark" d="{path}"/>',
+            f'<rect class="under" x="{x - 0.25 * text:.2f}" y="{height - y - 0.95 * text:.2f}" '
+            f'width="{long + 0.5 * text:.2f}" height="{1.2 * text:.2f}"/>',
+            f'<text class="label" style="font-size:{text:.3f}px" x="{x:.2f}" y="{height - y:.2f}" '
+            f'textLength="{long:.2f}" lengthAdjust="spacingAndGlyphs">{escape(mark.label)}</text>',
+        ]
     return "\n".join([*parts, "</svg>", graphs.bar(picture.scale, unit, max(160, min(larger * height, 480)))])
 
 
