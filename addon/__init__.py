@@ -87,7 +87,16 @@ def _modules():
     from .ui import band_presets, checks, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
-    from .ui.temperatures import clear_sky, heat_display, heat_map, surface_image, temperature_groups, temperature_tools
+    from .ui.measuring import tool_operators, tool_panels, workspace_tools
+    from .ui.temperatures import (
+        bar_gizmo,
+        clear_sky,
+        heat_display,
+        heat_map,
+        surface_image,
+        temperature_groups,
+        temperature_tools,
+    )
 
     return (
         measure_settings,
@@ -111,6 +120,10 @@ def _modules():
         band_presets,
         checks,
         heat_display,
+        bar_gizmo,
+        tool_operators,
+        tool_panels,
+        workspace_tools,
         preferences,
         engine,
     )

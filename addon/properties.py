@@ -10,7 +10,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from .heat_settings import HeatDisplaySettings, InfraredSpot
+from .heat_settings import HeatDisplaySettings, InfraredSpot, redraw_pictures
 from .interface import TEMPERATURE_DIGITS, temperature_property
 from .measure_settings import MeasureSettings
 from .output.formats import ENUM_ITEMS
@@ -340,6 +340,7 @@ class InfraredSettings(HeatDisplaySettings, MeasureSettings, bpy.types.PropertyG
         soft_max=1.0,
         precision=3,
         subtype="FACTOR",
+        update=redraw_pictures,
     )
     reflected_temperature: temperature_property(
         "Reflected Temperature",
@@ -348,6 +349,7 @@ class InfraredSettings(HeatDisplaySettings, MeasureSettings, bpy.types.PropertyG
         soft_min=0.0,
         soft_max=2_000.0,
         step=100,
+        update=redraw_pictures,
     )
     use_detector: BoolProperty(
         name="Camera Effects",

@@ -44,7 +44,10 @@ def corrected(radiance: np.ndarray, sensor: Sensor, correction: Correction) -> n
 
 
 def corrected_noise(
-    before: tuple[np.ndarray, np.ndarray], temperature: np.ndarray, sensor: Sensor, changes: tuple[Correction, Correction]
+    before: tuple[np.ndarray, np.ndarray],
+    temperature: np.ndarray,
+    sensor: Sensor,
+    changes: tuple[Correction, Correction],
 ) -> np.ndarray:
     """Standard errors, float32 K, of `corrected` temperatures.
 
