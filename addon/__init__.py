@@ -84,10 +84,20 @@ def _own_materials(earlier: Path) -> Path:
 
 def _modules():
     from . import engine, measure_settings, preferences, properties
-    from .ui import band_presets, checks, object_panel, operators, panels, sensor_image, sensor_panel
+    from .rendering import frame_tools
+    from .ui import band_presets, checks, export_report, object_panel, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
-    from .ui.temperatures import clear_sky, heat_display, heat_map, surface_image, temperature_groups, temperature_tools
+    from .ui.measuring import tool_operators, tool_panels, workspace_tools
+    from .ui.temperatures import (
+        bar_gizmo,
+        clear_sky,
+        heat_display,
+        heat_map,
+        surface_image,
+        temperature_groups,
+        temperature_tools,
+    )
 
     return (
         measure_settings,
@@ -112,6 +122,12 @@ def _modules():
         checks,
         heat_display,
         object_panel,
+        export_report,
+        frame_tools,
+        bar_gizmo,
+        tool_operators,
+        tool_panels,
+        workspace_tools,
         preferences,
         engine,
     )

@@ -74,7 +74,6 @@ class InfraredMeasuringTool(bpy.types.PropertyGroup):
         "Reflected Temperature",
         "Apparent temperature in kelvin of what the surfaces under this tool reflect",
         293.15,
-        update=redraw_pictures,
     )
 
     def places(self) -> list[tuple[float, float]]:
@@ -111,13 +110,6 @@ class MeasureSettings:
         name="Hot and Cold",
         description="Mark the hottest and the coldest pixel of the picture and of each area",
         default=False,
-        update=redraw_pictures,
-    )
-    show_graph: BoolProperty(
-        name="Graph",
-        description="Show over the picture, at the lower left, the profile of the chosen line or the histogram of the "
-        "chosen area",
-        default=True,
         update=redraw_pictures,
     )
 

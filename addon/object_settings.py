@@ -7,12 +7,21 @@ from functools import partial
 
 from bpy.props import EnumProperty, FloatProperty
 
+from .heat_settings import redraw_pictures
 from .interface import temperature_property
 
 ROOM_TEMPERATURE = 293.15  # K
 
-_temperature = partial(temperature_property, default=ROOM_TEMPERATURE, soft_min=0.0, soft_max=2_000.0, step=100)
-_share = partial(FloatProperty, default=1.0, soft_min=0.01, soft_max=1.0, precision=3, subtype="FACTOR")
+_number = partial(FloatProperty, update=redraw_pictures)
+_share = partial(_number, default=1.0, soft_min=0.01, soft_max=1.0, precision=3, subtype="FACTOR")
+_temperature = partial(
+    temperature_property,
+    default=ROOM_TEMPERATURE,
+    soft_min=0.0,
+    soft_max=2_000.0,
+    step=100,
+    update=redraw_pictures,
+)
 
 
 class ObjectParameterSettings:
@@ -47,13 +56,14 @@ class ObjectParameterSettings:
             ),
         ),
         default="FIXED",
+        update=redraw_pictures,
     )
     air_transmission: _share(
         name="Air Transmission",
         description="Share of the radiation that the air between camera and object lets through, above 0 to 1; 1 "
         "corrects nothing",
     )
-    object_distance: FloatProperty(
+    object_distance: _number(
         name="Distance (m)",
         description="Way through the air from the camera to the object, in metres",
         default=1.0,
@@ -61,7 +71,7 @@ class ObjectParameterSettings:
         soft_max=1_000.0,
         precision=2,
     )
-    relative_humidity: FloatProperty(
+    relative_humidity: _number(
         name="Relative Humidity",
         description="Of the air between camera and object, in per cent",
         default=50.0,

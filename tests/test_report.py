@@ -17,7 +17,7 @@ from addon.measuring.regions import Window, region_of
 from addon.measuring.report import Report, ReportedPicture, page, write_report
 from addon.measuring.statistics import measure
 from addon.measuring.table import SHORT_TITLES, ToolReading, columns, difference_text, row, short_row, write_table
-from addon.output.marks import Mark, draw_marks, label_place, outline
+from addon.output.marks import Mark, draw_marks, label_place, lines
 from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale
 from addon.solver import Correction
 
@@ -120,7 +120,7 @@ def test_a_table_holds_the_figures_by_hand(tmp_path):
         "Minimum (K)": 300.5, "Maximum (K)": 305.25, "Mean (K)": 302.875, "Error of Minimum (K)": 0.02,
         "Error of Maximum (K)": 0.02, "Error of Mean (K)": 0.02 / math.sqrt(12.0),
         "Standard Deviation (K)": math.sqrt(8.0 / 3.0 + 1.25 / 16.0), "Pixels": 12, "Share of Picture (%)": 25.0,
-        "Column of Minimum": 3, "Row of Minimum": 1, "Column of Maximum": 6, "Row of Maximum": 3,
+        "Column of Minimum": 2, "Row of Minimum": 0, "Column of Maximum": 5, "Row of Maximum": 2,
         "Share in Isotherm (%)": 100.0 / 6.0, "Emissivity": 0.95, "Reflected Temperature (K)": 291.15,
         "Air Transmission": 0.98, "Air Temperature (K)": 288.15, "Optics Transmission": 0.9,
         "Optics Temperature (K)": 300.15,
@@ -164,7 +164,7 @@ def test_a_short_row_has_as_many_cells_as_titles():
 def test_a_difference_has_the_error_of_both():
     first, second = read("BOX", BOX), read("SPOT", [(0.5, 0.5)])
     error = math.hypot(0.02 / math.sqrt(12.0), 0.02)
-    assert difference_text(first, second, FAHRENHEIT) == f"{1.8 * (302.875 - 307.0):+.3f} ± {1.8 * error:.3f} °F"
+    assert difference_text(first, second, FAHRENHEIT) == f"{1.8 * (302.875 - 307.0):.2f} ± {1.8 * error:.2f} °F"
     assert difference_text(first, read("SPOT", [(5.0, 5.0)]), KELVIN) == "not rendered"
 
 
@@ -276,11 +276,11 @@ def test_any_temperatures_can_be_drawn(values):
 
 def test_an_outline_is_where_the_tool_is():
     corners = ((2.0, 3.0), (10.0, 7.0))
-    assert outline(Mark("BOX", corners, ""), 13)[0].tolist() == [[2, 3], [10, 3], [10, 7], [2, 7], [2, 3]]
-    [circle] = outline(Mark("ELLIPSE", corners, ""), 13)
+    assert lines(Mark("BOX", corners, ""), 13)[0].tolist() == [[2, 3], [10, 3], [10, 7], [2, 7], [2, 3]]
+    [circle] = lines(Mark("ELLIPSE", corners, ""), 13)
     np.testing.assert_allclose(np.sum(((circle - (6.0, 5.0)) / (4.0, 2.0)) ** 2, axis=1), 1.0)
-    assert len(outline(Mark("SPOT", corners[:1], ""), 13)) == 4
-    assert outline(Mark("POLYGON", (*corners, (0.0, 9.0)), ""), 13)[0].tolist()[-1] == [2, 3]
+    assert len(lines(Mark("SPOT", corners[:1], ""), 13)) == 4
+    assert lines(Mark("POLYGON", (*corners, (0.0, 9.0)), ""), 13)[0].tolist()[-1] == [2, 3]
 
 
 def test_a_line_is_drawn_along_its_pixels_and_nowhere_else():

@@ -16,8 +16,7 @@ from addon.measure_settings import add_tool  # noqa: E402
 from addon.rendering.frame_tools import frames_path, over_frames  # noqa: E402
 from addon.rendering.last_render import finished_layers  # noqa: E402
 from addon.solver.physics.spectrum import apparent_temperature, sensor_radiance, uniform_edges  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
-from tests.helpers.images import read_png  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read_png, render_to_exr  # noqa: E402
 
 EDGES, WEIGHTS = uniform_edges(7.5, 14.0, 4), np.ones(4)
 EVIL = '<img src=x onerror="alert(1)">&'

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,14 +18,14 @@ FEWEST_POINTS = {"SPOT": 1, "LINE": 2, "BOX": 2, "ELLIPSE": 2, "POLYGON": 3}
 AREAS = ("BOX", "ELLIPSE", "POLYGON")  # kinds that measure the pixels whose middle is inside
 
 
-@dataclass(frozen=True)
-class Window:
-    """How the images of a render lie in the picture: size is (width, height) of the picture, origin (column, row) its
-    pixel that pixel (0, 0) of the images is, shape (rows, columns) that of the images, smaller with a render border.
+class Window(NamedTuple):
+    """How images lie in the picture: size is (width, height) of the picture, origin (column, row) its pixel that pixel
+    (0, 0) of the images is, shape (rows, columns) that of the images, smaller with a render border. In a viewport size
+    and origin are no whole numbers.
     """
 
-    size: tuple[int, int]
-    origin: tuple[int, int]
+    size: tuple[float, float]
+    origin: tuple[float, float]
     shape: tuple[int, int]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..output.marks import Mark, label_place, outline
+from ..output.marks import Mark, label_place, lines
 from ..output.temperature_scale import TemperatureScale, TemperatureUnit
 from ..solver.system.files import replacing
 from . import graphs
@@ -135,8 +135,8 @@ def _thermal(picture: ReportedPicture, unit: TemperatureUnit) -> str:
         f'<image width="{width}" height="{height}" href="data:image/png;base64,{data}"/>',
     ]
     for mark in picture.marks:
-        lines = outline(mark, text)
-        path = " ".join("M" + "L".join(f"{x:.2f} {height - y:.2f}" for x, y in line.tolist()) for line in lines)
+        drawn = lines(mark, text)
+        path = " ".join("M" + "L".join(f"{x:.2f} {height - y:.2f}" for x, y in line.tolist()) for line in drawn)
         long = LETTER * text * len(mark.label)
         x, y = label_place(mark, text, long, picture.size)
         parts += [

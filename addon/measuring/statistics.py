@@ -41,7 +41,13 @@ def measure(
 
     An error as large as the temperature is what the engine gives after a single pass, when nothing is known of it.
     """
-    values, errors = region.values(temperature), region.values(noise)
+    return measure_values(region, region.values(temperature), region.values(noise), temperature.size, isotherm)
+
+
+def measure_values(
+    region: Region, values: np.ndarray, errors: np.ndarray, pixels: int, isotherm: Isotherm | None = None
+) -> Measurement | None:
+    """As `measure`, of the values (n,) and errors (n,) in a region's pixels, K. pixels: of the whole image."""
     if values.size == 0:
         return None
     squares = float(np.sum(np.square(errors, dtype=np.float64)))
@@ -53,7 +59,7 @@ def measure(
         mean=float(np.mean(values, dtype=np.float64)),
         deviation=float(np.std(values, dtype=np.float64)),
         count=values.size,
-        area=values.size / temperature.size,
+        area=values.size / pixels,
         place_of_minimum=region.pixel(low),
         place_of_maximum=region.pixel(high),
         error_of_minimum=_known(errors[low], values[low]),
@@ -87,7 +93,9 @@ class Histogram(NamedTuple):
 
 
 def histogram(values: np.ndarray, bins: int = 64) -> Histogram:
-    """The Histogram of temperatures (n,), K, from the least to the largest; values of one temperature fill one bin."""
+    """The Histogram of temperatures (n,), K, from the least to the largest, without those that are no numbers; values of
+    one temperature fill one bin."""
+    values = values[np.isfinite(values)]
     if values.size == 0:
         return Histogram(np.zeros(bins, int), np.linspace(0.0, 1.0, bins + 1))
     return Histogram(*np.histogram(values, bins))

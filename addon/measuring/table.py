@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..output.temperature_scale import TemperatureUnit, reading
+from ..output.temperature_scale import TemperatureUnit, reading, span_reading
 from ..solver.physics.correction import Correction
 from ..solver.system.files import replacing
 from .statistics import Measurement, difference
@@ -57,7 +57,7 @@ def columns(unit: TemperatureUnit) -> list[str]:
 
 def row(tool: ToolReading, unit: TemperatureUnit) -> list[str]:
     """A tool's figures in the order of `columns`. What is unknown is empty: errors after a single pass, figures of a
-    tool outside the picture or where no temperature fits. Rows and columns of pixels count from 1, at the lower left.
+    tool outside the picture or where no temperature fits. Rows and columns of pixels count from 0, at the lower left.
     """
     found, correction = tool.measurement, tool.correction
     figures = [""] * 14
@@ -68,7 +68,7 @@ def row(tool: ToolReading, unit: TemperatureUnit) -> list[str]:
             _kelvin(found.maximum, unit), _error(found.error_of_maximum, unit),
             _kelvin(found.mean, unit), _error(found.error_of_mean, unit), _error(found.deviation, unit),
             str(found.count), f"{100.0 * found.area:.6g}",
-            str(low_column + 1), str(low_row + 1), str(high_column + 1), str(high_row + 1),
+            str(low_column), str(low_row), str(high_column), str(high_row),
             "" if found.in_isotherm is None else f"{100.0 * found.in_isotherm:.6g}",
         ]  # fmt: skip
     stated = [
@@ -121,10 +121,7 @@ def difference_text(first: ToolReading, second: ToolReading, unit: TemperatureUn
     if one is None or other is None:
         return "not rendered"
     kelvin, error = difference(one, other)
-    if not math.isfinite(kelvin):
-        return NO_VALUE
-    doubt = f"± {unit.scale * error:.3f}" if math.isfinite(error) else "(error unknown)"
-    return f"{unit.scale * kelvin:+.3f} {doubt} {unit.symbol}"
+    return span_reading(kelvin, error, unit) if math.isfinite(kelvin) else NO_VALUE
 
 
 def by_tool(tools: Sequence[ToolReading]) -> dict[tuple[str, str], list[ToolReading]]:
@@ -144,4 +141,4 @@ def _error(value: float, unit: TemperatureUnit) -> str:
 
 
 def _short(value: float, unit: TemperatureUnit) -> str:
-    return f"{unit.scale * value:.2f} {unit.symbol}" if math.isfinite(value) else NO_VALUE
+    return span_reading(value, None, unit) if math.isfinite(value) else NO_VALUE

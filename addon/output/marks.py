@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 LIGHT, DARK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)  # sRGB of an outline and of its edge, to be seen on any colour
-CORNERS = 64  # of what an ellipse is drawn as
+ROUND = 64  # corners of an ellipse as it is drawn
 ARM, GAP = 0.7, 0.2  # of a spot's cross, in heights of the text
+
+Place = tuple[float, float]
 
 
 class Mark(NamedTuple):
@@ -22,22 +26,31 @@ class Mark(NamedTuple):
     label: str
 
 
-def outline(mark: Mark, text: float) -> list[np.ndarray]:
-    """The lines of a mark, (n, 2) each, in pixels; a spot is a cross. text: height of the text beside it."""
-    points = np.asarray(mark.points, np.float64).reshape(-1, 2)
+def outline(kind: str, places: Sequence[Place]) -> list[Place]:
+    """The corners of a tool's outline; that of a line is open, of a spot only its place."""
+    if kind in ("BOX", "ELLIPSE") and len(places) > 1:
+        (x0, y0), (x1, y1) = places[:2]
+        if kind == "BOX":
+            return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        angle = np.arange(ROUND) * (2.0 * math.pi / ROUND)
+        x = 0.5 * (x0 + x1) + 0.5 * (x1 - x0) * np.cos(angle)
+        y = 0.5 * (y0 + y1) + 0.5 * (y1 - y0) * np.sin(angle)
+        return list(zip(x.tolist(), y.tolist(), strict=True))
+    return list(places)
+
+
+def is_closed(kind: str) -> bool:
+    """Whether an outline goes back to its first corner."""
+    return kind in ("BOX", "ELLIPSE", "POLYGON")
+
+
+def lines(mark: Mark, text: float) -> list[np.ndarray]:
+    """What is drawn of a mark, (n, 2) corners of each line, in pixels; a spot is a cross. text: height of the text."""
     if mark.kind == "SPOT":
         arms = np.array([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
-        return [points[0] + np.outer((GAP * text, ARM * text), arm) for arm in arms]
-    if mark.kind == "LINE":
-        return [points]
-    if mark.kind == "POLYGON":
-        return [np.vstack((points, points[:1]))]
-    low, high = points.min(axis=0), points.max(axis=0)
-    if mark.kind == "BOX":
-        return [np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])]
-    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS + 1)
-    circle = np.column_stack((np.cos(angle), np.sin(angle)))
-    return [0.5 * (low + high) + 0.5 * (high - low) * circle]
+        return [np.array(mark.points[0]) + np.outer((GAP * text, ARM * text), arm) for arm in arms]
+    corners = outline(mark.kind, mark.points)
+    return [np.array([*corners, *corners[:1]] if is_closed(mark.kind) else corners)]
 
 
 def label_place(mark: Mark, text: float, width: float, picture: tuple[float, float]) -> tuple[float, float]:
@@ -46,9 +59,9 @@ def label_place(mark: Mark, text: float, width: float, picture: tuple[float, flo
 
     text, width: height and width of the label. picture: width and height, in which the label stays. All in pixels.
     """
-    lines = np.vstack(outline(mark, text))
-    by = -lines[:, 1] if mark.kind != "SPOT" else np.abs(lines[:, 1] - lines[:, 1].mean())
-    x, y = lines[np.lexsort((-lines[:, 0], by))[0]]
+    corners = np.vstack(lines(mark, text))
+    by = -corners[:, 1] if mark.kind != "SPOT" else np.abs(corners[:, 1] - corners[:, 1].mean())
+    x, y = corners[np.lexsort((-corners[:, 0], by))[0]]
     away = 0.6 * text
     if x + away + width > picture[0]:
         x = x - 2.0 * away - width
@@ -60,9 +73,9 @@ def draw_marks(picture: np.ndarray, marks, text: float) -> None:
     """Draw the outlines of marks into a picture (h, w, 3), float32 sRGB 0..1, row 0 at the bottom."""
     line = max(1.0, text / 13.0)
     for mark in marks:
-        lines = outline(mark, text)
+        drawn = lines(mark, text)
         for width, colour in ((3.0 * line, DARK), (line, LIGHT)):
-            for points in lines:
+            for points in drawn:
                 for start, end in zip(points[:-1], points[1:], strict=True):
                     _draw_line(picture, start, end, width, colour)
 

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from ..solver.physics.correction import Correction
 from ..solver.scene import Material, SceneError, check_temperature
 from ..solver.settings import Settings
 from .object_parameters import read_object_parameters
@@ -15,14 +18,25 @@ def read_settings(infrared) -> Settings:
     """The solver's settings from scene.infrared. Raises SceneError, with the names that the interface shows, if nothing
     would stop the render or a value makes no sense.
     """
-    emissivity, *further = correction = read_object_parameters(infrared).correction
-    corrected = {"assumed_emissivity": emissivity, **dict(zip(correction._fields[1:], further, strict=True))}
-    names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name) and name not in corrected]
+    correction = read_object_parameters(infrared).correction
+    of_correction = _by_setting(correction)
+    names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name) and name not in of_correction]
     try:
-        return Settings(**{name: as_typed(getattr(infrared, name)) for name in names}, **corrected)
+        return Settings(**{name: as_typed(getattr(infrared, name)) for name in names}, **of_correction)
     except ValueError as error:
         shown = as_shown(error, infrared, dict(zip(names, names, strict=True)))
         raise SceneError(f"Panel 'Photons': {shown}") from error
+
+
+def with_correction(settings: Settings, correction: Correction) -> Settings:
+    """The same settings with another correction."""
+    return replace(settings, **_by_setting(correction))
+
+
+def _by_setting(correction: Correction) -> dict[str, float]:
+    """The values of a correction by the names that the solver's settings give them."""
+    emissivity, *further = correction
+    return {"assumed_emissivity": emissivity, **dict(zip(Correction._fields[1:], further, strict=True))}
 
 
 def read_defaults(infrared) -> tuple[float, Material]:
