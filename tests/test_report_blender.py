@@ -154,6 +154,21 @@ def test_an_animation_is_followed_in_memory_and_in_a_file(infrared, tmp_path):
     assert over_frames(scene) == []  # another render
 
 
+def test_a_tool_that_is_keyed_is_read_as_it_is_in_the_frame(infrared, tmp_path):
+    """From the plate to the sky, and with an emissivity that changes."""
+    scene = bpy.context.scene
+    moving = add_tool(infrared, "SPOT", [(0.5, 0.5)], "Moving")
+    moving.use_own_emissivity = True
+    for frame, place, emissivity in ((1, 0.5, 1.0), (2, 0.5, 0.8), (3, 0.02, 1.0)):
+        moving.points[0].position[0], moving.emissivity, moving.reflected_temperature = place, emissivity, 260.0
+        for name in ("points[0].position", "emissivity"):
+            scene.keyframe_insert(f"infrared.measuring_tools[0].{name}", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 3
+    render_to_exr(tmp_path, animation=True)
+    kelvin = [tool.measurement.mean for tool in over_frames(scene)]
+    np.testing.assert_allclose(kelvin, [plate(), 320.0, 260.0], rtol=0, atol=1e-3)
+
+
 def test_view_layers_are_told_apart(infrared, tmp_path):
     place_tools(infrared)
     bpy.context.scene.view_layers.new("Other & more")

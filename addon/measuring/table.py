@@ -112,7 +112,7 @@ def short_row(tool: ToolReading, unit: TemperatureUnit) -> list[str]:
     if spot:
         return [*title, "", "", ends[2], "", "1 pixel"]
     deviation = _short(found.deviation, unit)
-    return [*title, *ends, deviation, f"{100.0 * found.area:.3g} %"]
+    return [*title, *ends, deviation, f"{found.count} pixels" if tool.kind == "Line" else f"{100.0 * found.area:.3g} %"]
 
 
 def difference_text(first: ToolReading, second: ToolReading, unit: TemperatureUnit) -> str:
