@@ -65,12 +65,6 @@ def button_up() -> None:
     _event("LEFTMOUSE", "RELEASE")
 
 
-def double_click() -> None:
-    """Without a pause, as a slow machine would take it for two clicks."""
-    for value in ("PRESS", "RELEASE") * 2:
-        _event("LEFTMOUSE", value)
-
-
 def press_real_esc() -> None:
     """On the keyboard: an event that Blender simulates for itself does not break a render."""
     subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)
