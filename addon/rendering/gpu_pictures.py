@@ -23,16 +23,13 @@ void main()
   gl_Position = ModelViewProjectionMatrix * vec4(pos, 0.0, 1.0);
 }
 """
-# The isotherm's w says what it does: 0 nothing, 1 paints. A place between two pixels belongs to the lower one, as for
-# clicks, whatever the rounding: TIE. Blender brings what is drawn over an editor onto the screen by the power of
-# 1 / 2.2, and not by sRGB's own curve, which differs in the dark: so it is given the power of 2.2.
+# The isotherm's w says what it does: 0 nothing, 1 paints. Blender brings what is drawn over an editor onto the
+# screen by the power of 1 / 2.2, and not by sRGB's own curve, which differs in the dark: it is given the power of 2.2.
 _FRAGMENT = """
-#define TIE -0.001
-
 void main()
 {
   ivec2 size = textureSize(temperature, 0);
-  float kelvin = texelFetch(temperature, clamp(ivec2(share * vec2(size) + TIE), ivec2(0), size - 1), 0).r;
+  float kelvin = texelFetch(temperature, clamp(ivec2(share * vec2(size)), ivec2(0), size - 1), 0).r;
   int last = textureSize(palette, 0).x - 1;
   float place = (kelvin - ends.x) * (float(last) / (ends.y - ends.x));
   int entry = place > 0.0 ? int(min(place, float(last)) + 0.5) : 0;

@@ -21,7 +21,7 @@ SCREENSHOTS = sys.argv[1:]
 PATIENCE = 300.0  # s: kernels may have to be compiled
 PLACES = 3000  # pixels of the screen that are looked at for each zoom
 BORDER = 10  # pixels of the screen at an editor's frame, where tabs open its hidden toolbar and sidebar
-SHADES = 4  # of 255: rounding on the way to the screen, where 8 bits hold the dark ones by another curve
+SHADES = 6  # of 255: 4 as 8 bits hold the dark ones by another curve, 2 for a neighbour in the table of the palette
 
 
 def modules():

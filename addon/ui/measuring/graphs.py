@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...measuring.statistics import histogram
@@ -12,7 +14,7 @@ from ..materials.curve_image import BACKGROUND, draw_curve
 from ..materials.curve_previews import image_icon
 
 SIZE = 256, 256  # pixels
-BINS = 64
+MOST_BINS = 64
 _MARGIN = 0.04  # share of the height, at both ends, as of a curve
 _SHADE = 0.25  # of the isotherm's colour over the background
 
@@ -40,11 +42,12 @@ def _shares(count: int) -> np.ndarray:
 def histogram_image(values: np.ndarray, scale: TemperatureScale) -> np.ndarray:
     """How many of the temperatures (n,), K, are how warm, the coldest at the left, each in its colour of a scale whose
     ends are known: (h, w, 4) float32 sRGB, row 0 at the bottom."""
-    counts, edges = histogram(values, BINS)
+    count = int(np.clip(2.0 * math.sqrt(values.size), 8, MOST_BINS))
+    counts, edges = histogram(values, count)
     width, height = SIZE
     image = np.empty((height, width, 4), np.float32)
     image[:] = BACKGROUND
-    bins = np.arange(width) * BINS // width
+    bins = np.arange(width) * count // width
     colours = display(scale.colours(0.5 * (edges[:-1] + edges[1:]))) / np.float32(255.0)
     colours = np.maximum(colours, 0.22)  # so that black shows on the background
     top = np.rint(counts / max(counts.max(), 1) * (1.0 - 2.0 * _MARGIN) * height).astype(int)

@@ -49,9 +49,10 @@ class INFRARED_UL_tools(UIList):
     def draw_item(self, context, layout, infrared, tool, _icon, _active, _property, index=0, _flag=0):
         seen = seen_here(context)
         measured = seen and read_tool(tool, seen.picture, infrared)
-        row = layout.row(align=True)
-        row.label(text=f"{index + 1}", icon=KIND_ICONS[tool.kind])
-        row.prop(tool, "name", text="", emboss=False)
+        row = layout.split(factor=0.45)
+        name = row.row(align=True)
+        name.label(text=f"{index + 1}", icon=KIND_ICONS[tool.kind])
+        name.prop(tool, "name", text="", emboss=False)
         row.label(text=reading(measured.mean, measured.error_of_mean, scene_unit(context.scene)) if measured else "-")
 
 

@@ -14,8 +14,7 @@ from ...interface import ENGINE
 from ..drawing import LIGHT, draw_rectangles
 from .bar import END, bar_of, dragged, part_at
 
-DOUBLE_CLICK = 0.4  # s between two clicks
-STILL = 4  # pixels that the mouse may move between them, and in a click
+STILL = 4  # pixels that the mouse may move in a click
 SLOW = 0.1  # of the mouse's way counts while Ctrl is held
 
 
@@ -60,7 +59,8 @@ class INFRARED_GT_colour_bar(Gizmo):
         self.from_y, self.moved, self.infrared = place[1], False, context.scene.infrared
         self.before = self.infrared.range_mode, self.infrared.range_low, self.infrared.range_high
         now, (then, where) = time.monotonic(), INFRARED_GT_colour_bar.last_press
-        self.twice = now - then < DOUBLE_CLICK and math.dist(where, place) <= STILL
+        between = 0.001 * context.preferences.inputs.mouse_double_click_time  # s; simulated events are no double clicks
+        self.twice = event.value == "DOUBLE_CLICK" or (now - then < between and math.dist(where, place) <= STILL)
         INFRARED_GT_colour_bar.last_press = (0.0, place) if self.twice else (now, place)
         return {"RUNNING_MODAL"}
 
@@ -98,6 +98,13 @@ class BarGroup:
     def poll(cls, context):
         infrared = getattr(context.scene, "infrared", None)
         return infrared is not None and infrared.show_colour_bar and context.scene.render.engine == ENGINE
+
+    @classmethod
+    def setup_keymap(cls, keyconfig):
+        keymap = keyconfig.keymaps.new(name="Color Bar", space_type="EMPTY", region_type="WINDOW")
+        for value in ("PRESS", "DOUBLE_CLICK"):
+            keymap.keymap_items.new("gizmogroup.gizmo_tweak", "LEFTMOUSE", value, any=True)
+        return keymap
 
     def setup(self, _context):
         self.gizmos.new(INFRARED_GT_colour_bar.bl_idname)

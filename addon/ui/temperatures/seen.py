@@ -13,6 +13,7 @@ from ...rendering.readings import MeasuredPicture, fitted, temperature_now
 from . import spot_meter
 
 HALF = 0.5  # pixels: Blender takes a pixel's colour from where its lower left corner is in the picture
+SHIFT = 0.01  # pixels by which Blender moves all that is drawn over a region, to the right and up
 
 Place = tuple[float, float, float, float]  # left, bottom, width and height in a region, pixels
 
@@ -72,7 +73,7 @@ def _picture_place(region) -> Place:
     view = region.view2d
     (u0, v0), (u1, v1) = view.region_to_view(0, 0), view.region_to_view(region.width, region.height)
     width, height = region.width / (u1 - u0), region.height / (v1 - v0)
-    return HALF - u0 * width, HALF - v0 * height, width, height
+    return HALF - SHIFT - u0 * width, HALF - SHIFT - v0 * height, width, height
 
 
 def _in_viewport(space, region) -> Seen | None:
