@@ -169,6 +169,17 @@ def test_a_tool_that_is_keyed_is_read_as_it_is_in_the_frame(infrared, tmp_path):
     np.testing.assert_allclose(kelvin, [plate(), 320.0, 260.0], rtol=0, atol=1e-3)
 
 
+def test_a_table_that_is_in_the_way_ends_no_animation(infrared, tmp_path):
+    add_tool(infrared, "SPOT", [(0.5, 0.5)])
+    (tmp_path / "bands_tools.csv").mkdir()
+    infrared.band_exr_path = str(tmp_path / "bands_####.exr")
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 2
+    render_to_exr(tmp_path, animation=True)
+    assert (tmp_path / "bands_0002.exr").is_file() and len(over_frames(bpy.context.scene)) == 2
+    bpy.ops.infrared.export_table(filepath=str(tmp_path / "tools.csv"))
+    assert len(table(tmp_path / "tools.csv")) == 2
+
+
 def test_view_layers_are_told_apart(infrared, tmp_path):
     place_tools(infrared)
     bpy.context.scene.view_layers.new("Other & more")

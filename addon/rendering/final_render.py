@@ -153,8 +153,7 @@ def render_view_layer(engine, depsgraph) -> None:
             _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
         if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
             if shown and engine.is_animation:
-                keep_frame(scene, layer, finished, frame)
-                write_frames(scene)
+                _follow_tools(engine, scene, layer, finished, frame)
             groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
             if shown and groups:
                 finished_groups[layer] = groups
@@ -189,6 +188,16 @@ def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) 
     finished_layers.update({name: layers[name] for name in order if name in frames and name in layers})
     finished_frames.update({name: frames[name] for name in order if name in frames})
     finished_groups.update({name: path for name, path in groups.items() if name in frames and name != layer})
+
+
+def _follow_tools(engine, scene, layer: str, images: dict, frame: FinishedFrame) -> None:
+    """Keep what the measuring tools read in a frame of an animation, and write it. A table that cannot be written, as a
+    spreadsheet may hold it open, ends no render."""
+    keep_frame(scene, layer, images, frame)
+    try:
+        write_frames(scene)
+    except OSError as error:
+        _warn(engine, f"{error}. The render goes on; Export Table writes the readings afterwards")
 
 
 def _write_files(scene, layer: str, suffix: str, animation: bool, images: dict, film) -> Path | None:
