@@ -97,7 +97,7 @@ def draw_chosen(layout, context, tool) -> None:
     column.prop(tool, "use_own_emissivity")
     if tool.use_own_emissivity:
         column.prop(tool, "emissivity")
-        column.prop(tool, "reflected_temperature")
+        column.prop(tool, "reflected_temperature", text="Reflected")
     if measured and tool.kind != "SPOT":
         values, scale = tool_values(tool, seen.picture, infrared), seen.scale(infrared)
         layout.template_icon(graph_icon(tool.kind, values, scale), scale=GRAPH_SCALE)
