@@ -84,7 +84,8 @@ def _own_materials(earlier: Path) -> Path:
 
 def _modules():
     from . import engine, measure_settings, preferences, properties
-    from .ui import band_presets, checks, operators, panels, sensor_image, sensor_panel
+    from .rendering import frame_tools
+    from .ui import band_presets, checks, export_report, object_panel, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
     from .ui.measuring import tool_operators, tool_panels, workspace_tools
@@ -120,6 +121,9 @@ def _modules():
         band_presets,
         checks,
         heat_display,
+        object_panel,
+        export_report,
+        frame_tools,
         bar_gizmo,
         tool_operators,
         tool_panels,

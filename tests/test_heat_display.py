@@ -14,14 +14,14 @@ bpy = pytest.importorskip("bpy")
 
 from addon.heat_settings import read_scale, scene_unit  # noqa: E402
 from addon.output.colour_bar import INK, ColourBar  # noqa: E402
-from addon.output.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
+from addon.output.heat_picture import LEAST_HEIGHT, Beside, write_picture  # noqa: E402
 from addon.output.palette import PALETTES, display  # noqa: E402
 from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale  # noqa: E402
 from addon.rendering import final_render, last_render  # noqa: E402
 from addon.rendering.last_render import TABLES, forget_last_render  # noqa: E402
 from addon.ui.temperatures import spot_meter  # noqa: E402
 from addon.ui.temperatures.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read_png, render_to_exr  # noqa: E402
 
 ROUNDING = 1e-3  # of linear colours: Blender's own matrices, and temperatures next to a step of the palette's table
 
@@ -54,15 +54,6 @@ def choose(palette="IRON", low=None, high=None, isotherm=None):
         infrared.use_isotherm, infrared.isotherm_colour = True, isotherm.colour
         infrared.isotherm_low, infrared.isotherm_high = isotherm.low, isotherm.high
         infrared.isotherm_rest = "GREY" if isotherm.grey else "PALETTE"
-
-
-def read_png(path):
-    """(h, w, 3) uint8 of a PNG, row 0 at the bottom."""
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
-    image.pixels.foreach_get(pixels.ravel())
-    bpy.data.images.remove(image)
-    return np.rint(pixels[..., :3] * 255).astype(np.uint8)
 
 
 # settings
@@ -177,7 +168,7 @@ def test_combined_is_in_the_working_space_of_the_file(tmp_path):
 def test_the_picture_file_holds_the_colours_bit_by_bit(tmp_path):
     image = np.linspace(280, 340, 40 * 30).reshape(40, 30)
     scale = TemperatureScale("VIRIDIS", 290.0, 330.0)
-    write_picture(tmp_path / "a.png", image, scale, KELVIN, colour_bar=False)
+    write_picture(tmp_path / "a.png", image, scale, KELVIN, Beside(colour_bar=False))
     np.testing.assert_array_equal(read_png(tmp_path / "a.png"), display(scale.colours(image)))
 
 

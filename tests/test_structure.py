@@ -29,7 +29,7 @@ ROOMS = (
     ("ui",),
     ("rendering",),
     ("reading",),
-    ("properties", "heat_settings", "measure_settings", "interface"),
+    ("properties", "heat_settings", "measure_settings", "object_settings", "interface"),
     ("measuring",),
     ("output",),
     ("version", "solver", "presets"),

@@ -93,7 +93,9 @@ class Histogram(NamedTuple):
 
 
 def histogram(values: np.ndarray, bins: int = 64) -> Histogram:
-    """The Histogram of temperatures (n,), K, from the least to the largest; values of one temperature fill one bin."""
+    """The Histogram of temperatures (n,), K, from the least to the largest, without those that are no numbers. Values
+    of one temperature fill one bin."""
+    values = values[np.isfinite(values)]
     if values.size == 0:
         return Histogram(np.zeros(bins, int), np.linspace(0.0, 1.0, bins + 1))
     return Histogram(*np.histogram(values, bins))

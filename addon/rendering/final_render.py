@@ -35,6 +35,7 @@ from ..solver.geometry.surfaces import Geometry, build_geometry
 from ..solver.memory import check_memory, memory_beforehand, memory_of_images
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
+from .frame_tools import keep_frame, write_frames
 from .last_render import FinishedFrame, finished_frames, finished_groups, finished_layers, forget_last_render
 from .painting import thermal_picture, working_primaries
 from .render_files import check_paths, checkpoint_path, file_path, group_path, layer_suffixes, write_layer
@@ -145,12 +146,15 @@ def render_view_layer(engine, depsgraph) -> None:
     if images and unset and job.film.openness > LEAST_OPENNESS:
         _warn(engine, f"{layer}: {unset}, and rays leave the scene: they see 0 K. Set it in {WHERE_TO_SET}")
     if images:
-        facts = effects.facts() if effects else {}
+        facts = {"frame": scene.frame_current, **(effects.facts() if effects else {})}
         finished = layer_images(job, images, further, facts)
         if shown:
             frame = finished_frame(scene, slot, solver_scene.camera, job.film)
             _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
         if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
+            if shown and engine.is_animation:
+                keep_frame(scene, layer, finished, frame)
+                write_frames(scene)
             groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
             if shown and groups:
                 finished_groups[layer] = groups

@@ -16,9 +16,12 @@ from ..heat_settings import read_scale
 from ..measuring.correcting import Sensor, corrected, corrected_noise
 from ..measuring.regions import Region, Window, region_of
 from ..measuring.statistics import Measurement, measure_values
+from ..output.description import CORRECTION_FACTS
 from ..output.temperature_scale import TemperatureScale, automatic_range
-from ..reading.settings import as_typed
+from ..reading.object_parameters import read_object_parameters
+from ..reading.shown import as_typed
 from ..solver.physics.correction import Correction
+from ..solver.scene import SceneError
 from .last_render import FinishedFrame
 
 
@@ -87,12 +90,10 @@ def finished_picture(images: dict, frame: FinishedFrame) -> MeasuredPicture:
 
 def correction_now(infrared, picture: MeasuredPicture) -> Correction:
     """The correction that scene.infrared asks for; that of the picture if it makes no sense, which the checks tell."""
-    return _sensible(infrared.assumed_emissivity, infrared.reflected_temperature) or picture.correction
-
-
-def _sensible(emissivity: float, reflected: float) -> Correction | None:
-    emissivity, reflected = as_typed(emissivity), as_typed(reflected)
-    return Correction(emissivity, reflected) if 0.0 < emissivity <= 1.0 and 0.0 <= reflected < np.inf else None
+    try:
+        return read_object_parameters(infrared).correction
+    except SceneError:
+        return picture.correction
 
 
 def _corrected(radiance: np.ndarray, correction: Correction, sensor: Sensor) -> np.ndarray:
@@ -110,12 +111,18 @@ def temperature_now(picture: MeasuredPicture, infrared) -> np.ndarray:
     return _temperature_of(picture.radiance, correction, sensor=picture.sensor)
 
 
+def fitting(kelvin: np.ndarray, correction: Correction) -> np.ndarray:
+    """Temperatures, K, of any shape, NaN where a correction leaves no radiance of the object, so that no temperature
+    fits; images hold 0 K there. Without a correction 0 K is a temperature."""
+    return kelvin if correction.share == 1.0 else np.where(kelvin > 0.0, kelvin, np.float32(np.nan))
+
+
 def pixel_now(picture: MeasuredPicture, infrared, pixel: tuple[int, int]) -> tuple[float, float]:
     """Temperature of one pixel and its standard error, K, as the settings of now correct them."""
     correction = correction_now(infrared, picture)
     if correction == picture.correction:
-        return float(picture.temperature[pixel]), float(picture.noise[pixel])
-    kelvin = corrected(np.array([picture.radiance[pixel]]), picture.sensor, correction)
+        return float(fitting(picture.temperature[pixel], correction)), float(picture.noise[pixel])
+    kelvin = fitting(corrected(np.array([picture.radiance[pixel]]), picture.sensor, correction), correction)
     before = np.array([picture.temperature[pixel]]), np.array([picture.noise[pixel]])
     noise = corrected_noise(before, kelvin, picture.sensor, (picture.correction, correction))
     return float(kelvin[0]), float(noise[0])
@@ -131,7 +138,7 @@ def images_now(images: dict, frame: FinishedFrame, infrared) -> dict:
     temperature = temperature_now(picture, infrared)
     before, changes = (picture.temperature, picture.noise), (frame.correction, correction)
     noise = corrected_noise(before, temperature, picture.sensor, changes)
-    facts = {"assumedEmissivity": correction.emissivity, "reflectedTemperature": correction.reflected_temperature}
+    facts = {fact: getattr(correction, field) for fact, field in CORRECTION_FACTS.items()}
     return images | {"temperature": temperature, "noise": noise, "metadata": {**images["metadata"], **facts}}
 
 
@@ -139,9 +146,15 @@ def images_now(images: dict, frame: FinishedFrame, infrared) -> dict:
 
 
 def tool_correction(tool, infrared, picture: MeasuredPicture) -> Correction:
-    """The correction of a measuring tool: its own, or that of the picture."""
-    own = _sensible(tool.emissivity, tool.reflected_temperature) if tool.use_own_emissivity else None
-    return own or correction_now(infrared, picture)
+    """The correction of a measuring tool: that of the picture, with the tool's own emissivity and reflected temperature
+    if it has these and they make sense."""
+    correction = correction_now(infrared, picture)
+    if not tool.use_own_emissivity:
+        return correction
+    emissivity, reflected = as_typed(tool.emissivity), as_typed(tool.reflected_temperature)
+    if not (0.0 < emissivity <= 1.0 and 0.0 <= reflected < np.inf):
+        return correction
+    return correction._replace(emissivity=emissivity, reflected_temperature=reflected)
 
 
 def read_tool(tool, picture: MeasuredPicture, infrared) -> Measurement | None:
@@ -175,8 +188,8 @@ def _asked(tool, picture: MeasuredPicture, infrared) -> _Asked:
 def _values(_radiance, asked: _Asked, picture: MeasuredPicture, infrared) -> np.ndarray:
     region = asked.region()
     if asked.correction == correction_now(infrared, picture):
-        return region.values(temperature_now(picture, infrared))
-    return corrected(region.values(picture.radiance), picture.sensor, asked.correction)
+        return fitting(region.values(temperature_now(picture, infrared)), asked.correction)
+    return fitting(corrected(region.values(picture.radiance), picture.sensor, asked.correction), asked.correction)
 
 
 def _measurement(radiance, asked: _Asked, isotherm, picture: MeasuredPicture, infrared) -> Measurement | None:

@@ -23,7 +23,7 @@ from ..measuring.correcting import Sensor
 from ..output.temperature_scale import TemperatureScale
 from ..reading.camera import camera_frame, read_view
 from ..reading.scene_reader import read_contents
-from ..reading.settings import read_settings
+from ..reading.settings import read_settings, with_correction
 from ..reading.surfaces import SurfaceReader
 from ..reading.warnings import Warnings
 from ..solver import Camera, Correction, Film, Scene, SceneError, Settings, render
@@ -200,11 +200,8 @@ class Viewport:
         try:
             infrared = depsgraph.scene_eval.infrared
             scene = Scene(**read_contents(depsgraph, surfaces, space), camera=Camera())
-            # The correction for an assumed emissivity is applied where the picture is drawn.
-            emissivity, reflected = Correction()
-            settings = dataclasses.replace(
-                read_settings(infrared), assumed_emissivity=emissivity, reflected_temperature=reflected
-            )
+            # The correction is applied where the picture is drawn.
+            settings = with_correction(read_settings(infrared), Correction())
             wanted = Request(scene, settings, Camera())
             if not same(wanted, self._wanted):  # a selection changes nothing
                 self._wanted = wanted

@@ -23,7 +23,8 @@ def profile_image(values: np.ndarray, scale: TemperatureScale) -> np.ndarray:
     """The temperatures (n,), K, along a line from left to right, from the least at the bottom to the largest at the
     top: (h, w, 4) float32 sRGB, row 0 at the bottom. The isotherm of the scale is a stripe."""
     low, high = _ends(values)
-    points = np.column_stack((_shares(len(values)), (values - low) / (high - low)))
+    known = np.isfinite(values)
+    points = np.column_stack((_shares(len(values)), (values - low) / (high - low)))[known]
     image = draw_curve(points, 0.0, 1.0, SIZE)
     if scale.isotherm is not None:
         rows = low + (high - low) * (np.arange(SIZE[1]) / (SIZE[1] - 1) - _MARGIN) / (1.0 - 2.0 * _MARGIN)
@@ -57,7 +58,8 @@ def histogram_image(values: np.ndarray, scale: TemperatureScale) -> np.ndarray:
 
 def _ends(values: np.ndarray) -> tuple[float, float]:
     """Least and largest of temperatures, half a kelvin to both sides of a single one."""
-    low, high = float(values.min()), float(values.max())
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
     return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 

@@ -13,28 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...output.marks import Place, is_closed, outline
+
 REACH = 8  # pixels at a scale of 1: a click so near to a tool means it
-_ROUND = 64  # corners of an ellipse as it is drawn
-
-Place = tuple[float, float]
-
-
-def outline(kind: str, places: Sequence[Place]) -> list[Place]:
-    """The corners of a tool's outline; that of a line is open, of a spot only its place."""
-    if kind in ("BOX", "ELLIPSE") and len(places) > 1:
-        (x0, y0), (x1, y1) = places[:2]
-        if kind == "BOX":
-            return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-        angle = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
-        x = 0.5 * (x0 + x1) + 0.5 * (x1 - x0) * np.cos(angle)
-        y = 0.5 * (y0 + y1) + 0.5 * (y1 - y0) * np.sin(angle)
-        return list(zip(x.tolist(), y.tolist(), strict=True))
-    return list(places)
-
-
-def is_closed(kind: str) -> bool:
-    """Whether an outline goes back to its first corner."""
-    return kind in ("BOX", "ELLIPSE", "POLYGON")
 
 
 def handles(kind: str, count: int) -> list[tuple[int, int]]:

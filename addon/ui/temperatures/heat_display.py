@@ -20,6 +20,7 @@ from ...rendering.last_render import finished_frames, finished_layers
 from ...rendering.live_pictures import picture_in
 from ...rendering.readings import finished_picture, temperature_now
 from ...rendering.render_files import layer_suffixes
+from ...rendering.reporting import beside_picture
 from ..drawing import draw_label, text_height
 from ..exporter import Exporter
 from ..measuring.tool_drawing import draw_tools
@@ -119,6 +120,8 @@ class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
     extensions = (filename_ext,)
     filter_glob: StringProperty(default="*.png", options={"HIDDEN"})
     colour_bar: BoolProperty(name="Color Bar", description="Add a bar that tells what the colors mean", default=True)
+    tools: BoolProperty(name="Tools", description="Draw the measuring tools with their numbers", default=True)
+    table: BoolProperty(name="Table", description="Add a table of what the measuring tools read", default=True)
 
     def execute(self, context):
         layers, frames = dict(finished_layers), dict(finished_frames)  # another render may begin meanwhile
@@ -127,8 +130,10 @@ class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
         try:
             for layer, suffix in layer_suffixes(layers).items():
                 path = Path(bpy.path.abspath(self.target(suffix)))
-                temperature = temperature_now(finished_picture(layers[layer], frames[layer]), infrared)
-                write_picture(path, temperature, scale, unit, self.colour_bar)
+                images, frame = layers[layer], frames[layer]
+                temperature = temperature_now(finished_picture(images, frame), infrared)
+                shown = beside_picture(infrared, layer, images, frame, (self.colour_bar, self.tools, self.table))
+                write_picture(path, temperature, scale, unit, shown)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
