@@ -183,7 +183,7 @@ def seen_radiance(kelvin):
 
 
 def corrected_by_hand(kelvin, emissivity, reflected):
-    """The temperature whose blackbody, seen with the reflection, gives the radiance of one at `kelvin`; by bisection."""
+    """The temperature that with the reflection gives the radiance of a blackbody at `kelvin`; by bisection."""
     wanted = (seen_radiance(kelvin) - (1 - emissivity) * seen_radiance(reflected)) / emissivity
     low, high = 1.0, 2000.0
     while high - low > 1e-6:
@@ -238,9 +238,10 @@ def test_readings_are_kept_until_something_changes(picture, monkeypatch):
     tool.points[0].position = 0.0, 0.0
     assert readings.read_tool(tool, picture, infrared).count > first.count and len(measured) == 2
     infrared.use_isotherm, infrared.isotherm_low, infrared.isotherm_high = True, 200.0, 300.0
-    assert readings.read_tool(tool, picture, infrared).in_isotherm > 0 and len(measured) == 3
+    larger = readings.read_tool(tool, picture, infrared)
+    assert larger.in_isotherm > 0 and len(measured) == 3
     infrared.assumed_emissivity = 0.9
-    assert readings.read_tool(tool, picture, infrared).mean > first.mean and len(measured) == 4
+    assert readings.read_tool(tool, picture, infrared).maximum > larger.maximum and len(measured) == 4
 
 
 def test_the_hottest_and_the_coldest_pixel_are_found(picture):

@@ -46,7 +46,7 @@ class INFRARED_OT_tool_choose(Operator):
 class INFRARED_UL_tools(UIList):
     """Number, name and mean of each tool."""
 
-    def draw_item(self, context, layout, infrared, tool, _icon, _active, _property, index=0, _flag=0):
+    def draw_item(self, context, layout, infrared, tool, _icon, _active, _property, index):
         seen = seen_here(context)
         measured = seen and read_tool(tool, seen.picture, infrared)
         row = layout.split(factor=0.45)
