@@ -15,7 +15,7 @@ from ..output.colour_bar import BACKGROUND, INK
 
 FONT = 0  # Blender's own
 TEXT = 13  # pixels at a scale of 1: height of the text
-PANEL_OPACITY = 0.8
+PANEL_OPACITY = 0.9
 LIGHT, DARK = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0)
 
 Rectangle = tuple[float, float, float, float, tuple[float, float, float, float]]

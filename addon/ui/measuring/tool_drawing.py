@@ -7,11 +7,12 @@ import bpy
 
 from ...heat_settings import scene_unit
 from ...measuring.regions import AREAS
+from ...output.marks import Mark, is_closed, label_place, outline
 from ...output.temperature_scale import reading
 from ...rendering.readings import extremes_now, read_tool
 from ..drawing import DARK, LIGHT, draw_cross, draw_label, draw_line, draw_rectangles, text_height, text_width
 from ..temperatures.seen import Seen
-from .outlines import handles, is_closed, outline
+from .outlines import handles
 
 CHOSEN = (1.0, 0.75, 0.25, 1.0)
 HOT, COLD = (1.0, 0.25, 0.2, 1.0), (0.3, 0.65, 1.0, 1.0)
@@ -25,17 +26,17 @@ def draw_tools(seen: Seen, region, scene) -> None:
         draw_extremes(seen, extremes_now(seen.picture, infrared), text_height())
     if not infrared.show_measuring_tools:
         return
-    for index, tool in enumerate(infrared.measuring_tools):
-        draw_tool(seen, region, scene, index, tool)
+    for draw in (draw_tool, draw_tool_label):  # no outline crosses out a label
+        for index, tool in enumerate(infrared.measuring_tools):
+            if len(tool.points):
+                draw(seen, region, scene, index, tool)
 
 
-def draw_tool(seen: Seen, region, scene, index: int, tool) -> None:
-    """One tool with its number and its reading: of a spot the temperature, of others the mean."""
+def draw_tool(seen: Seen, _region, scene, index: int, tool) -> None:
+    """The outline of a tool, with handles if it is the chosen one."""
     infrared, text, line = scene.infrared, text_height(), max(1.0, bpy.context.preferences.system.ui_scale)
     colour = CHOSEN if index == infrared.tool_index else LIGHT
     places = [seen.in_region(position) for position in tool.places()]
-    if not places:
-        return
     corners = outline(tool.kind, places)
     if tool.kind == "SPOT":
         draw_cross(*places[0], text, colour)
@@ -47,26 +48,20 @@ def draw_tool(seen: Seen, region, scene, index: int, tool) -> None:
         knobs = [(places[a][0] - half, places[b][1] - half) for a, b in handles(tool.kind, len(places))]
         draw_rectangles([(x - 1.0, y - 1.0, 2 * half + 2.0, 2 * half + 2.0, DARK) for x, y in knobs])
         draw_rectangles([(x, y, 2 * half, 2 * half, CHOSEN) for x, y in knobs])
+
+
+def draw_tool_label(seen: Seen, region, scene, index: int, tool) -> None:
+    """The number of a tool and its reading: of a spot the temperature, of others the mean."""
+    infrared, text = scene.infrared, text_height()
     measured = read_tool(tool, seen.picture, infrared)
     if measured and infrared.show_extremes and tool.kind in AREAS:
         draw_extremes(seen, (measured.place_of_minimum, measured.place_of_maximum), text)
-    draw_label(*label_place(tool.kind, corners, region, text, label := label_of(index, measured, scene)), label, text)
-
-
-def label_of(index: int, measured, scene) -> str:
-    """Number and reading of a tool. measured: its Measurement, or None."""
     value = measured and reading(measured.mean, measured.error_of_mean, scene_unit(scene))
-    return f"{index + 1}:  {value or NO_VALUE}"
-
-
-def label_place(kind: str, corners, region, text: int, label: str) -> tuple[float, float]:
-    """Where a label begins: right of a spot and of a line's end, over an area; inside the region."""
-    if kind in AREAS:
-        x, y = min(corner[0] for corner in corners) + 0.5 * text, max(corner[1] for corner in corners) + 0.9 * text
-    else:
-        x, y = corners[-1][0] + 1.5 * text, corners[-1][1] - 0.35 * text
-    most = region.width - text_width(label, text) - text
-    return max(text, min(x, most)), max(text, min(y, region.height - 2.0 * text))
+    own = f"  ε {tool.emissivity:.3g}" if tool.use_own_emissivity else ""
+    label = f"{index + 1}:  {value or NO_VALUE}{own}"
+    mark = Mark(tool.kind, tuple(seen.in_region(position) for position in tool.places()), label)
+    place = label_place(mark, 1.6 * text, text_width(label, text) + text, (region.width, region.height))
+    draw_label(place[0] + 0.5 * text, place[1] + 0.5 * text, label, text)
 
 
 def draw_extremes(seen: Seen, pixels, text: int) -> None:

@@ -46,7 +46,7 @@ class INFRARED_OT_tool_choose(Operator):
 class INFRARED_UL_tools(UIList):
     """Number, name and mean of each tool."""
 
-    def draw_item(self, context, layout, infrared, tool, _icon, _active, _property, index=0, _flag=0):
+    def draw_item(self, context, layout, infrared, tool, _icon, _active, _property, index):
         seen = seen_here(context)
         measured = seen and read_tool(tool, seen.picture, infrared)
         row = layout.split(factor=0.45)
@@ -97,7 +97,7 @@ def draw_chosen(layout, context, tool) -> None:
     column.prop(tool, "use_own_emissivity")
     if tool.use_own_emissivity:
         column.prop(tool, "emissivity")
-        column.prop(tool, "reflected_temperature")
+        column.prop(tool, "reflected_temperature", text="Reflected")
     if measured and tool.kind != "SPOT":
         values, scale = tool_values(tool, seen.picture, infrared), seen.scale(infrared)
         layout.template_icon(graph_icon(tool.kind, values, scale), scale=GRAPH_SCALE)

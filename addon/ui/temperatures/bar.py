@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import bpy
@@ -52,20 +53,15 @@ def dock(size: tuple[int, int], taken: Margins, images, wanted: tuple[int, int],
     width, most = wanted
     first, last = taken.left, size[0] - taken.right  # what is free, from left to right
     low, high = taken.bottom, size[1] - taken.top
-    right, left = images[0] + images[2], images[0] - width
-    if right + width <= last:
-        x = max(right, first)
-    elif left >= first:
-        x = min(left, last - width)
-    else:
-        x = last - width
-    if x < first:
+    if last - first < width:
         return None
+    right, left = max(math.ceil(images[0] + images[2]), first), min(math.floor(images[0]), last) - width
+    x = right if right + width <= last else left if left >= first else last - width
     if x + width > last - gizmos:
         high -= gizmos
     height = min(high - low, most)
     middle = min(max(images[1], low), high - height)  # beside the lower part of the picture
-    return round(x), round(middle), round(height)
+    return x, round(middle), height
 
 
 def colour_bar_in(area, region, scene, seen: Seen) -> ColourBar | None:
