@@ -63,7 +63,7 @@ class ToolsPanel:
 
     def draw(self, context):
         infrared, layout = context.scene.infrared, self.layout
-        if context.area.type == "IMAGE_EDITOR":
+        if self.bl_space_type == "IMAGE_EDITOR":
             row = layout.row(align=True)
             for kind, *_ in KIND_ITEMS:
                 row.operator("infrared.tool_choose", text="", icon=KIND_ICONS[kind]).kind = kind
