@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An artist's way through a real Blender: install the zip, render the demo from the command line, read it back."""
 
+import csv
 import json
 import re
 import shutil
@@ -22,8 +23,10 @@ from addon.solver.image.recombine import LayeredImage
 from addon.solver.physics import library
 from addon.solver.physics.layers import Layer
 from docs.tools.paths import DEMO, ROOT
+from tests.helpers import bench as bench_by_hand
 from tests.helpers.real_blender import LAUNCHER, WORK, blender, facts, module, needs_real_blender
 
+BENCH_WINDOW = "--window-geometry", 0, 0, 1600, 900
 SMALL_WINDOW = "--window-geometry", 0, 100, 900, 800  # in the upper left corner of a screen of 1600 x 900
 
 pytestmark = needs_real_blender
@@ -246,6 +249,51 @@ def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
     assert rows > 300 and shift == 0  # it fits best where it should be: sRGB is drawn a little brighter in the dark
     zooms = [counts for name, counts in found.items() if name.startswith("zoom")]
     assert len(zooms) == 10 and all(read > 1000 and other == 0 for read, other in zooms), found
+
+
+@pytest.fixture(scope="module")
+def bench(first):
+    """A thermographer's work on a finished picture: what the script found out, with its files in WORK / 'bench'."""
+    (WORK / "bench").mkdir()
+    text = blender(*BENCH_WINDOW, "--enable-event-simulate", *module("bench", WORK / "bench"), window=True)
+    found = facts(text)
+    assert found.get("end"), text
+    return found
+
+
+def test_the_bench_exports_what_its_tools_read(bench):
+    """Picture, table and report, written by mouse; figures by hand to 1 mK. The box has an emissivity of its own."""
+    with open(WORK / "bench" / "wall.csv", encoding="utf-8-sig", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["Kind"].upper() for row in rows] == [kind for kind, _ in bench["tools"]]
+    for row, (kind, places) in zip(rows, bench["tools"], strict=True):
+        if kind == "LINE":
+            continue
+        tiles = bench_by_hand.tiles_in(kind, [tuple(place) for place in places])
+        tiles = bench_by_hand.seen_as(tiles, float(row["Emissivity"]), float(row["Reflected Temperature (K)"]))
+        assert int(row["Pixels"]) == len(tiles)
+        for title, value in (("Minimum", tiles.min()), ("Maximum", tiles.max()), ("Mean", tiles.mean())):
+            assert float(row[f"{title} (K)"]) == pytest.approx(value, abs=1e-3), (kind, title)
+        assert float(row["Standard Deviation (K)"]) == pytest.approx(tiles.std(), abs=1e-3)
+    assert (rows[2]["Emissivity"], rows[2]["Reflected Temperature (K)"]) == ("0.8", "280.0000")
+    page = (WORK / "bench" / "wall.html").read_text(encoding="utf-8")
+    assert all(f"<td>{row['Mean (K)']}</td>" in page for row in rows)
+    assert (WORK / "bench" / "wall.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_browser_shows_the_report(bench):
+    """The tiles are in the picture that it draws: far more colours than a page without it has."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("there is no Chromium")
+    shot, page = WORK / "bench" / "page.png", WORK / "bench" / "wall.html"
+    options = "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,700"
+    subprocess.run([browser, *options, f"--screenshot={shot}", page.as_uri()], check=True, capture_output=True)
+    pytest.importorskip("bpy")
+    from tests.helpers.blender import read_png  # here, as it needs Blender as a module
+
+    colours = np.unique(read_png(shot).reshape(-1, 3), axis=0)
+    assert len(colours) > 1000  # 2655 tiles of different temperatures; greys of letters are 256 at most
 
 
 # By mouse and keyboard ------------------------------------------------------------------------------------------------
