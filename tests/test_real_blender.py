@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An artist's way through a real Blender: install the zip, render the demo from the command line, read it back."""
 
+import csv
 import json
 import re
 import shutil
@@ -22,9 +23,11 @@ from addon.solver.image.recombine import LayeredImage
 from addon.solver.physics import library
 from addon.solver.physics.layers import Layer
 from docs.tools.paths import DEMO, ROOT
+from tests.helpers import bench as bench_by_hand
 from tests.helpers import tiles
 from tests.helpers.real_blender import LAUNCHER, WORK, blender, facts, module, needs_real_blender
 
+BENCH_WINDOW = "--window-geometry", 0, 0, 1600, 900
 SMALL_WINDOW = "--window-geometry", 0, 100, 900, 800  # in the upper left corner of a screen of 1600 x 900
 
 pytestmark = needs_real_blender
@@ -254,11 +257,11 @@ def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
 
 @pytest.fixture(scope="module")
 def bench(first):
-    """A thermographer's work on a finished picture, by simulated events; returns what the script found out."""
-    folder = WORK / "bench"
-    folder.mkdir()
-    found = facts(blender("--enable-event-simulate", *module("bench", folder), window=True))
-    assert found.get("end"), found
+    """A thermographer's work on a finished picture: what the script found out, with its files in WORK / 'bench'."""
+    (WORK / "bench").mkdir()
+    text = blender(*BENCH_WINDOW, "--enable-event-simulate", *module("bench", WORK / "bench"), window=True)
+    found = facts(text)
+    assert found.get("end"), text
     return found
 
 
@@ -279,13 +282,6 @@ def object_temperature(kelvin, emissivity, reflected):
         below = signal(middle) < wanted
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return low
-
-
-def in_box(places):
-    """Temperatures of the tiles whose middle is in a box, K. places: (u, v) of two opposite corners."""
-    (u0, u1), (v0, v1) = np.sort(np.transpose(places))
-    columns, rows = ((np.arange(count) + 0.5) / count for count in (tiles.COLUMNS, tiles.ROWS))
-    return tiles.kelvin[np.ix_((rows >= v0) & (rows < v1), (columns >= u0) & (columns < u1))].ravel()
 
 
 def test_the_colour_bar_is_dragged(bench):
@@ -310,7 +306,7 @@ def test_tools_are_drawn_where_the_mouse_is_and_read_the_tiles_there(bench):
     spot, line, box, ellipse, polygon = bench["readings"]
     assert spot["mean"] == pytest.approx(tiles.kelvin[30, 10], abs=1e-3)  # where bench.py clicks
     assert line["count"] == 36 and polygon["count"] > 80  # from column 5 to 40
-    values = in_box(bench["tools"][2][1])
+    values = bench_by_hand.tiles_in(*bench["tools"][2])
     assert box["count"] == values.size == 15 * 10 + 10  # corners in the middles of pixels fall to either side
     for name, expected in (("minimum", values.min()), ("maximum", values.max()), ("mean", values.mean())):
         assert box[name] == pytest.approx(expected, abs=1e-3)
@@ -322,7 +318,7 @@ def test_a_tools_emissivity_is_typed_and_moves_its_temperature_alone(bench):
     """To 1 mK of Planck's law by hand."""
     own, emissivity, reflected = bench["own emissivity"]
     assert own and bench["chosen"] == 2 and [emissivity, reflected] == [pytest.approx(0.8), 280.0]
-    expected = object_temperature(in_box(bench["tools"][2][1]), 0.8, 280.0)
+    expected = object_temperature(bench_by_hand.tiles_in(*bench["tools"][2]), 0.8, 280.0)
     box = bench["readings with it"][2]
     assert box["mean"] == pytest.approx(expected.mean(), abs=1e-3) and box["mean"] > bench["readings"][2]["mean"] + 1.0
     assert box["maximum"] == pytest.approx(expected.max(), abs=1e-3)
@@ -337,6 +333,41 @@ def test_tools_are_moved_and_removed(bench):
     assert kept == after and moved[0] < before[0] and moved[1] < before[1]
     assert bench["box after undo"] == [before, after]
     assert bench["kinds after X"] == ["LINE", "BOX", "ELLIPSE", "POLYGON"]
+
+
+def test_the_bench_exports_what_its_tools_read(bench):
+    """Picture, table and report, written by mouse; figures by hand to 1 mK. The box has an emissivity of its own."""
+    with open(WORK / "bench" / "wall.csv", encoding="utf-8-sig", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["Kind"].upper() for row in rows] == [kind for kind, _ in bench["tools"]]
+    for row, (kind, places) in zip(rows, bench["tools"], strict=True):
+        if kind == "LINE":
+            continue
+        seen = bench_by_hand.tiles_in(kind, [tuple(place) for place in places])
+        seen = bench_by_hand.seen_as(seen, float(row["Emissivity"]), float(row["Reflected Temperature (K)"]))
+        assert int(row["Pixels"]) == len(seen)
+        for title, value in (("Minimum", seen.min()), ("Maximum", seen.max()), ("Mean", seen.mean())):
+            assert float(row[f"{title} (K)"]) == pytest.approx(value, abs=1e-3), (kind, title)
+        assert float(row["Standard Deviation (K)"]) == pytest.approx(seen.std(), abs=1e-3)
+    assert (rows[2]["Emissivity"], rows[2]["Reflected Temperature (K)"]) == ("0.8", "280.0000")
+    page = (WORK / "bench" / "wall.html").read_text(encoding="utf-8")
+    assert all(f"<td>{row['Mean (K)']}</td>" in page for row in rows)
+    assert (WORK / "bench" / "wall.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_browser_shows_the_report(bench):
+    """The tiles are in the picture that it draws: far more colours than a page without it has."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("there is no Chromium")
+    shot, page = WORK / "bench" / "page.png", WORK / "bench" / "wall.html"
+    options = "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,700"
+    subprocess.run([browser, *options, f"--screenshot={shot}", page.as_uri()], check=True, capture_output=True)
+    pytest.importorskip("bpy")
+    from tests.helpers.blender import read_png  # here, as it needs Blender as a module
+
+    colours = np.unique(read_png(shot).reshape(-1, 3), axis=0)
+    assert len(colours) > 1000  # 2655 tiles of different temperatures; greys of letters are 256 at most
 
 
 # By mouse and keyboard ------------------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ def scroll(key: str) -> Iterator[float]:
 
 def export_all(folder: str) -> Iterator[float]:
     """Write all three files into a folder. Raises TimeoutError if one of them does not come."""
+    results = Path(folder).resolve()
     yield from scroll("WHEELDOWNMOUSE")
     for operator, name in FILES.items():
         sidebar = hands.region_of(hands.area_of("IMAGE_EDITOR"), "UI")
@@ -34,11 +35,11 @@ def export_all(folder: str) -> Iterator[float]:
         yield BROWSING
         browser = next(area for area in hands.newest_window().screen.areas if area.type == "FILE_BROWSER")
         params = browser.spaces.active.params
-        params.directory, params.filename = folder.encode(), name
+        params.directory, params.filename = str(results).encode(), name
         yield 0.5
         yield from hands.hover_middle(browser)
         yield from hands.press("RET")
-        begin, path = time.monotonic(), Path(folder, name)
+        begin, path = time.monotonic(), results / name
         while not path.exists():
             if time.monotonic() > begin + WRITING:
                 raise TimeoutError(f"No {path}")
