@@ -24,6 +24,7 @@ DIALOG = ("-crop", "724x416+155+401", "+repage")  # where the library of gases o
 LIST = ("-crop", "1096x478+12+402", "+repage")  # where the list of proposals opens
 WIDTH = 340  # pixels of the Properties editor: enough for the longest name
 ZOOM = 2.0  # pixels of the screen on each side of one of a picture's
+FOLDED = 300  # pixels by which the sidebar is scrolled down, to the measuring tools
 METER = 860, 430  # pixels of the screen, from its upper left corner, where the spot meter reads: the trunk
 PLACES = {  # of tools in the picture of the people: forehead, trunk, radiator, lampshade, laptop
     "SPOT": [(0.672, 0.688)],
@@ -171,6 +172,13 @@ def shaders():
     keep(screenshot(), "shaders-list", *LIST, *PART)
 
 
+def settle(area):
+    """Wait until the panels of an area have their new heights, which they take step by step."""
+    for _ in range(3):
+        area.tag_redraw()
+        yield DRAWN
+
+
 def only_picture():
     """The people of the examples, rendered quickly, in an Image Editor that fills the window; the cursor is away."""
     yield from start_up()
@@ -218,18 +226,21 @@ def measuring():
         infrared.tool_index = index
         with bpy.context.temp_override(area=area, region=region_of(area)):
             bpy.ops.infrared.tool_choose(kind=kind)
-        yield DRAWN
+        yield from settle(area)
+        for distance in (5000, -FOLDED):
+            with bpy.context.temp_override(area=area, region=region_of(area, "UI")):
+                bpy.ops.view2d.pan(deltay=distance)
+        yield from settle(area)
         keep(screenshot(), f"measure-{kind.lower()}", *WHOLE)
     bpy.ops.infrared.tool_remove(all=True)
+    with bpy.context.temp_override(area=area, region=region_of(area, "UI")):
+        bpy.ops.view2d.pan(deltay=5000)
     infrared.show_extremes, infrared.use_isotherm = False, True
     infrared.isotherm_low, infrared.isotherm_high = 303.15, 308.15
     with bpy.context.temp_override(area=area, region=region_of(area)):
         bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")
     move_real_mouse(*METER)
-    yield DRAWN
-    for each in bpy.context.screen.areas:
-        each.tag_redraw()  # panels take their new heights step by step
-        yield DRAWN
+    yield from settle(area)
     keep(screenshot(), "heat-display", *WHOLE)
     with bpy.context.temp_override(area=area, region=region_of(area)):
         bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")  # ends it
