@@ -2,6 +2,7 @@
 """Measuring tools in Blender: settings, operators, files, and readings of a render against sums by hand."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from addon.measuring.regions import KINDS  # noqa: E402
 from addon.output.temperature_scale import Isotherm, TemperatureScale  # noqa: E402
 from addon.rendering import readings  # noqa: E402
 from addon.rendering.last_render import finished_frames, finished_layers, forget_last_render  # noqa: E402
-from addon.ui.measuring import graphs, workspace_tools  # noqa: E402
+from addon.ui.measuring import graphs, tool_operators, workspace_tools  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
 
 PLACES = {
@@ -224,6 +225,17 @@ def test_the_pictures_correction_counts_at_once(picture, tmp_path):
     assert readings.temperature_now(picture, infrared) is picture.temperature
     infrared.assumed_emissivity = 1.0
     assert readings.images_now(images, frame, infrared) is images
+
+
+def test_the_range_of_a_rectangle_and_of_a_tool(picture):
+    """As the mouse drags it: from any corner, in part outside the picture; with the correction of now."""
+    seen, infrared = SimpleNamespace(picture=picture), bpy.context.scene.infrared
+    within = tool_operators.range_within
+    assert within(seen, infrared, (0.1, 0.1), (0.4, 0.9)) == (pytest.approx(COLD), pytest.approx(COLD))
+    assert within(seen, infrared, (1.3, 1.2), (0.2, -0.1)) == (pytest.approx(COLD), pytest.approx(WARM))
+    assert within(seen, infrared, (1.1, 1.1), (1.3, 1.2)) is None
+    tool_operators.fix_range(infrared, COLD, COLD)  # of one temperature: the middle of the palette
+    assert (infrared.range_mode, infrared.range_low, infrared.range_high) == ("FIXED", COLD - 0.5, COLD + 0.5)
 
 
 def test_readings_are_kept_until_something_changes(picture, monkeypatch):

@@ -15,7 +15,7 @@ import bpy
 from docs.tools.ordinary_scene import build
 from docs.tools.paths import DEMO, EXAMPLES, TEMPLATE
 from docs.tools.screenshots import cropping, keep, screenshot
-from tests.real_blender.hands import area_of, press_real_esc, region_of
+from tests.real_blender.hands import area_of, move_real_mouse, press_real_esc, region_of
 from tests.real_blender.story import tell
 
 WHOLE = ("-resize", "75%", "+dither", "-colors", "128")
@@ -23,8 +23,9 @@ PART = ("+dither", "-colors", "64")
 DIALOG = ("-crop", "724x416+155+401", "+repage")  # where the library of gases opens
 LIST = ("-crop", "1096x478+12+402", "+repage")  # where the list of proposals opens
 WIDTH = 340  # pixels of the Properties editor: enough for the longest name
-ZOOM = 1.5  # pixels of the screen on each side of one of a picture's
-METER = 660, 520  # pixels of the window where the spot meter reads
+ZOOM = 2.0  # pixels of the screen on each side of one of a picture's
+FOLDED = 300  # pixels by which the sidebar is scrolled down, to the measuring tools
+METER = 860, 430  # pixels of the screen, from its upper left corner, where the spot meter reads: the trunk
 PLACES = {  # of tools in the picture of the people: forehead, trunk, radiator, lampshade, laptop
     "SPOT": [(0.672, 0.688)],
     "LINE": [(0.6, 0.46), (0.75, 0.46)],
@@ -171,13 +172,21 @@ def shaders():
     keep(screenshot(), "shaders-list", *LIST, *PART)
 
 
+def settle(area):
+    """Wait until the panels of an area have their new heights, which they take step by step."""
+    for _ in range(3):
+        area.tag_redraw()
+        yield DRAWN
+
+
 def only_picture():
     """The people of the examples, rendered quickly, in an Image Editor that fills the window; the cursor is away."""
     yield from start_up()
     bpy.ops.wm.open_mainfile(filepath=str(EXAMPLES / "people.blend"), load_ui=False)
     yield DRAWN
     scene = bpy.context.scene
-    scene.infrared.passes, scene.infrared.photons_per_pass = 16, 50_000
+    scene.infrared.passes, scene.infrared.photons_per_pass, scene.infrared.time_limit = 4, 50_000, 0.0
+    scene.render.resolution_percentage = 75
     bpy.ops.render.render()
     for kind in ("OUTLINER", "PROPERTIES", "DOPESHEET_EDITOR"):
         with bpy.context.temp_override(area=area_of(kind)):
@@ -217,15 +226,21 @@ def measuring():
         infrared.tool_index = index
         with bpy.context.temp_override(area=area, region=region_of(area)):
             bpy.ops.infrared.tool_choose(kind=kind)
-        yield DRAWN
+        yield from settle(area)
+        for distance in (5000, -FOLDED):
+            with bpy.context.temp_override(area=area, region=region_of(area, "UI")):
+                bpy.ops.view2d.pan(deltay=distance)
+        yield from settle(area)
         keep(screenshot(), f"measure-{kind.lower()}", *WHOLE)
     bpy.ops.infrared.tool_remove(all=True)
+    with bpy.context.temp_override(area=area, region=region_of(area, "UI")):
+        bpy.ops.view2d.pan(deltay=5000)
     infrared.show_extremes, infrared.use_isotherm = False, True
     infrared.isotherm_low, infrared.isotherm_high = 303.15, 308.15
     with bpy.context.temp_override(area=area, region=region_of(area)):
         bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")
-    bpy.context.window.cursor_warp(*(int(part) for part in METER))
-    yield DRAWN
+    move_real_mouse(*METER)
+    yield from settle(area)
     keep(screenshot(), "heat-display", *WHOLE)
     with bpy.context.temp_override(area=area, region=region_of(area)):
         bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")  # ends it
