@@ -19,26 +19,17 @@ from addon.solver.physics.sky import (
 )
 from addon.solver.physics.spectrum import band_radiance, planck
 from addon.solver.planning import pilot
+from tests.helpers.hot_skies import EDGES, lit_corner, with_spot
 from tests.helpers.path_tracer import trace_paths
 from tests.helpers.scenes import join, look, make_scene, mean_and_error, pass_means, quad, sphere
 
 pytestmark = pytest.mark.statistics
 
-EDGES = np.array([8.0, 9.0, 10.5, 12.0])
 ANGLES = np.array([0.0, 40.0, 75.0, 90.0])
 BY_ANGLE = Sky(np.array([230.0, 238.0, 262.0, 285.0]), ANGLES)
 SPECTRAL = Sky(BY_ANGLE.kelvin[:, None] + np.array([0.0, -20.0, 15.0]), ANGLES, np.array([8.0, 10.0, 12.0]))
 _RANDOM = np.random.default_rng(3)
 IMAGE = Sky((270.0 + 30.0 * _RANDOM.random((12, 20))).astype(np.float32))
-
-
-def with_spot(kelvin, degrees, rows=60, zenith=50.0, azimuth=-60.0, even=280.0):
-    """An even sky but for a hot spot of a radius in degrees."""
-    elevation = np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)
-    turn = np.pi * (1.0 - (np.arange(2 * rows) + 0.5) / rows)
-    (z, a), up = np.radians((zenith, azimuth)), elevation[:, None]
-    cosine = np.cos(up) * np.cos(turn - a) * np.sin(z) + np.sin(up) * np.cos(z)
-    return Sky(np.where(cosine > np.cos(np.radians(degrees)), kelvin, even).astype(np.float32))
 
 
 SPOT = with_spot(900.0, 6.0)
@@ -154,23 +145,6 @@ def test_directions_are_chosen_by_brightness():
     assert expected.sum() == pytest.approx(len(random), rel=1e-9)
     assert np.all(np.abs(count - expected) <= 4.5 * np.sqrt(expected))  # 7200 cells
     assert np.all(expected[SPOT.kelvin > 800.0] > 0.0)
-
-
-def lit_corner(sky):
-    """A half-open corner of grey, rough and mirror walls, whose roof shades a part of it, with a tilted rough plate."""
-    *mesh, index = join(
-        (*quad((0, 0, -1), (1, 0, 0), (0, 1, 0)), 290.0, 0), (*quad((-0.4, 0, 1), (0.6, 0, 0), (0, 1, 0)), 290.0, 0),
-        (*quad((-1, 0, 0), (0, 1, 0), (0, 0, 1)), 290.0, 1), (*quad((0, 1, 0), (1, 0, 0), (0, 0, 1)), 290.0, 2),
-        (*quad((0.3, -0.2, -0.6), (0.2, 0, 0), (0, 0.2, 0.1)), 310.0, 3),
-    )  # fmt: skip
-    materials = [
-        Material("grey", 0.2),
-        Material("rough", 0.1, 0.7, 0.4),
-        Material("mirror", 0.1, 1.0),
-        Material("plain", 0.5, 0.3, 0.15),
-    ]
-    camera = look((0.9, -0.9, 0.3), (-0.5, 0.5, -0.4), 12, 9, 0.8)
-    return make_scene(*mesh, materials, camera, EDGES, index, sky=sky, world_temperature=280.0)
 
 
 @pytest.mark.parametrize("open_sides", [True, pytest.param(False, marks=pytest.mark.long)])

@@ -16,7 +16,7 @@ import numpy as np
 
 from addon.solver import Material, Settings, render
 from addon.solver.physics import sky as sky_module
-from tests.test_sky import EDGES, lit_corner, with_spot
+from tests.helpers.hot_skies import EDGES, lit_corner, with_spot
 
 SPOTS = ((1.5, 2000.0), (3.0, 1200.0), (6.0, 900.0), (6.0, 500.0), (12.0, 500.0), (20.0, 400.0))  # degrees, K
 DULL = Material("dull", 0.3)
