@@ -455,7 +455,8 @@ def finished_frame(scene, slot: int, camera, film) -> FinishedFrame:
     size, origin = ((x1 - x0, y1 - y0), (0, 0)) if cropped else ((camera.width, camera.height), (x0, y0))
     nodes = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.use_nodes  # Blender 5
     composited = scene.render.use_compositing and bool(nodes)
-    return FinishedFrame(scene.name, slot, size, origin, composited, film.weights, film.correction)
+    told = bpy.app.is_job_running("RENDER")  # not so if a script waits for the render
+    return FinishedFrame(scene.name, slot, size, origin, composited, film.weights, film.correction, told)
 
 
 def write_images(result, images: dict[str, np.ndarray]) -> None:

@@ -17,6 +17,7 @@ from .outlines import handles
 CHOSEN = (1.0, 0.75, 0.25, 1.0)
 HOT, COLD = (1.0, 0.25, 0.2, 1.0), (0.3, 0.65, 1.0, 1.0)
 NO_VALUE = "not rendered"
+SMALL = 35  # heights of the text: in narrower pictures tools have their numbers alone
 
 
 def draw_tools(seen: Seen, region, scene) -> None:
@@ -58,7 +59,7 @@ def draw_tool_label(seen: Seen, region, scene, index: int, tool) -> None:
         draw_extremes(seen, (measured.place_of_minimum, measured.place_of_maximum), text)
     value = measured and reading(measured.mean, measured.error_of_mean, scene_unit(scene))
     own = f"  ε {tool.emissivity:.3g}" if tool.use_own_emissivity else ""
-    label = f"{index + 1}:  {value or NO_VALUE}{own}"
+    label = f"{index + 1}:  {value or NO_VALUE}{own}" if seen.frame[2] > SMALL * text else f"{index + 1}"
     mark = Mark(tool.kind, tuple(seen.in_region(position) for position in tool.places()), label)
     place = label_place(mark, 1.6 * text, text_width(label, text) + text, (region.width, region.height))
     draw_label(place[0] + 0.5 * text, place[1] + 0.5 * text, label, text)
