@@ -83,7 +83,7 @@ def _own_materials(earlier: Path) -> Path:
 
 
 def _modules():
-    from . import engine, measure_settings, preferences, properties
+    from . import commands, engine, measure_settings, preferences, properties
     from .rendering import frame_tools
     from .ui import band_presets, checks, export_report, object_panel, operators, panels, sensor_image, sensor_panel
     from .ui.gases import gas_panels
@@ -130,4 +130,5 @@ def _modules():
         frame_tools,
         preferences,
         engine,
+        commands,
     )
