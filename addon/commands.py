@@ -8,7 +8,6 @@ infrared_merge: merge films, see merge.
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,24 +15,16 @@ from pathlib import Path
 import bpy
 
 from .interface import ENGINE
+from .pass_ranges import read_passes
 
 _handles = []  # of registered commands
-
-
-def _passes(text: str) -> range:
-    """Passes such as '10-19', or '7'."""
-    match = re.fullmatch(r"(\d+)(?:-(\d+))?", text.strip())
-    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-    if last < first:
-        raise argparse.ArgumentTypeError(f"'{text}' are no passes, expected a first and a last one, such as 10-19")
-    return range(first, last + 1)
 
 
 def passes_parser() -> argparse.ArgumentParser:
     """Of the arguments of infrared_passes."""
     parser = argparse.ArgumentParser("infrared_passes", description="Render some passes of a frame into a film")
     parser.add_argument("--frame", type=int, help="of the scene; without it the current one")
-    parser.add_argument("--passes", type=_passes, required=True, help="first and last one, such as 10-19")
+    parser.add_argument("--passes", type=read_passes, required=True, help="first and last one, such as 10-19")
     parser.add_argument("--film", required=True, help="file of the film; a film of these passes is kept as it is")
     parser.add_argument("--threads", type=int, help="0 takes all cores")
     return parser

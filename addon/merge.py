@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from .output.formats import FORMATS, numbered, without_extension, write_file
+from .pass_ranges import read_passes
 from .solver import layered_image
 from .solver.checkpoint import CheckpointError, StoredFilm, differences, read, save, told_ranges
 from .solver.image.film import Film
@@ -30,8 +31,9 @@ class MergeError(ValueError):
     """Films cannot be merged; the message names the files and says why."""
 
 
-def merged(films: dict[Path, StoredFilm], partial: bool = False) -> StoredFilm:
-    """The film of the passes of all films of one frame and view layer. partial: whether passes may be missing.
+def merged(films: dict[Path, StoredFilm], wanted: range | None = None, partial: bool = False) -> StoredFilm:
+    """The film of the passes of all films of one frame and view layer. wanted: the passes that there should be;
+    without, all before the last. partial: whether passes may be missing.
 
     The result equals that of one machine but for the rounding of float64, its noise included: see Film.merge. Raises
     MergeError.
@@ -46,21 +48,23 @@ def merged(films: dict[Path, StoredFilm], partial: bool = False) -> StoredFilm:
     except ValueError as error:
         listed = ", ".join(f"'{path}' has {told_ranges(stored.film)}" for path, stored in in_order)
         raise MergeError(f"{error}: {listed}") from error
-    missing = missing_passes(film)
+    missing = missing_passes(film, wanted)
     if missing and not partial:
         raise MergeError(f"{told_ranges(film)[:1].upper()}{told_ranges(film)[1:]} are there; missing are {missing}")
     film.correction = Correction(**known.about.get("correction", {}))
     return StoredFilm(film, known.marks, _about(known.about, film))
 
 
-def missing_passes(film: Film) -> str:
-    """The passes before the last that a film does not hold, in words, such as '10 to 14 and 20 to 24'; an empty text if
-    none is missing."""
-    gaps, end = [], 0
-    for _, first, stop in film.ranges:
+def missing_passes(film: Film, wanted: range | None = None) -> str:
+    """The wanted passes that a film does not hold, in words, such as '10 to 14 and 20'; an empty text if none is
+    missing. Without wanted ones, of those before the last."""
+    gaps, end = [], 0 if wanted is None else wanted.start
+    last = film.ranges[-1][2] if wanted is None else wanted.stop
+    for first, stop in [*(each[1:] for each in film.ranges), (last, last)]:
+        first = min(first, last)
         if first > end:
             gaps.append(f"{end} to {first - 1}" if first > end + 1 else f"{end}")
-        end = stop
+        end = max(end, stop)
     return " and ".join(gaps)
 
 
@@ -116,6 +120,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("--groups", help="EXR file of the temperature groups, if the films have any")
     result.add_argument("--film", help="file of the merged film, to be merged with further passes")
     result.add_argument("--target-noise", type=float, default=0.0, help="K; says how many more passes it takes")
+    result.add_argument("--passes", type=read_passes, help="those that there should be, such as 0-39")
     result.add_argument("--partial", action="store_true", help="merge though passes between the films are missing")
     return result
 
@@ -140,7 +145,7 @@ def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images)
     """Write the images of one frame and view layer; returns how many more passes they need."""
     (frame, layer), several = key, len({frame for frame, _ in images}) > 1
     suffix = f"_{layer}" if len({layer for _, layer in images}) > 1 else ""
-    stored, name = merged(films, options.partial), f"Frame {frame}" + (f", {layer}" if layer else "")
+    stored, name = merged(films, options.passes, options.partial), f"Frame {frame}" + (f", {layer}" if layer else "")
 
     def path_of(text: str, ending: str) -> Path:
         path = numbered(without_extension(text, {Path(ending).suffix, ending}), ending, frame, several)

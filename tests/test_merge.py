@@ -139,3 +139,19 @@ def test_missing_passes_are_told(ranges, missing):
     film = Film(2, 2, EDGES)
     film.ranges = ranges
     assert merge.missing_passes(film) == missing
+
+
+@pytest.mark.parametrize(
+    ("ranges", "wanted", "missing"),
+    [
+        ([(0, 0, 8)], range(8), ""),
+        ([(0, 0, 8)], range(10), "8 to 9"),
+        ([(0, 0, 8)], range(2, 5), ""),
+        ([(0, 4, 5), (0, 6, 9)], range(3, 7), "3 and 5"),
+        ([(0, 4, 5), (0, 8, 9)], range(0, 7), "0 to 3 and 5 to 6"),
+    ],
+)
+def test_missing_passes_of_those_wanted(ranges, wanted, missing):
+    film = Film(2, 2, EDGES)
+    film.ranges = ranges
+    assert merge.missing_passes(film, wanted) == missing

@@ -25,14 +25,14 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 # a module, or a package with all that is in it; "" is the __init__ of the whole. Rooms in one line may import from each
 # other. What is in presets are scripts that Blender runs.
 ROOMS = (
-    ("engine", "", "preferences"),
+    ("engine", "", "preferences", "commands"),
     ("ui",),
     ("rendering",),
     ("reading",),
     ("properties", "heat_settings", "measure_settings", "object_settings", "interface"),
-    ("measuring",),
+    ("measuring", "merge"),
     ("output",),
-    ("version", "solver", "presets"),
+    ("pass_ranges", "version", "solver", "presets"),
 )
 SOLVERS_ROOMS = (
     ("",),
