@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on's preferences: its version, and a button that checks the installation."""
+"""The add-on's preferences: its version, compiling in the background, and a button that checks the installation."""
 
 from __future__ import annotations
 
 import threading
 
 import bpy
+from bpy.props import BoolProperty
 from bpy.types import AddonPreferences, Operator
 
 from .interface import redraw
 from .rendering.self_check import run_checks
+from .ui.kernels import draw_compiling
 from .version import version
 
 THREAD = "Infrared Photons check"
@@ -78,9 +80,17 @@ class InfraredPreferences(AddonPreferences):
 
     bl_idname = __package__
 
+    compile_at_start: BoolProperty(
+        name="Compile at Start",
+        description="Compile the engine's inner loops in the background when Blender starts, unless they are compiled",
+        default=True,
+    )
+
     def draw(self, _context):
         layout = self.layout
         layout.label(text=f"Infrared Photons {version()}")
+        layout.prop(self, "compile_at_start")
+        draw_compiling(layout)
         layout.operator("infrared.self_check", text="Testing..." if is_running() else "Self-Test", icon="CHECKMARK")
         for what, problem in _lines:
             layout.label(text=f"{what}: {problem}" if problem else what, icon="ERROR" if problem else "CHECKMARK")

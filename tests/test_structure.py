@@ -30,7 +30,7 @@ ROOMS = (
     ("rendering",),
     ("reading",),
     ("properties", "heat_settings", "interface"),
-    ("output",),
+    ("output", "compiling"),
     ("version", "solver", "presets"),
 )
 SOLVERS_ROOMS = (
