@@ -24,6 +24,7 @@ from ..solver import (
 _SETTINGS = Settings(passes=2, photons_per_pass=2_000, threads=1)
 _QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 _WALLS = 12  # triangles of the room; those of the box in it follow
+_FLOOR = (8, 9)  # of them
 
 
 def render_tiny_scene(name: str) -> None:
@@ -75,11 +76,18 @@ def _camera_matrix() -> np.ndarray:
     return matrix
 
 
-def _open() -> Scene:
-    """Without walls, under a sky by zenith angle."""
+def _larger() -> Scene:
+    """A picture large enough that not all points of the pilot serve as receivers: what is thinned out has types of its
+    own."""
     room = _room()
-    parts = {name: getattr(room, name)[_WALLS:] for name in ("triangles", "material", "temperature")}
-    return replace(room, **parts, sky=Sky(np.array([250.0, 290.0]), np.array([0.0, 90.0])))
+    return replace(room, camera=replace(room.camera, width=96, height=72))
+
+
+def _open() -> Scene:
+    """The box on its floor, without walls, under a sky by zenith angle."""
+    room, kept = _room(), [*_FLOOR, *range(_WALLS, 2 * _WALLS)]
+    parts = {name: getattr(room, name)[kept] for name in ("triangles", "material", "temperature")}
+    return replace(_larger(), **parts, sky=Sky(np.array([250.0, 290.0]), np.array([0.0, 90.0])))
 
 
 def _fresnel() -> Scene:
@@ -110,7 +118,7 @@ def _groups() -> Scene:
 
 
 def _gas() -> Scene:
-    """Air of molecules that scatters, and a plume in cells."""
+    """Air of molecules that absorbs and scatters, and a plume in cells."""
     ones = np.ones((8, 8, 8), np.float32)
     place = np.diag([0.1, 0.1, 0.1, 1.0])
     grid = Grid.from_arrays(place, ones, 400.0 * ones, {"soot": 1e-7 * ones, "CO2": 0.01 * ones})
@@ -118,13 +126,28 @@ def _gas() -> Scene:
     return replace(_room(), media=(Medium("Plume", 0.5, 400.0, grid=grid), air), world_depth=10.0)
 
 
+def _air() -> Scene:
+    """Air that only absorbs."""
+    return replace(_room(), media=(Medium("Air", 0.01, 293.0),), world_depth=10.0)
+
+
+def _fog() -> Scene:
+    """A mesh filled with what absorbs, and air that only scatters."""
+    vertices, triangles = _box((0.5, 0.5, 0.1), (0.7, 0.7, 0.4))
+    cloud = Medium("Cloud", 0.1, 400.0, vertices=vertices, triangles=triangles.astype(np.int32))
+    return replace(_room(), media=(cloud, Medium("Fog", 0.0, 293.0, scattering=0.01)), world_depth=10.0)
+
+
 # By name, what nearly every render needs first. Each builds a Scene.
 TINY_SCENES: dict[str, Callable[[], Scene]] = {
-    "room": _room,
+    "room": _larger,
+    "small": _room,
     "open": _open,
     "fresnel": _fresnel,
     "sheet": _sheet,
     "textures": _textures,
     "groups": _groups,
+    "air": _air,
+    "fog": _fog,
     "gas": _gas,
 }
