@@ -84,7 +84,7 @@ def _own_materials(earlier: Path) -> Path:
 
 def _modules():
     from . import engine, preferences, properties
-    from .ui import band_presets, checks, kernels, operators, panels, sensor_image, sensor_panel
+    from .ui import band_presets, checks, kernels, operators, panels, render_header, sensor_image, sensor_panel
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
     from .ui.temperatures import clear_sky, heat_display, heat_map, surface_image, temperature_groups, temperature_tools
@@ -111,6 +111,7 @@ def _modules():
         checks,
         heat_display,
         kernels,
+        render_header,
         preferences,
         engine,
     )

@@ -409,7 +409,7 @@ def test_warnings_name_the_object_and_rendering_goes_on(tmp_path, caplog):
     del bpy.data.objects["Wall"]["temperature"]
     bpy.context.scene.infrared.ambient_temperature = 305.0
     images = render_to_exr(tmp_path)["ViewLayer"]
-    assert "'Wall': no temperature, using the ambient 305 K" in caplog.text
+    assert "'Wall': no temperature; the ambient 305 K counts" in caplog.text
     np.testing.assert_allclose(images["Temperature"], 305.0, rtol=FLOAT32)
 
 

@@ -89,12 +89,20 @@ def write_list(path: Path) -> int:
         render_tiny_scene(scene)
         added = [each for each in _loaded() if (each[0], each[1].signature.args) not in listed]
         # the largest first, as they take longest: so that all processes end at about the same time
-        for kernel, compiled in sorted(added, key=lambda each: -len(each[1].library.get_asm_str())):
+        for kernel, compiled in sorted(added, key=_size, reverse=True):
             place = [kernel.py_func.__module__.removeprefix(SOLVER), kernel.py_func.__qualname__]
             arguments = compiled.signature.args
             listed[kernel, arguments] = [*place, [table.number(kind) for kind in arguments]]
     path.write_text(json.dumps({"types": table.rows, "kernels": list(listed.values())}), encoding="utf-8")
     return len(listed)
+
+
+def _size(loaded: tuple[Dispatcher, object]) -> int:
+    """Bytes that what `_loaded` gives has in its file: the more, the longer it takes to compile."""
+    kernel, compiled = loaded
+    file = kernel._cache._cache_file
+    names = [name for (types_, *_), name in file._load_index().items() if types_ == compiled.signature.args]
+    return max((Path(file._data_path(name)).stat().st_size for name in names), default=0)
 
 
 def _loaded() -> Iterator[tuple[Dispatcher, object]]:

@@ -20,6 +20,7 @@ from ..solver import (
     Texture,
     Textures,
 )
+from ..solver.image.detector import Detector, expose
 
 _SETTINGS = Settings(passes=2, photons_per_pass=2_000, threads=1)
 _QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -31,7 +32,6 @@ def render_tiny_scene(name: str) -> None:
     """Render one of `TINY_SCENES`, and make all images of it."""
     from ..solver import first_hit_images, render  # here, as Blender asks for the names of the scenes at its start
     from ..solver.camera.first_hits import QUANTITIES
-    from ..solver.image.detector import Detector, expose
 
     scene = TINY_SCENES[name]()
     film = render(scene, _SETTINGS)

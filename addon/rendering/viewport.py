@@ -13,6 +13,7 @@ import logging
 import os
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Callable
 
@@ -20,6 +21,7 @@ import gpu
 import numpy as np
 from gpu_extras.presets import draw_texture_2d
 
+from ..compiling.watch import COMPILING, compiles_now
 from ..heat_settings import read_scale
 from ..output.temperature_scale import TemperatureScale
 from ..reading.camera import read_view
@@ -36,6 +38,8 @@ from .painting import thermal_picture, working_primaries
 log = logging.getLogger(__name__)
 
 THREAD = "Infrared Photons viewport"  # name of the background threads
+PREPARING = "Preparing the first picture"
+LOOK = 0.2  # s between two looks at whether kernels are compiled
 WAIT = 0.25  # s that a request waits for the one before it to end; then it starts beside it
 IMAGE_COPIES = 2  # of the images of a film, at most: the picture, and what it is computed with
 
@@ -126,7 +130,8 @@ class ViewportRender:
             self._geometry = build_geometry(request.scene, self._geometry)
             self._refine(request, self._geometry)
         except Exception as error:  # the next request has its own thread
-            self._fail(request, explain(error))
+            if request is self._newest:  # of others nobody wants to know, least of all once the add-on is removed
+                self._fail(request, explain(error))
         finally:
             with self._changed:
                 self._working -= 1
@@ -136,7 +141,8 @@ class ViewportRender:
         """Render a request until it is complete or out of date."""
         shown = []
         if self.picture is None:
-            self._tell("Preparing the first picture (kernels are compiled once, on first use)")
+            self._tell(PREPARING)
+            threading.Thread(target=self._tell_of_compiling, args=(request,), name=THREAD, daemon=True).start()
 
         ended = False
 
@@ -168,8 +174,21 @@ class ViewportRender:
             if cancelled():
                 return
 
+    def _tell_of_compiling(self, request: Request) -> None:
+        """Until there is a picture: say so while it is compiling that takes so long."""
+        while self._newest is request and self.status.startswith(PREPARING):
+            status = PREPARING + COMPILING * compiles_now()
+            with self._changed:
+                changed = self.status != status and self.status.startswith(PREPARING)
+                if changed:
+                    self.status = status
+            if changed:
+                self._redraw()
+            time.sleep(LOOK)
+
     def _tell(self, status: str) -> None:
-        self.status = status
+        with self._changed:
+            self.status = status
         self._redraw()
 
     def _fail(self, request: Request, message: str) -> None:

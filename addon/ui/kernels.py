@@ -76,9 +76,10 @@ def begin() -> str:
 
 
 def end() -> None:
-    """End what goes on in the background."""
+    """End what goes on in the background, and wait until nothing is written any more."""
     if _compilation is not None:
         _compilation.cancel()
+        _compilation.wait()
 
 
 def _look() -> float | None:
