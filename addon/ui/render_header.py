@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the header of an Image Editor says after a render: how many passes it has, and what noise, or why it failed. Blender
-forgets the status of a render at its end.
+"""What the header of an Image Editor says after a render: how many passes it has, and what noise, or why it failed.
+Blender forgets the status of a render at its end.
 """
 
 from __future__ import annotations
