@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a first-time user stumbled over: each of these tests does what they did."""
 
+import os
+import sys
 import time
 from types import SimpleNamespace
 
@@ -11,6 +13,7 @@ bpy = pytest.importorskip("bpy")
 import bmesh  # noqa: E402
 
 from addon.compiling.watch import COMPILING, compiles_now  # noqa: E402
+from addon.output.console import without_harmless_messages  # noqa: E402
 from addon.output.temperature_scale import automatic_range  # noqa: E402
 from addon.rendering import self_check  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
@@ -214,3 +217,21 @@ def test_recombining_begins_with_the_file_that_the_scene_writes(tmp_path):
     first_choice(bpy.context.scene, dialog)
     assert dialog.groups == "//grp.exr"
     assert dialog.filepath == str(tmp_path / "grp_recombined.exr")
+
+
+def test_the_harmless_message_of_openexr_stays_off_the_console(capfd):
+    """Whatever else libraries print in the meantime follows, as well as after it."""
+    with without_harmless_messages():
+        os.write(2, b"(EXR_ERR_ARGUMENT_OUT_OF_RANGE) Invalid chunk\nDisk nearly full\n")
+        print("from Python", file=sys.stderr, flush=True)
+    os.write(2, b"later\n")
+    lines = capfd.readouterr().err.splitlines()
+    assert lines[0] == "Disk nearly full" and lines[-1] == "later"
+    assert not [line for line in lines if "EXR_ERR" in line]
+
+
+def test_an_error_of_a_writer_passes_through(capfd):
+    with pytest.raises(OSError, match="full"), without_harmless_messages():
+        raise OSError("disk full")
+    os.write(2, b"still there\n")
+    assert "still there" in capfd.readouterr().err
