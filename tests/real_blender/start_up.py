@@ -19,7 +19,8 @@ from tests.real_blender.screen import capture
 from tests.real_blender.story import tell
 
 PICTURES = Path(sys.argv[1])
-MODULE = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".infrared_photons"))
+ADDONS = (each.module for each in bpy.context.preferences.addons)
+MODULE = next(name for name in ADDONS if name.endswith(".infrared_photons"))
 LONGEST = 800.0  # s
 SHOWN = 2.0  # s after which the window is drawn anew for certain
 
