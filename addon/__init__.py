@@ -83,13 +83,35 @@ def _own_materials(earlier: Path) -> Path:
 
 
 def _modules():
-    from . import engine, preferences, properties
-    from .ui import band_presets, checks, kernels, operators, panels, render_header, sensor_image, sensor_panel
+    from . import engine, measure_settings, preferences, properties
+    from .rendering import frame_tools
+    from .ui import (
+        band_presets,
+        checks,
+        export_report,
+        kernels,
+        object_panel,
+        operators,
+        panels,
+        render_header,
+        sensor_image,
+        sensor_panel,
+    )
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
-    from .ui.temperatures import clear_sky, heat_display, heat_map, surface_image, temperature_groups, temperature_tools
+    from .ui.measuring import tool_operators, tool_panels, workspace_tools
+    from .ui.temperatures import (
+        bar_gizmo,
+        clear_sky,
+        heat_display,
+        heat_map,
+        surface_image,
+        temperature_groups,
+        temperature_tools,
+    )
 
     return (
+        measure_settings,
         properties,
         operators,
         sensor_image,
@@ -110,6 +132,13 @@ def _modules():
         band_presets,
         checks,
         heat_display,
+        object_panel,
+        export_report,
+        frame_tools,
+        bar_gizmo,
+        tool_operators,
+        tool_panels,
+        workspace_tools,
         kernels,
         render_header,
         preferences,

@@ -11,8 +11,6 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVecto
 from .interface import redraw, temperature_property
 from .output.temperature_scale import KELVIN, UNITS, Isotherm, TemperatureScale, TemperatureUnit
 
-scale_temperature = partial(temperature_property, min=0.0, soft_max=2_000.0, step=100)
-
 PICTURE_EDITORS = ("IMAGE_EDITOR", "VIEW_3D")  # types of the areas that show pictures of this engine
 
 
@@ -22,8 +20,11 @@ def redraw_pictures(_owner=None, _context=None) -> None:
         redraw(kind)
 
 
+scale_temperature = partial(temperature_property, min=0.0, soft_max=2_000.0, step=100, update=redraw_pictures)
+
+
 class InfraredSpot(bpy.types.PropertyGroup):
-    """A fixed spot of the spot meter."""
+    """A fixed spot in files of earlier versions, see measure_settings.convert_spots."""
 
     position: FloatVectorProperty(
         name="Position",
@@ -49,6 +50,7 @@ class HeatDisplaySettings:
             ("INFERNO", "Inferno", "Black, violet, orange, pale yellow: equal steps look equally large", 5),
         ),
         default="IRON",
+        update=redraw_pictures,
     )
     range_mode: EnumProperty(
         name="Range",
@@ -63,6 +65,7 @@ class HeatDisplaySettings:
             ("FIXED", "Fixed", "The same in every image, so that images and frames can be compared", 1),
         ),
         default="AUTOMATIC",
+        update=redraw_pictures,
     )
     range_low: scale_temperature("Low", "What is at this temperature or below gets the palette's cold end", 283.15)
     range_high: scale_temperature("High", "What is at this temperature or above gets the palette's hot end", 323.15)
@@ -70,6 +73,7 @@ class HeatDisplaySettings:
         name="Isotherm",
         description="Paint what is between two temperatures in one color",
         default=False,
+        update=redraw_pictures,
     )
     isotherm_low: scale_temperature("From", "Lowest temperature that is painted in the isotherm's color", 303.15)
     isotherm_high: scale_temperature("To", "Highest temperature that is painted in the isotherm's color", 308.15)
@@ -81,6 +85,7 @@ class HeatDisplaySettings:
         default=(0.0, 1.0, 0.0),
         min=0.0,
         max=1.0,
+        update=redraw_pictures,
     )
     isotherm_rest: EnumProperty(
         name="Elsewhere",
@@ -90,6 +95,7 @@ class HeatDisplaySettings:
             ("GREY", "Grey", "Greys, hot is white", 1),
         ),
         default="PALETTE",
+        update=redraw_pictures,
     )
     show_colour_bar: BoolProperty(
         name="Color Bar",
@@ -99,8 +105,9 @@ class HeatDisplaySettings:
     )
     spots: CollectionProperty(
         name="Spots",
-        description="Fixed spots at which the temperature of a render is shown",
+        description="Fixed spots in files of earlier versions; measuring tools stand in their place",
         type=InfraredSpot,
+        options={"HIDDEN"},
     )
 
 

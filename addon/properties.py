@@ -12,10 +12,10 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from .heat_settings import HeatDisplaySettings, InfraredSpot
 from .interface import TEMPERATURE_DIGITS, temperature_property
+from .measure_settings import MeasureSettings
+from .object_settings import ROOM_TEMPERATURE, ObjectParameterSettings
 from .output.formats import ENUM_ITEMS
 from .solver.scene import ATMOSPHERE, LAMP_TEMPERATURE, SUN_TEMPERATURE
-
-ROOM_TEMPERATURE = 293.15  # K
 
 # Spectral responses: key, name, description and number of each
 SENSORS = (
@@ -189,7 +189,7 @@ def show_passes(settings, _context) -> None:
         layer.update_render_passes()
 
 
-class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
+class InfraredSettings(HeatDisplaySettings, ObjectParameterSettings, MeasureSettings, bpy.types.PropertyGroup):
     """Settings of the Infrared Photons engine, one set in every scene."""
 
     passes: IntProperty(
@@ -329,24 +329,6 @@ class InfraredSettings(HeatDisplaySettings, bpy.types.PropertyGroup):
         description="Spectral response of the camera, by which bands count in Radiance and Temperature",
         items=SENSORS,
         default="BOX",
-    )
-    assumed_emissivity: FloatProperty(
-        name="Assumed Emissivity",
-        description="Emissivity that Temperature is corrected for, as a thermal camera's user sets it; 1 corrects "
-        "nothing",
-        default=1.0,
-        soft_min=0.01,
-        soft_max=1.0,
-        precision=3,
-        subtype="FACTOR",
-    )
-    reflected_temperature: temperature_property(
-        "Reflected Temperature",
-        "Apparent temperature in kelvin of what the surfaces reflect; it counts if Assumed Emissivity is below 1",
-        ROOM_TEMPERATURE,
-        soft_min=0.0,
-        soft_max=2_000.0,
-        step=100,
     )
     use_detector: BoolProperty(
         name="Camera Effects",

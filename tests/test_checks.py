@@ -76,10 +76,10 @@ DAMAGE = {
         set_value("default_emissivity", 2.0),
         "Panel 'Where Nothing Is Set': emissivity 2 is outside 0..1",
     ),
-    "assumed": (set_value("assumed_emissivity", 0.0), "Panel 'Spectrum > Sensor': Assumed Emissivity is 0,"),
+    "assumed": (set_value("assumed_emissivity", 0.0), "Panel 'Spectrum > Object Parameters': Assumed Emissivity is 0,"),
     "reflected": (
         set_value("reflected_temperature", -1.0),
-        "Panel 'Spectrum > Sensor': Reflected Temperature is -1,",
+        "Panel 'Spectrum > Object Parameters': Reflected Temperature: temperature -1 K;",
     ),
     "unsaved": (set_value("band_exr_path", "//bands.exr"), "Save the file first: '//bands.exr'"),
     "names": (use_long_band_names, "characters"),

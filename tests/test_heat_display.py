@@ -14,14 +14,14 @@ bpy = pytest.importorskip("bpy")
 
 from addon.heat_settings import read_scale, scene_unit  # noqa: E402
 from addon.output.colour_bar import INK, ColourBar  # noqa: E402
-from addon.output.heat_picture import LEAST_HEIGHT, write_picture  # noqa: E402
+from addon.output.heat_picture import LEAST_HEIGHT, Beside, write_picture  # noqa: E402
 from addon.output.palette import PALETTES, display  # noqa: E402
 from addon.output.temperature_scale import CELSIUS, FAHRENHEIT, KELVIN, Isotherm, TemperatureScale  # noqa: E402
 from addon.rendering import final_render, last_render  # noqa: E402
 from addon.rendering.last_render import TABLES, forget_last_render  # noqa: E402
 from addon.ui.temperatures import spot_meter  # noqa: E402
 from addon.ui.temperatures.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, link, material, read_png, render_to_exr  # noqa: E402
 
 ROUNDING = 1e-3  # of linear colours: Blender's own matrices, and temperatures next to a step of the palette's table
 
@@ -54,15 +54,6 @@ def choose(palette="IRON", low=None, high=None, isotherm=None):
         infrared.use_isotherm, infrared.isotherm_colour = True, isotherm.colour
         infrared.isotherm_low, infrared.isotherm_high = isotherm.low, isotherm.high
         infrared.isotherm_rest = "GREY" if isotherm.grey else "PALETTE"
-
-
-def read_png(path):
-    """(h, w, 3) uint8 of a PNG, row 0 at the bottom."""
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
-    image.pixels.foreach_get(pixels.ravel())
-    bpy.data.images.remove(image)
-    return np.rint(pixels[..., :3] * 255).astype(np.uint8)
 
 
 # settings
@@ -147,7 +138,9 @@ def test_a_background_without_a_temperature_takes_no_part_in_an_automatic_range(
     assert (temperature == 0.0).any()
     np.testing.assert_allclose(combined[temperature > 339.0], 1.0, atol=0.01)
     np.testing.assert_array_equal(combined[temperature <= 280.0], 0.0)  # the left wall as well as the background
-    final_render.finished_layers["Empty"] = {"temperature": np.zeros((3, 5), np.float32)}
+    layers, frames = final_render.finished_layers, final_render.finished_frames
+    layers["Empty"] = layers["ViewLayer"] | {"temperature": np.zeros((3, 5), np.float32)}
+    frames["Empty"] = frames["ViewLayer"]
     assert bpy.ops.infrared.range_from_render() == {"FINISHED"}
     infrared = bpy.context.scene.infrared
     assert (infrared.range_low, infrared.range_high) == (pytest.approx(280.0, abs=0.1), pytest.approx(340.0, abs=0.1))
@@ -175,7 +168,7 @@ def test_combined_is_in_the_working_space_of_the_file(tmp_path):
 def test_the_picture_file_holds_the_colours_bit_by_bit(tmp_path):
     image = np.linspace(280, 340, 40 * 30).reshape(40, 30)
     scale = TemperatureScale("VIRIDIS", 290.0, 330.0)
-    write_picture(tmp_path / "a.png", image, scale, KELVIN, colour_bar=False)
+    write_picture(tmp_path / "a.png", image, scale, KELVIN, Beside(colour_bar=False))
     np.testing.assert_array_equal(read_png(tmp_path / "a.png"), display(scale.colours(image)))
 
 
@@ -253,17 +246,6 @@ def test_the_range_of_the_last_render_can_be_fixed(tmp_path):
 # the spot meter
 
 
-class View2D:
-    """As the view2d of a region in which a picture of a size lies at an offset, in pixels."""
-
-    def __init__(self, zoom, offset, size):
-        self.start, self.step = -np.array(offset) / (zoom * np.array(size)), 1.0 / (zoom * np.array(size))
-
-    def view_to_region(self, u, v, clip=True):
-        assert not clip
-        return tuple(np.rint((np.array((u, v)) - self.start) / self.step).astype(int))
-
-
 def test_every_pixel_is_found_at_its_middle_and_in_a_border():
     size, origin, shape = (16, 12), (4, 6), (6, 8)
     for row in range(12):
@@ -273,18 +255,10 @@ def test_every_pixel_is_found_at_its_middle_and_in_a_border():
             assert found == ((row - 6, column - 4) if inside else None)
 
 
-def test_a_click_means_the_nearest_spot_within_reach_as_seen():
-    view = View2D(2.0, (10, 10), (100, 10))  # a step in u is ten times as long as one in v
-    spots = [(0.53, 0.5), (0.5, 0.7)]  # 6 pixels to the right of (110, 20), and 4 above
-    assert spot_meter.spot_under(spots, 110, 20, view) == 1
-    assert spot_meter.spot_under(spots, 115, 20, view) == 0
-    assert spot_meter.spot_under(spots, 130, 20, view) is None
-    assert spot_meter.spot_under([], 110, 20, view) is None
-
-
 def reading_at(u, v, unit):
     """The reading in an Image Editor that shows the only view layer."""
-    return spot_meter.reading_at(spot_meter.shown_layer(editor(), bpy.context.scene), u, v, unit)
+    scene = bpy.context.scene
+    return spot_meter.reading_at(spot_meter.shown_layer(editor(), scene).picture, scene.infrared, u, v, unit)
 
 
 def shown_layer(space, scene):
@@ -452,7 +426,8 @@ def test_a_render_may_begin_while_an_editor_is_drawn(tmp_path):
     render_to_exr(tmp_path)
     shown = spot_meter.shown_layer(editor(), bpy.context.scene)
     forget_last_render()
-    assert spot_meter.reading_at(shown, 0.1, 0.1, KELVIN) == "280.00 ± 0.00 K" and shown.frame.scale.low < 300.0
+    infrared = bpy.context.scene.infrared
+    assert spot_meter.reading_at(shown.picture, infrared, 0.1, 0.1, KELVIN) == "280.00 ± 0.00 K"
     assert spot_meter.shown_layer(editor(), bpy.context.scene) is None
 
 
@@ -464,20 +439,6 @@ def test_the_compositors_picture_comes_before_the_layers(tmp_path):
     frames["ViewLayer"] = dataclasses.replace(frames["ViewLayer"], composited=True)
     assert shown_layer(editor(0), scene) == ("ViewLayer", False)
     assert shown_layer(editor(1), scene) == ("ViewLayer", True)
-
-
-def test_spots_are_placed_and_removed_and_kept_in_the_file(tmp_path):
-    for position in ((0.25, 0.5), (0.75, 0.5), (0.1, 0.9)):
-        assert bpy.ops.infrared.spot_add(position=position) == {"FINISHED"}
-    assert bpy.ops.infrared.spot_remove(index=1) == {"FINISHED"}
-    with pytest.raises(RuntimeError, match="no spot 7"):
-        bpy.ops.infrared.spot_remove(index=7)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "spots.blend"))
-    bpy.ops.infrared.spot_remove()
-    assert len(bpy.context.scene.infrared.spots) == 0
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "spots.blend"))
-    kept = [tuple(spot.position) for spot in bpy.context.scene.infrared.spots]
-    assert kept == [pytest.approx((0.25, 0.5)), pytest.approx((0.1, 0.9))]
 
 
 def test_another_file_shows_nothing_of_the_last_render(tmp_path):

@@ -139,6 +139,8 @@ def states():
     shown.material["gas"] = {"H2O": 0.1, "soot": 1e-7}
     for infrared.band_mode in ("UNIFORM", "ADAPTIVE", "CUSTOM"):
         yield shown
+    for infrared.air_transmission_source in ("FORMULA", "WORLD"):
+        yield shown
     for kind, shape in (("POINT", ""), ("SUN", ""), ("SPOT", ""), ("AREA", "SQUARE"), ("AREA", "RECTANGLE")):
         shown.light = bpy.data.lights.new(kind, kind)
         if shape:

@@ -107,7 +107,7 @@ def test_settings_reach_the_solver(infrared):
     settings = read_settings(infrared)
     assert (settings.assumed_emissivity, settings.reflected_temperature) == (0.5, 250.0)
     infrared.assumed_emissivity = 0.0
-    with pytest.raises(SceneError, match="Panel 'Spectrum > Sensor': Assumed Emissivity is 0"):
+    with pytest.raises(SceneError, match="Panel 'Spectrum > Object Parameters': Assumed Emissivity is 0"):
         read_settings(infrared)
 
 
@@ -163,7 +163,7 @@ def test_the_panel_shows_the_response(infrared, sensor):
     with patch("addon.ui.checks.draw_checks") as drawn:
         INFRARED_PT_sensor.draw_settings(None, column, infrared)
     shown = [call.args[1] for call in column.prop.call_args_list]
-    assert shown == ["sensor", "assumed_emissivity"]  # the reflected temperature has a row of its own
+    assert shown == ["sensor"]
     assert column.template_icon.called == (sensor != "BOX")
     assert [check.level for check in drawn.call_args.args[1]] == {"INSB": ["ERROR"], "HGCDTE": ["WARNING"]}.get(
         sensor, []

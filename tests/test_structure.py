@@ -29,7 +29,8 @@ ROOMS = (
     ("ui",),
     ("rendering",),
     ("reading",),
-    ("properties", "heat_settings", "interface"),
+    ("properties", "heat_settings", "measure_settings", "object_settings", "interface"),
+    ("measuring",),
     ("output", "compiling"),
     ("version", "solver", "presets"),
 )
@@ -51,7 +52,12 @@ SOLVERS_ROOMS = (
 )
 LARGE_LIBRARIES = {"numba", "embreex", "OpenEXR"}  # Blender must start without them
 MOST_PARAMETERS = 8
-FINDERS = {"tests/real_blender/launch.py", "addon/compiling/compilation.py", "addon/compiling/worker.py"}
+FINDERS = {
+    "tests/real_blender/launch.py",
+    "addon/compiling/compilation.py",
+    "addon/compiling/worker.py",
+    "tests/test_startup.py",
+}
 
 
 def name(path: Path) -> str:

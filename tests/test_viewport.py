@@ -12,13 +12,10 @@ from tests.helpers.scenes import box, join, look, make_scene, quad
 
 bpy = pytest.importorskip("bpy")
 
-from addon.output.temperature_scale import TemperatureScale  # noqa: E402
 from addon.rendering import viewport  # noqa: E402
-from addon.rendering.painting import REC709, thermal_picture  # noqa: E402
 from addon.solver import Film, Material, SceneError, Settings, render  # noqa: E402
 
 PATIENCE = 300.0  # s; kernels may have to be compiled
-SCALE = TemperatureScale(low=280.0, high=360.0)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +29,7 @@ def scene():
 
 def request(scene, camera=None, **settings):
     settings = {"passes": 1, "photons_per_pass": 1000, "neighbours": 20} | settings
-    return viewport.Request(scene, Settings(**settings), SCALE, REC709, camera or scene.camera)
+    return viewport.Request(scene, Settings(**settings), camera or scene.camera)
 
 
 class Watcher:
@@ -97,14 +94,16 @@ def test_the_final_picture_is_that_of_a_render(scene, watcher):
     watcher.wait(lambda w: w.last == "Pass 2/2")
     assert [picture.step for picture in watcher.pictures if picture] == [2, 1, 1]
     film = render(dataclasses.replace(scene, camera=camera), wanted.settings)
-    np.testing.assert_array_equal(watcher.render.picture.pixels, thermal_picture(film.temperature(), SCALE, REC709))
+    picture = watcher.render.picture
+    for name in ("radiance", "temperature", "noise"):
+        np.testing.assert_array_equal(getattr(picture, name), getattr(film, name)())
 
 
 def test_a_window_is_drawn_where_it_lies(scene, watcher):
     camera = dataclasses.replace(scene.camera, width=400, height=300, window=(31, 17, 300, 290))
     watcher.render.submit(request(scene, camera))
     watcher.wait(lambda w: w.last == "Pass 1/1")
-    shown = [(p.step, p.origin, p.pixels.shape[:2]) for p in watcher.pictures if p]
+    shown = [(p.step, p.origin, p.temperature.shape) for p in watcher.pictures if p]
     assert shown == [(4, (28, 16), (69, 68)), (2, (30, 16), (137, 135)), (1, (31, 17), (273, 269))]
 
 
@@ -223,7 +222,6 @@ def test_requests_are_compared_by_value(scene):
         request(dataclasses.replace(scene, world_temperature=1.0)),
         request(scene, dataclasses.replace(scene.camera, clip=(0.0, 5.0))),
         request(scene, seed=1),
-        dataclasses.replace(one, scale=TemperatureScale()),
-        dataclasses.replace(one, primaries=2 * REC709),
+        dataclasses.replace(one, frame=(0.0, 0.0, 1.0, 1.0)),
     )
     assert not any(viewport.same(one, other) for other in others)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the colour bar and the spot meter of a 3D viewport show is what its picture was painted from."""
+"""What the spot meter and the measuring tools of a 3D viewport show is what its picture was made from."""
 
 import gc
 from types import SimpleNamespace
@@ -9,11 +9,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.output.temperature_scale import CELSIUS, KELVIN, TemperatureScale  # noqa: E402
+from addon.measure_settings import add_tool  # noqa: E402
+from addon.output.temperature_scale import CELSIUS, KELVIN  # noqa: E402
 from addon.rendering import viewport  # noqa: E402
 from addon.rendering.live_pictures import picture_in  # noqa: E402
-from addon.rendering.painting import REC709  # noqa: E402
-from addon.solver import Camera, Film, Settings  # noqa: E402
+from addon.rendering.readings import pixel_now, read_tool, temperature_now  # noqa: E402
+from addon.solver import Camera, Correction, Film, Settings  # noqa: E402
 from addon.ui.temperatures import spot_meter  # noqa: E402
 
 WIDTH, HEIGHT = 7, 5
@@ -29,15 +30,36 @@ def film_of(passes):
     return film
 
 
-def picture_of(film, scale=TemperatureScale(), step=1, origin=(0, 0)):  # noqa: B008  frozen
-    return viewport.paint(film, viewport.Request(None, Settings(), scale, REC709, Camera()), step, origin)
+def picture_of(film, step=1, origin=(0, 0), frame=None):
+    return viewport.picture_of(film, viewport.Request(None, Settings(), Camera(), frame), step, origin)
 
 
-@pytest.mark.parametrize("scale", [TemperatureScale("VIRIDIS"), TemperatureScale(low=290.0, high=310.0)])
-def test_the_bar_is_that_of_the_colours(scale):
-    picture = picture_of(film_of(4), scale)
-    assert picture.scale == scale.fitted(picture.temperature)
-    np.testing.assert_array_equal(picture.pixels[..., :3], picture.scale.colours(picture.temperature))
+def live_reading(picture, x, y, unit):
+    return spot_meter.live_reading(picture, bpy.context.scene.infrared, x, y, unit)
+
+
+@pytest.mark.parametrize("correction", [Correction(), Correction(0.8, 280.0)])
+def test_the_correction_of_now_gives_what_a_render_with_it_gives(correction):
+    film, infrared = film_of(50), bpy.context.scene.infrared
+    picture = picture_of(film)
+    infrared.assumed_emissivity, infrared.reflected_temperature = correction[:2]
+    film.correction = correction
+    np.testing.assert_allclose(temperature_now(picture.measured, infrared), film.temperature(), atol=1e-4)
+    # to the first order of the error, which is 0.3 K
+    kelvin, noise = pixel_now(picture.measured, infrared, (3, 2))
+    assert kelvin == pytest.approx(film.temperature()[3, 2], abs=1e-4)
+    assert noise == pytest.approx(film.noise()[3, 2], rel=0.01)
+
+
+@pytest.mark.parametrize("step", [1, 3])
+def test_tools_lie_in_the_cameras_frame_where_there_is_one(step):
+    """A spot at a share of the frame reads the pixel that is drawn there."""
+    picture = picture_of(film_of(3), step, (10, 20), (10.0 + 1.5 * step, 20.0 - 0.5 * step, 4.0 * step, 5.0 * step))
+    infrared = bpy.context.scene.infrared
+    spot = add_tool(infrared, "SPOT", [(0.5, 0.5)])  # 3.5 pixels from the left edge and 2 from the lower one
+    assert read_tool(spot, picture.measured, infrared).mean == picture.temperature[2, 3]
+    free = picture_of(film_of(3), step, (10, 20))
+    assert read_tool(spot, free.measured, infrared).mean == free.temperature[HEIGHT // 2, WIDTH // 2]
 
 
 def test_temperature_and_noise_are_the_films():
@@ -51,10 +73,10 @@ def test_readings_say_what_is_known():
     """Of the pixel at the cursor, in the scene's unit; nothing is known of the error after one pass."""
     film = film_of(1)
     kelvin = film.temperature()[3, 2]
-    assert spot_meter.live_reading(picture_of(film), 2, 3, KELVIN) == f"{kelvin:.2f} K (error unknown)"
+    assert live_reading(picture_of(film), 2, 3, KELVIN) == f"{kelvin:.2f} K (error unknown)"
     film = film_of(9)
     value, error = film.temperature()[3, 2] - 273.15, film.noise()[3, 2]
-    shown, sign, uncertainty, unit = spot_meter.live_reading(picture_of(film), 2, 3, CELSIUS).split()
+    shown, sign, uncertainty, unit = live_reading(picture_of(film), 2, 3, CELSIUS).split()
     assert (sign, unit) == ("±", "°C")
     assert abs(float(shown) - value) <= 0.05 and abs(float(uncertainty) - error) <= 0.05  # a digit after the point
 
@@ -67,7 +89,7 @@ def test_the_cursor_finds_its_pixel_at_any_size_of_them(step, origin):
             column, row = np.floor((np.array((x, y)) + 0.5 - origin) / step)
             inside = 0 <= column < WIDTH and 0 <= row < HEIGHT
             assert picture.pixel_at(x, y) == ((row, column) if inside else None)
-            assert (spot_meter.live_reading(picture, x, y, KELVIN) is not None) == inside
+            assert (live_reading(picture, x, y, KELVIN) is not None) == inside
 
 
 def test_without_a_viewport_there_is_nothing_to_show():

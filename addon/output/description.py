@@ -15,6 +15,15 @@ from ..solver.physics.spectrum import C1, C2
 from ..version import version
 
 BAND_UNIT = "W m-2 sr-1 um-1"
+# Name of a fact -> field of the solver's Correction. Older files lack the last four.
+CORRECTION_FACTS = {
+    "assumedEmissivity": "emissivity",
+    "reflectedTemperature": "reflected_temperature",  # K
+    "airTransmission": "air_transmission",
+    "airTemperature": "air_temperature",  # K
+    "opticsTransmission": "optics_transmission",
+    "opticsTemperature": "optics_temperature",  # K
+}
 
 
 def how_rendered(film, settings) -> dict[str, object]:
@@ -32,8 +41,7 @@ def how_rendered(film, settings) -> dict[str, object]:
         "referenceSubtraction": settings.reference_subtraction,
         "referenceTemperature": film.reference_temperature,  # K
         "bandWeights": " ".join(str(float(weight)) for weight in film.weights),
-        "assumedEmissivity": settings.assumed_emissivity,
-        "reflectedTemperature": settings.reflected_temperature,  # K
+        **{fact: getattr(settings.correction, field) for fact, field in CORRECTION_FACTS.items()},
         "timeLimit": settings.time_limit,  # s
         "targetNoise": settings.target_noise,  # K
     }
@@ -47,14 +55,16 @@ def describe(units: str, band_edges: np.ndarray, metadata: Mapping[str, object])
     edges = [str(float(edge)) for edge in band_edges]
     facts = {
         "units": f"{units}; bandEdges, wavelengthRange: um; timeLimit: s; "
-        "referenceTemperature, reflectedTemperature, targetNoise: K",
+        "referenceTemperature, reflectedTemperature, airTemperature, opticsTemperature, targetNoise: K",
         "bandEdges": " ".join(edges),
         "wavelengthRange": f"{edges[0]} {edges[-1]}",
         "response": "1 from the lower to the upper edge of each band, 0 outside; Radiance is the integral of all "
         "bands, each times the sensor's response in it (bandWeights)",
         "temperatureCalibration": "Temperature is that of the blackbody with the radiance (Radiance - "
-        "(1 - assumedEmissivity) * Radiance of a blackbody at reflectedTemperature) / assumedEmissivity, with the same "
-        f"bandWeights, from {edges[0]} to {edges[-1]} um, by Planck's law with 2hc2 {C1} W um4 m-2 sr-1 and hc/k {C2} "
-        "um K",
+        "opticsTransmission * airTransmission * (1 - assumedEmissivity) * Radiance of a blackbody at "
+        "reflectedTemperature - opticsTransmission * (1 - airTransmission) * that at airTemperature - "
+        "(1 - opticsTransmission) * that at opticsTemperature) / (opticsTransmission * airTransmission * "
+        f"assumedEmissivity), with the same bandWeights, from {edges[0]} to {edges[-1]} um, by Planck's law with 2hc2 "
+        f"{C1} W um4 m-2 sr-1 and hc/k {C2} um K",
     }
     return facts | {name: str(value) for name, value in metadata.items()}

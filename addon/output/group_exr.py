@@ -26,7 +26,7 @@ from ..solver.physics.spectrum import band_names
 from ..solver.scene import SceneError, check_band_edges, check_temperature
 from ..solver.system.files import replacing
 from .console import without_harmless_messages
-from .description import BAND_UNIT, describe
+from .description import BAND_UNIT, CORRECTION_FACTS, describe
 from .exr import channel_name, write_band_exr
 from .frame import FrameImages
 
@@ -77,12 +77,9 @@ def read_group_exr(path: str | os.PathLike) -> tuple[LayeredImage, dict[str, str
             edges,
             float(facts["referenceTemperature"]),
             _numbers(facts["bandWeights"]),
-            Correction(float(facts["assumedEmissivity"]), float(facts["reflectedTemperature"])),
+            _correction(facts),
         )
         check_temperature(image.reference_temperature, "The reference")
-        check_temperature(image.correction.reflected_temperature, "What is reflected")
-        if not 0.0 < image.correction.emissivity <= 1.0:
-            raise ValueError(f"assumedEmissivity is {image.correction.emissivity:g}")
         if len(image.weights) != len(names) or not np.all((image.weights >= 0.0) & (image.weights < np.inf)):
             raise ValueError(f"{len(image.weights)} bandWeights for {len(names)} bands: {facts['bandWeights']}")
         if not np.isfinite(image.excess.sum()):
@@ -120,6 +117,18 @@ def _checksum(excess: np.ndarray, facts: Mapping[str, object]) -> str:
     texts = {name: value for name, value in facts.items() if isinstance(value, str) and name != "name"}
     code = zlib.crc32(json.dumps(texts, sort_keys=True).encode())
     return f"{zlib.crc32(np.ascontiguousarray(excess), code):08x}"
+
+
+def _correction(facts: Mapping[str, str]) -> Correction:
+    """The correction that facts state. Raises SceneError or ValueError if one of them makes no sense."""
+    correction = Correction(**{field: float(facts[fact]) for fact, field in CORRECTION_FACTS.items() if fact in facts})
+    for fact, field in CORRECTION_FACTS.items():
+        value = getattr(correction, field)
+        if fact.endswith("Temperature"):
+            check_temperature(value, fact)
+        elif not 0.0 < value <= 1.0:
+            raise ValueError(f"{fact} is {value:g}")
+    return correction
 
 
 def _numbers(text: str) -> np.ndarray:

@@ -61,10 +61,13 @@ class TemperatureScale:
 
     def fitted(self, temperature: np.ndarray) -> TemperatureScale:
         """The same scale with both ends in ascending order, for an image in K of any shape; rows and columns last."""
-        low, high = self.low, self.high
-        if low is None or high is None:
-            coldest, hottest = automatic_range(temperature)
-            low, high = coldest if low is None else low, hottest if high is None else high
+        if self.low is None or self.high is None:
+            return self.between(*automatic_range(temperature))
+        return self.between(self.low, self.high)
+
+    def between(self, coldest: float, hottest: float) -> TemperatureScale:
+        """The same scale with both ends in ascending order; these temperatures, K, are the ends that it lacks."""
+        low, high = coldest if self.low is None else self.low, hottest if self.high is None else self.high
         low, high = spread(low, high)
         return replace(self, low=low, high=high)
 
@@ -154,5 +157,21 @@ def reading(kelvin: float, noise: float, unit: TemperatureUnit) -> str:
     if noise >= kelvin > 0.0 or not math.isfinite(noise):
         return f"{value:.2f} {unit.symbol} (error unknown)"
     error = unit.scale * noise
-    decimals = min(3, max(0, -math.floor(math.log10(error)))) if error > 0.0 else 2
+    decimals = _decimals(error)
     return f"{value:.{decimals}f} ± {error:.{decimals}f} {unit.symbol}"
+
+
+def span_reading(kelvin: float, error: float | None, unit: TemperatureUnit) -> str:
+    """A difference of temperatures and its standard error, K, in a unit, such as '1.42 ± 0.05 °C'; None has none."""
+    value = unit.scale * kelvin
+    if error is None:
+        return f"{value:.2f} {unit.symbol}"
+    if not math.isfinite(error):
+        return f"{value:.2f} {unit.symbol} (error unknown)"
+    decimals = _decimals(unit.scale * error)
+    return f"{value:.{decimals}f} ± {unit.scale * error:.{decimals}f} {unit.symbol}"
+
+
+def _decimals(error: float) -> int:
+    """After the point, so that an error has one digit; at most three, two if there is no error."""
+    return min(3, max(0, -math.floor(math.log10(error)))) if error > 0.0 else 2

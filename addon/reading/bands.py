@@ -18,7 +18,7 @@ from .materials import read_material
 from .media import is_medium, read_gas_alone, read_pressure
 from .objects import SURFACE_TYPES, layers_objects
 from .sensor import read_response
-from .settings import as_typed
+from .shown import as_typed
 from .surface_temperature import object_temperatures
 from .textures import with_mixed
 from .world import layer_world, world_temperature

@@ -95,6 +95,20 @@ def _view_border(scene, space, view, camera) -> np.ndarray | None:
     return _border(space, "render_border") if space.use_render_border else None
 
 
+def camera_frame(scene, space, region, view) -> tuple[float, float, float, float] | None:
+    """Left, bottom, width and height of the frame of the camera that a 3D viewport looks through, in the region's
+    pixels; None if it looks through none.
+
+    space, region, view: SpaceView3D, Region and RegionView3D.
+    """
+    camera = space.camera
+    if view.view_perspective != "CAMERA" or camera is None or camera.type != "CAMERA":
+        return None
+    low, high = _frame_in_view(scene, camera.data, np.array(view.window_matrix, dtype=np.float64))
+    low, high = low * (region.width, region.height), high * (region.width, region.height)
+    return *low.tolist(), *(high - low).tolist()
+
+
 def _frame_in_view(scene, camera, projection: np.ndarray) -> np.ndarray:
     """(2, 2) lower left and upper right corner of a camera's frame, as shares of the viewport's width and height."""
     corners = np.column_stack((camera.view_frame(scene=scene), np.ones(4))) @ projection.T

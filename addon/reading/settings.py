@@ -3,35 +3,40 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
+from dataclasses import replace
 
+from ..solver.physics.correction import Correction
 from ..solver.scene import Material, SceneError, check_temperature
 from ..solver.settings import Settings
+from .object_parameters import read_object_parameters
+from .shown import as_shown, as_typed
 
 DEFAULTS = "Where Nothing Is Set"  # label of the panel with these settings
-SENSOR_SETTINGS = {"assumed_emissivity", "reflected_temperature"}
 
 
 def read_settings(infrared) -> Settings:
     """The solver's settings from scene.infrared. Raises SceneError, with the names that the interface shows, if nothing
     would stop the render or a value makes no sense.
     """
-    names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name)]
+    correction = read_object_parameters(infrared).correction
+    of_correction = _by_setting(correction)
+    names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name) and name not in of_correction]
     try:
-        return Settings(**{name: as_typed(getattr(infrared, name)) for name in names})
+        return Settings(**{name: as_typed(getattr(infrared, name)) for name in names}, **of_correction)
     except ValueError as error:
-        panel = "Spectrum > Sensor" if SENSOR_SETTINGS.intersection(re.findall(r"\w+", str(error))) else "Photons"
-        raise SceneError(f"Panel '{panel}': {as_shown(error, infrared, names)}") from error
+        shown = as_shown(error, infrared, dict(zip(names, names, strict=True)))
+        raise SceneError(f"Panel 'Photons': {shown}") from error
 
 
-def as_shown(error: Exception, infrared, names: Iterable[str], prefix: str = "") -> str:
-    """The solver's message about its settings, with their names replaced by the labels that the interface shows.
+def with_correction(settings: Settings, correction: Correction) -> Settings:
+    """The same settings with another correction."""
+    return replace(settings, **_by_setting(correction))
 
-    names: of the solver's settings. prefix: what scene.infrared puts before them.
-    """
-    labels = {name: infrared.bl_rna.properties[prefix + name].name for name in names}
-    return "".join(labels.get(word, word) for word in re.findall(r"\w+|\W+", str(error)))
+
+def _by_setting(correction: Correction) -> dict[str, float]:
+    """The values of a correction by the names that the solver's settings give them."""
+    emissivity, *further = correction
+    return {"assumed_emissivity": emissivity, **dict(zip(Correction._fields[1:], further, strict=True))}
 
 
 def read_defaults(infrared) -> tuple[float, Material]:
@@ -43,8 +48,3 @@ def read_defaults(infrared) -> tuple[float, Material]:
     if not 0.0 <= infrared.default_emissivity <= 1.0:  # also NaN
         raise SceneError(f"Panel '{DEFAULTS}': emissivity {infrared.default_emissivity:g} is outside 0..1")
     return infrared.ambient_temperature, Material(name=DEFAULTS, emissivity=infrared.default_emissivity)
-
-
-def as_typed(value):
-    """A property's value as its user typed it: Blender keeps 293.15 as the float32 293.149994."""
-    return float(f"{value:.7g}") if isinstance(value, float) else value

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..reading.bands import read_band_edges
 from ..reading.sensor import read_response
-from ..reading.settings import as_shown, as_typed
+from ..reading.shown import as_shown, as_typed
 from ..solver.image.detector import Detector, check_range, expose
 from ..solver.physics.sensors import band_weights
 from ..solver.scene import Camera, SceneError
@@ -32,7 +32,7 @@ def read_detector(scene, camera) -> Detector | None:
             range=(as_typed(infrared.detector_low), as_typed(infrared.detector_high)),
         )
     except SceneError as error:
-        raise SceneError(as_shown(error, infrared, names, "detector_")) from error
+        raise SceneError(as_shown(error, infrared, {name: f"detector_{name}" for name in names})) from error
     edges = read_band_edges(infrared)
     check_range(detector, edges, band_weights(read_response(infrared), edges))
     return detector

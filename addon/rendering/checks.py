@@ -30,6 +30,7 @@ from ..reading.media import (
     read_world_medium,
 )
 from ..reading.meshes import attribute_problem, layer_problem, read_mesh
+from ..reading.object_parameters import read_object_parameters
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
 from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
@@ -192,6 +193,23 @@ def sensor_checks(infrared) -> list[Check]:
         f"Sensor '{response.name}': {lost:.0%} of its signal at {infrared.ambient_temperature:.5g} K lies outside the "
     )
     return [Check("WARNING", text + f"bands from {low:.4g} to {high:.4g} µm, which act as a filter")]
+
+
+def object_parameter_checks(infrared) -> list[Check]:
+    """Checks of what the temperatures are corrected for."""
+    try:
+        parameters = read_object_parameters(infrared)
+    except SceneError as error:
+        return [Check("ERROR", str(error))]
+    if is_medium(infrared.id_data.world):
+        return []
+    if infrared.air_transmission_source == "WORLD":
+        return [Check("WARNING", "Object Parameters: the world has no gas, so the air counts as clear")]
+    through = parameters.correction.air_transmission
+    if through == 1.0:
+        return []
+    corrected = f"temperatures are corrected for air that lets {through:.1%} through"
+    return [Check("HINT", f"Object Parameters: {corrected}, but the world has no gas")]
 
 
 def detector_checks(scene) -> list[Check]:
@@ -381,6 +399,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += problems(read_defaults, infrared)
     found += problems(render_passes, scene, view_layer)
     found += sensor_checks(infrared)
+    found += object_parameter_checks(infrared)
     found += detector_checks(scene)
     found += camera_checks(scene, view_layer)
     found += [Check("WARNING", message) for message in ignored_scene_settings(scene, view_layer)]

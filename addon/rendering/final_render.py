@@ -25,7 +25,6 @@ from ..heat_settings import read_scale
 from ..output.description import how_rendered
 from ..output.formats import FORMATS
 from ..output.frame import FurtherImage
-from ..output.temperature_scale import TemperatureScale
 from ..reading.bands import read_band_edges
 from ..reading.camera import render_size, rendered_size
 from ..reading.scene_reader import read_scene, render_reader
@@ -37,6 +36,7 @@ from ..solver.geometry.surfaces import Geometry, build_geometry
 from ..solver.memory import check_memory, memory_beforehand, memory_of_images
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
+from .frame_tools import keep_frame, write_frames
 from .last_render import (
     FinishedFrame,
     finished_frames,
@@ -155,13 +155,16 @@ def render_view_layer(engine, depsgraph) -> None:
     if images and unset and job.film.openness > LEAST_OPENNESS:
         _warn(engine, f"{layer}: {unset}, and the scene is open: rays that leave it see 0 K. Set it in {WHERE_TO_SET}")
     if images:
-        facts = effects.facts() if effects else {}
+        facts = {"frame": scene.frame_current, **(effects.facts() if effects else {})}
         finished = layer_images(job, images, further, facts)
         if shown:
-            frame = finished_frame(scene, slot, solver_scene.camera, scale, images["Temperature"])
+            frame = finished_frame(scene, slot, solver_scene.camera, job.film)
             last_ends[layer] = job.end()
             _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
         if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
+            if shown and engine.is_animation:
+                keep_frame(scene, layer, finished, frame)
+                write_frames(scene)
             groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
             if shown and groups:
                 finished_groups[layer] = groups
@@ -455,14 +458,14 @@ def render_slot() -> int:
     return image.render_slots.active_index if image else 0
 
 
-def finished_frame(scene, slot: int, camera, scale: TemperatureScale, temperature: np.ndarray) -> FinishedFrame:
-    """The FinishedFrame of a solver's camera in the render result of a Blender scene. temperature: the image, K."""
+def finished_frame(scene, slot: int, camera, film) -> FinishedFrame:
+    """The FinishedFrame of a solver's camera and film in the render result of a Blender scene."""
     x0, y0, x1, y1 = camera.pixels
     cropped = scene.render.use_border and scene.render.use_crop_to_border
     size, origin = ((x1 - x0, y1 - y0), (0, 0)) if cropped else ((camera.width, camera.height), (x0, y0))
     nodes = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.use_nodes  # Blender 5
     composited = scene.render.use_compositing and bool(nodes)
-    return FinishedFrame(scene.name, slot, size, origin, composited, scale, scale.fitted(temperature))
+    return FinishedFrame(scene.name, slot, size, origin, composited, film.weights, film.correction)
 
 
 def write_images(result, images: dict[str, np.ndarray]) -> None:

@@ -6,20 +6,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..output.temperature_scale import TemperatureScale
+import numpy as np
+
+from ..solver.physics.correction import Correction
 
 
 @dataclass(frozen=True)
 class FinishedFrame:
-    """How the images of a finished view layer lie in Blender's render result, and what the colours there mean."""
+    """How the images of a finished view layer lie in Blender's render result, and what its temperatures are of."""
 
     scene: str  # its name
     slot: int  # of the render result, from 0
     size: tuple[int, int]  # width and height of the render result, pixels
     origin: tuple[int, int]  # pixel of the render result that the lower left pixel of the images is
     composited: bool  # the first layer of the render result is the compositor's
-    asked: TemperatureScale  # of the settings when it was rendered
-    scale: TemperatureScale  # the same, with the ends that the colours of Combined have
+    weights: np.ndarray  # (b,) the sensor's response in each band
+    correction: Correction  # of the temperatures when it was rendered
 
 
 # A render in the background may change these at any time: to use more than one entry, take a copy.

@@ -8,22 +8,43 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..output.temperature_scale import TemperatureScale
+from ..measuring.correcting import Sensor
+from ..measuring.regions import Window
+from ..solver.physics.correction import Correction
+from .readings import MeasuredPicture
 
 
 @dataclass(frozen=True)
 class Picture:
-    """pixels: (h, w, 4) float32, linear colours, row 0 at the bottom. step: screen pixels on each side of one of them.
-    origin: x and y of the lower left corner in the region, screen pixels.
-    temperature, noise: (h, w) float32 K, what was painted and its standard error. scale: that of the colours, fitted.
+    """step: screen pixels on each side of one of the picture's. origin: x and y of the lower left corner in the region,
+    screen pixels.
+    radiance, temperature, noise: (h, w) float32, W m-2 sr-1 through the sensor and K, row 0 at the bottom, without a
+    correction for an assumed emissivity. sensor: that saw it. frame: left, bottom, width and height, in the region's
+    pixels, of the frame of the camera that the view goes through; None in other views.
     """
 
-    pixels: np.ndarray
     step: int
     origin: tuple[int, int]
+    radiance: np.ndarray
     temperature: np.ndarray
     noise: np.ndarray
-    scale: TemperatureScale
+    sensor: Sensor
+    frame: tuple[float, float, float, float] | None = None
+
+    @property
+    def place(self) -> tuple[int, int, int, int]:
+        """Left, bottom, width and height in the region, screen pixels."""
+        height, width = self.temperature.shape
+        return *self.origin, width * self.step, height * self.step
+
+    @property
+    def measured(self) -> MeasuredPicture:
+        """The picture for measuring tools, which lie in the camera's frame if there is one, else in the picture."""
+        left, bottom, width, height = self.frame or self.place
+        size = width / self.step, height / self.step
+        origin = (self.origin[0] - left) / self.step, (self.origin[1] - bottom) / self.step
+        window = Window(size, origin, self.temperature.shape)
+        return MeasuredPicture(self.radiance, self.temperature, self.noise, self.sensor, Correction(), window)
 
     def pixel_at(self, x: int, y: int) -> tuple[int, int] | None:
         """(row, column) at a pixel of the region, or None outside."""

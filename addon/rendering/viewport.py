@@ -17,23 +17,24 @@ import time
 import weakref
 from collections.abc import Callable
 
-import gpu
 import numpy as np
-from gpu_extras.presets import draw_texture_2d
 
 from ..compiling.watch import COMPILING, compiles_now
 from ..heat_settings import read_scale
+from ..measuring.correcting import Sensor
 from ..output.temperature_scale import TemperatureScale
-from ..reading.camera import read_view
+from ..reading.camera import camera_frame, read_view
 from ..reading.scene_reader import read_contents
-from ..reading.settings import read_settings
+from ..reading.settings import read_settings, with_correction
 from ..reading.surfaces import SurfaceReader
 from ..reading.warnings import Warnings
-from ..solver import Camera, Film, Scene, SceneError, Settings, render
+from ..solver import Camera, Correction, Film, Scene, SceneError, Settings, render
 from ..solver.geometry.surfaces import Geometry, build_geometry
 from .coarse import coarser, hasty, steps
+from .gpu_pictures import draw_temperatures, temperature_texture
 from .live_pictures import Picture, viewports
-from .painting import thermal_picture, working_primaries
+from .painting import working_primaries
+from .readings import fitted, temperature_now
 
 log = logging.getLogger(__name__)
 
@@ -46,13 +47,12 @@ IMAGE_COPIES = 2  # of the images of a film, at most: the picture, and what it i
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """What a viewport wants to see, through a camera of its own. scale, primaries: see thermal_picture."""
+    """What a viewport wants to see, through a camera of its own, whose frame lies in the region as Picture tells."""
 
     scene: Scene
     settings: Settings
-    scale: TemperatureScale
-    primaries: np.ndarray
     camera: Camera
+    frame: tuple[float, float, float, float] | None = None
 
 
 def same(a, b) -> bool:
@@ -66,14 +66,14 @@ def same(a, b) -> bool:
     return a == b
 
 
-def paint(film: Film, request: Request, step: int, origin: tuple[int, int]) -> Picture:
+def picture_of(film: Film, request: Request, step: int, origin: tuple[int, int]) -> Picture:
     """The picture of a film as it is now."""
     temperature = film.temperature()
     # After one pass a film would say that the error is as large as the value: there is no need to ask it.
     noise = film.noise() if film.passes > 1 else temperature
-    scale = request.scale.fitted(temperature)
-    pixels = thermal_picture(temperature, scale, request.primaries)
-    return Picture(pixels, step, origin, temperature, noise, scale)
+    sensor = Sensor(film.band_edges, film.weights)
+    fitted(TemperatureScale(), temperature)  # here, in the background: whoever draws it finds its range
+    return Picture(step, origin, film.radiance(), temperature, noise, sensor, request.frame)
 
 
 def explain(error: Exception, known: str = "") -> str:
@@ -166,7 +166,7 @@ class ViewportRender:
                 if cancelled():
                     return
                 shown.append(film.passes)
-                self.picture = paint(film, request, step, tuple(step * start for start in scene.camera.pixels[:2]))
+                self.picture = picture_of(film, request, step, tuple(step * start for start in scene.camera.pixels[:2]))
                 total = f"/{settings.passes}" if settings.passes else ""
                 self._tell(f"Pass {film.passes}{total}" if step == 1 else f"1/{step} of the resolution")
 
@@ -206,7 +206,7 @@ class Viewport:
         self._meshes, self._images = {}, {}  # read earlier, see SurfaceReader
         self._wanted = self._request = None  # what to render, but for the view, and the last request
         self.shown: Picture | None = None
-        self._drawn = self._texture = None  # the last picture, and the texture made of it
+        self._drawn = self._texture = None  # the last temperatures, and the texture made of them
         self._problem = ""
 
     def read(self, depsgraph, space) -> None:
@@ -219,7 +219,9 @@ class Viewport:
         try:
             infrared = depsgraph.scene_eval.infrared
             scene = Scene(**read_contents(depsgraph, surfaces, space), camera=Camera())
-            wanted = Request(scene, read_settings(infrared), read_scale(infrared), working_primaries(), Camera())
+            # The correction is applied where the picture is drawn.
+            settings = with_correction(read_settings(infrared), Correction())
+            wanted = Request(scene, settings, Camera())
             if not same(wanted, self._wanted):  # a selection changes nothing
                 self._wanted = wanted
             self._problem = ""
@@ -235,14 +237,12 @@ class Viewport:
         viewports[context.region.as_pointer()] = self
         if picture is None:
             return
-        if picture is not self._drawn:
-            self._drawn, self._texture = picture, _texture_of(picture.pixels)
-        height, width = picture.pixels.shape[:2]
-        gpu.state.blend_set("ALPHA_PREMULT")
-        engine.bind_display_space_shader(depsgraph.scene)
-        draw_texture_2d(self._texture, picture.origin, width * picture.step, height * picture.step)
-        engine.unbind_display_space_shader()
-        gpu.state.blend_set("NONE")
+        infrared = context.scene.infrared
+        temperature = temperature_now(picture.measured, infrared)
+        if temperature is not self._drawn:
+            self._drawn, self._texture = temperature, temperature_texture(temperature)
+        scale = fitted(read_scale(infrared), temperature)
+        draw_temperatures(self._texture, scale, picture.place, working_primaries())
 
     def stop(self) -> None:
         """End what goes on in the background, without waiting for it."""
@@ -254,7 +254,8 @@ class Viewport:
         if request is not None:
             camera = read_view(depsgraph, context.space_data, context.region, context.region_data)
             x0, y0, x1, y1 = camera.pixels
-            request = dataclasses.replace(request, camera=camera) if x0 < x1 and y0 < y1 else None  # out of sight
+            frame = camera_frame(depsgraph.scene_eval, context.space_data, context.region, context.region_data)
+            request = dataclasses.replace(request, camera=camera, frame=frame) if x0 < x1 and y0 < y1 else None
         if not same(request, self._request):
             self._request = request
             self._render.submit(request)
@@ -275,10 +276,3 @@ def _redraw_of(engine) -> Callable[[], None]:
                 engine.tag_redraw()
 
     return redraw
-
-
-def _texture_of(pixels: np.ndarray) -> gpu.types.GPUTexture:
-    """A texture of (h, w, 4) float32 pixels from 0 to 1, which 16 bits can hold."""
-    height, width = pixels.shape[:2]
-    buffer = gpu.types.Buffer("FLOAT", pixels.size, np.ascontiguousarray(pixels).reshape(-1))
-    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)

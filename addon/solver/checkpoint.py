@@ -23,6 +23,7 @@ import numpy as np
 
 from .image.film import Film
 from .passes import render
+from .physics.correction import Correction
 from .scene import Scene
 from .settings import Settings
 from .system.files import check_writable, replacing
@@ -31,7 +32,7 @@ from .system.kernel_cache import source_digest
 log = logging.getLogger(__name__)
 
 # settings that change no pass: when to stop, how fast to go, and what is made of the finished image
-_NO_PASS = {"passes", "time_limit", "target_noise", "threads", "assumed_emissivity", "reflected_temperature"}
+_NO_PASS = {"passes", "time_limit", "target_noise", "threads", "assumed_emissivity", *Correction._fields[1:]}
 _WHAT = "the checkpoint"
 
 

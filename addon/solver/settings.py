@@ -25,8 +25,8 @@ class Settings:
     reference_temperature: K, None chooses it from the scene.
     roulette: 'POWER' keeps a photon's total weight; 'BAND_AVERAGE' is Boudet et al. 2004, section 3.2.
     shrink: let the gather radius shrink from pass to pass (Knaus and Zwicker 2011), so that the blur vanishes.
-    assumed_emissivity: above 0, at most 1. reflected_temperature: K. Both are of the film's Correction and change no
-        pass.
+    assumed_emissivity, air_transmission, optics_transmission: above 0, at most 1. reflected_temperature,
+        air_temperature, optics_temperature: K. All are of the film's Correction and change no pass.
     """
 
     passes: int = 32
@@ -43,6 +43,10 @@ class Settings:
     shrink: bool = True
     assumed_emissivity: float = 1.0
     reflected_temperature: float = 293.15
+    air_transmission: float = 1.0
+    air_temperature: float = 293.15
+    optics_transmission: float = 1.0
+    optics_temperature: float = 293.15
 
     @property
     def workers(self) -> int:
@@ -59,7 +63,8 @@ class Settings:
         ):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}, at least {least} is needed")
-        for name in ("time_limit", "target_noise", "reference_temperature", "reflected_temperature"):
+        temperatures = ("reference_temperature", "reflected_temperature", "air_temperature", "optics_temperature")
+        for name in ("time_limit", "target_noise", *temperatures):
             value = getattr(self, name)
             if value is not None and not 0 <= value < math.inf:
                 raise ValueError(f"{name} is {value:g}, expected a finite number of 0 or more")
@@ -67,12 +72,14 @@ class Settings:
             raise ValueError(f"seed is {self.seed}, expected 0 to 2^63 - 1")
         if self.passes == 0 and self.time_limit <= 0 and self.target_noise <= 0:
             raise ValueError("Nothing stops this render: set passes, time_limit or target_noise")
-        if not 0 < self.assumed_emissivity <= 1:
-            raise ValueError(f"assumed_emissivity is {self.assumed_emissivity:g}, expected above 0 to 1")
+        for name in ("assumed_emissivity", "air_transmission", "optics_transmission"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ValueError(f"{name} is {getattr(self, name):g}, expected above 0 to 1")
         if self.roulette not in ("POWER", "BAND_AVERAGE"):
             raise ValueError(f"roulette is '{self.roulette}', expected 'POWER' or 'BAND_AVERAGE'")
 
     @property
     def correction(self) -> Correction:
         """The Correction of the temperatures that a film of these settings gives."""
-        return Correction(self.assumed_emissivity, self.reflected_temperature)
+        further = Correction._fields[1:]
+        return Correction(self.assumed_emissivity, *(getattr(self, name) for name in further))

@@ -11,7 +11,8 @@ from bpy.types import Operator
 
 from ..output.formats import ENUM_ITEMS, FORMATS
 from ..properties import CUSTOM_PROPERTIES, add_custom_property, initial_value, property_label
-from ..rendering.last_render import finished_layers
+from ..rendering.last_render import finished_frames, finished_layers
+from ..rendering.readings import images_now
 from ..rendering.render_files import layer_suffixes, write_layer
 from .exporter import Exporter
 
@@ -84,12 +85,13 @@ class INFRARED_OT_export_bands(Operator, Exporter):
     def poll(cls, _context):
         return bool(finished_layers)
 
-    def execute(self, _context):
-        layers = dict(finished_layers)  # another render may begin meanwhile
+    def execute(self, context):
+        layers, frames = dict(finished_layers), dict(finished_frames)  # another render may begin meanwhile
         try:
             for layer, suffix in layer_suffixes(layers).items():
                 path = Path(bpy.path.abspath(self.target(suffix)))
-                write_layer(path, layer, layers[layer], self.file_format)
+                images = images_now(layers[layer], frames[layer], context.scene.infrared)
+                write_layer(path, layer, images, self.file_format)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

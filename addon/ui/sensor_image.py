@@ -118,9 +118,9 @@ def _fill(group, edges, weights, correction) -> None:
     for band, factor in zip(bands.outputs[: len(weights)], weights * np.diff(edges), strict=True):
         radiance = math("MULTIPLY_ADD", band, factor, radiance)
     group.links.new(radiance, output.inputs["Radiance"])
-    if correction.emissivity != 1.0:
+    if correction.share != 1.0:
         without = correction.object_radiance(0.0, edges, weights)
-        radiance = math("MULTIPLY_ADD", radiance, 1.0 / correction.emissivity, without)
+        radiance = math("MULTIPLY_ADD", radiance, 1.0 / correction.share, without)
     group.links.new(_temperature(math, radiance, calibrate(edges, weights)), output.inputs["Temperature"])
     output.location.x = math.x
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sensor of the camera: its response over the scene's bands, an import of one, the correction of temperatures, and
-the effects of its optics and detector.
+"""The sensor of the camera: its response over the scene's bands, an import of one, and the effects of its optics and
+detector.
 
 A custom response is the scene's custom property `sensor_response`, a flat list [um, response, um, response, ...].
 """
@@ -94,11 +94,6 @@ class INFRARED_PT_sensor(RenderSettingsPanel, Panel):
             draw_response(column, infrared)
         column.operator("infrared.sensor_import", text="Import...", icon="IMPORT")
         draw_problems(column, sensor_checks(infrared), bpy.context.region)
-        column.separator()
-        column.prop(infrared, "assumed_emissivity")
-        row = column.row()
-        row.active = infrared.assumed_emissivity < 1.0
-        row.prop(infrared, "reflected_temperature")
 
 
 class INFRARED_PT_detector(RenderSettingsPanel, Panel):

@@ -163,3 +163,12 @@ def custom_properties(block):
         else:
             plain_values[key] = convert() if convert else value
     return plain_values
+
+
+def read_png(path):
+    """(h, w, 3) uint8 of a PNG, row 0 at the bottom."""
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
+    image.pixels.foreach_get(pixels.ravel())
+    bpy.data.images.remove(image)
+    return np.rint(pixels[..., :3] * 255).astype(np.uint8)

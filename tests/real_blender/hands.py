@@ -55,6 +55,16 @@ def press(key: str, **modifiers: bool) -> Iterator[float]:
     yield PAUSE
 
 
+def button_down() -> None:
+    """Press the left button of the mouse."""
+    _event("LEFTMOUSE", "PRESS")
+
+
+def button_up() -> None:
+    """Release it."""
+    _event("LEFTMOUSE", "RELEASE")
+
+
 def press_real_esc() -> None:
     """On the keyboard: an event that Blender simulates for itself does not break a render."""
     subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)

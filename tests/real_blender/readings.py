@@ -15,54 +15,21 @@ from tests.real_blender import hands
 from tests.real_blender.facts import fact
 from tests.real_blender.screen import capture
 from tests.real_blender.story import tell
+from tests.real_blender.tiles import kelvin, make_scene
 
 SCREENSHOTS = sys.argv[1:]
-COLUMNS, ROWS = 59, 45
-LOW, HIGH = 280.0, 340.0  # K
 PATIENCE = 300.0  # s: kernels may have to be compiled
 PLACES = 3000  # pixels of the screen that are looked at for each zoom
 BORDER = 10  # pixels of the screen at an editor's frame, where tabs open its hidden toolbar and sidebar
-SHADES = 2  # of 255: rounding on the way to the screen
-
-kelvin = np.random.default_rng(7).uniform(LOW, HIGH, (ROWS, COLUMNS))  # of the tiles, row 0 at the bottom
+SHADES = 6  # of 255: 4 as 8 bits hold the dark ones by another curve, 2 for a neighbour in the table of the palette
 
 
 def modules():
+    from bl_ext.user_default.infrared_photons.heat_settings import read_scale
     from bl_ext.user_default.infrared_photons.output import palette
     from bl_ext.user_default.infrared_photons.ui.temperatures import heat_display, spot_meter
 
-    return heat_display, spot_meter, palette
-
-
-def make_scene():
-    """A wall of tiles of 1 m, lower left corner at the origin, that an orthographic camera sees pixel by pixel."""
-    scene = bpy.context.scene
-    for thing in list(bpy.data.objects):
-        bpy.data.objects.remove(thing)
-    x, y = np.meshgrid(np.arange(COLUMNS + 1.0), np.arange(ROWS + 1.0))
-    corner = np.arange(ROWS)[:, None] * (COLUMNS + 1) + np.arange(COLUMNS)
-    faces = np.stack((corner, corner + 1, corner + COLUMNS + 2, corner + COLUMNS + 1), axis=-1)
-    mesh = bpy.data.meshes.new("Wall")
-    mesh.from_pydata(np.stack((x, y, 0.0 * x), axis=-1).reshape(-1, 3).tolist(), [], faces.reshape(-1, 4).tolist())
-    mesh.attributes.new("temperature", "FLOAT", "FACE").data.foreach_set("value", kelvin.ravel().astype(np.float32))
-    black = bpy.data.materials.new("Black")
-    black["emissivity"] = 1.0
-    mesh.materials.append(black)
-    camera = bpy.data.cameras.new("Camera")
-    camera.type, camera.ortho_scale, camera.show_passepartout = "ORTHO", COLUMNS, False
-    for data in (mesh, camera):
-        thing = bpy.data.objects.new(data.name, data)
-        scene.collection.objects.link(thing)
-    scene.camera = thing
-    scene.camera.location = COLUMNS / 2, ROWS / 2, 10.0
-    scene.render.engine = "INFRARED_PHOTONS"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = COLUMNS, ROWS, 100
-    scene.render.dither_intensity = 0.0
-    bpy.ops.infrared.true_colours()
-    infrared = scene.infrared
-    infrared.passes, infrared.photons_per_pass, infrared.band_count = 2, 1000, 2
-    infrared.palette, infrared.range_mode, infrared.range_low, infrared.range_high = "RAINBOW", "FIXED", LOW, HIGH
-    scene.update_tag()
+    return heat_display, spot_meter, palette, read_scale
 
 
 def shown(region, name):
@@ -82,7 +49,7 @@ def differ(seen, expected) -> bool:
 
 def in_viewport():
     """The live picture, its bar and the reading under the cursor."""
-    heat_display, spot_meter, palette = modules()
+    heat_display, spot_meter, palette, _ = modules()
     area = hands.area_of("VIEW_3D")
     space, region = area.spaces.active, hands.region_of(area)
     space.show_gizmo, overlay = False, space.overlay
@@ -101,10 +68,12 @@ def in_viewport():
     place = region_2d_to_location_3d(region, space.region_3d, (cursor.x + 0.5, cursor.y + 0.5), (0, 0, 0))
     picture = heat_display.picture_in(region)
     fact("cursor", [cursor.x + region.x, cursor.y + region.y] == list(middle))
-    fact("reading", spot_meter.live_reading(picture, cursor.x, cursor.y, heat_display.scene_unit(bpy.context.scene)))
+    scene = bpy.context.scene
+    unit = heat_display.scene_unit(scene)
+    fact("reading", spot_meter.live_reading(picture, scene.infrared, cursor.x, cursor.y, unit))
     fact("truth", kelvin[int(place.y), int(place.x)])
     with bpy.context.temp_override(area=area, region=region):
-        bar = heat_display.colour_bar_of(bpy.context, picture.scale, heat_display.GIZMOS)
+        bar = heat_display.bar_of(bpy.context, area, region)
     left, bottom, across, up = bar.bar
     expected = palette.display(bar.colours()).astype(int)
     apart = {shift: screen[bottom + shift :, left + across // 2][:up] - expected for shift in range(-3, 4)}
@@ -115,7 +84,7 @@ def in_viewport():
 
 def in_image_editor():
     """Every pixel of the picture at several zooms and offsets: how many are read, and how many of another colour."""
-    _, spot_meter, palette = modules()
+    _, spot_meter, palette, read_scale = modules()
     bpy.ops.render.render()
     area = hands.area_of("VIEW_3D")
     area.type = "IMAGE_EDITOR"
@@ -123,7 +92,8 @@ def in_image_editor():
     space.image, space.show_region_ui, space.show_gizmo = bpy.data.images["Render Result"], False, False
     bpy.context.scene.infrared.show_colour_bar = False
     frame = spot_meter.finished_frames["ViewLayer"]
-    colours = palette.display(frame.scale.colours(spot_meter.finished_layers["ViewLayer"]["temperature"])).astype(int)
+    temperature = spot_meter.finished_layers["ViewLayer"]["temperature"]
+    colours = palette.display(read_scale(bpy.context.scene.infrared).colours(temperature)).astype(int)
 
     def pixel_at(x, y):
         return spot_meter.pixel_at(*region.view2d.region_to_view(x, y), frame.size, frame.origin, colours.shape[:2])

@@ -258,7 +258,7 @@ class Film:
     def temperature(self) -> np.ndarray:
         """(height, width) float32 temperature of the blackbody with the pixel's radiance, after the correction, K.
 
-        0 K where the correction leaves no radiance, as the assumed reflection alone is more than what is seen.
+        0 K where the correction leaves no radiance, as the assumed reflection, air and optics send more than is seen.
         """
         return self._image(self._apparent(self._object_radiance()))
 
@@ -287,7 +287,7 @@ class Film:
         if bias.any():
             variance += spread_out(bias, np.sqrt(rest / self.passes), regions(self.width, self.height)) ** 2
         variance += off**2
-        error = np.sqrt(variance) / self.correction.emissivity
+        error = np.sqrt(variance) / self.correction.share
         # half of the interval from one standard error below to one above: finite even where the radiance is 0
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))

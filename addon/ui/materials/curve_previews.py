@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy.utils.previews
 import numpy as np
 
@@ -23,10 +25,18 @@ def curve_icon(name: str, points: np.ndarray, size=THUMBNAIL_SIZE, edges: np.nda
     which also set the range of wavelengths; None shows THUMBNAIL_RANGE.
     """
     shown = points.tobytes(), None if edges is None else edges.tobytes()
+    low, high = THUMBNAIL_RANGE if edges is None else shown_range(edges)
+    return image_icon(name, shown, lambda: draw_curve(points, low, high, size, edges))
+
+
+def image_icon(name: str, shown, draw: Callable[[], np.ndarray]) -> int:
+    """The number of an icon for a layout. It is drawn at first and whenever what it shows differs.
+
+    name: one icon for each. shown: any value. draw: returns its image, see fill_preview.
+    """
     preview = _previews.get(name) or _previews.new(name)
     if _drawn.get(name) != shown:
-        low, high = THUMBNAIL_RANGE if edges is None else shown_range(edges)
-        fill_preview(preview, draw_curve(points, low, high, size, edges))
+        fill_preview(preview, draw())
         _drawn[name] = shown
     return preview.icon_id
 

@@ -3,166 +3,100 @@
 
 from __future__ import annotations
 
+import weakref
 from pathlib import Path
 
-import blf
 import bpy
-import gpu
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator, Panel
-from gpu_extras.batch import batch_for_shader
 
 from ...heat_settings import read_scale, scene_unit, use_true_colours, view_problem
 from ...interface import ENGINE
-from ...output.colour_bar import BACKGROUND, INK, ColourBar
 from ...output.heat_picture import write_picture
-from ...output.palette import display, spread
-from ...output.temperature_scale import TemperatureScale, automatic_range
-from ...rendering.last_render import finished_layers
+from ...output.palette import spread
+from ...output.temperature_scale import automatic_range
+from ...rendering.gpu_pictures import draw_temperatures, forget_textures, temperature_texture
+from ...rendering.last_render import finished_frames, finished_layers
 from ...rendering.live_pictures import picture_in
+from ...rendering.readings import finished_picture, temperature_now
 from ...rendering.render_files import layer_suffixes
+from ...rendering.reporting import beside_picture
+from ..drawing import draw_label, text_height
 from ..exporter import Exporter
+from ..measuring.tool_drawing import draw_tools
 from ..panel_base import RenderSettingsPanel
 from . import spot_meter
-
-FONT = 0  # Blender's own
-TEXT = 13  # pixels at a scale of 1: height of the text
-GAP = 12  # pixels at a scale of 1: between the bar and the edges of its region
-GIZMOS = 260  # pixels at a scale of 1: what gizmos and header take of a 3D viewport's height at the right
-MOST_HEIGHT = 420  # pixels at a scale of 1, of the bar's panel
-PANEL_OPACITY = 0.8
-
+from .bar import bar_of, draw_colour_bar
+from .seen import seen_in
 
 # Drawing --------------------------------------------------------------------------------------------------------------
 
 
-def colour_bar_of(context, scale: TemperatureScale, above: int) -> ColourBar | None:
-    """The bar of a scale whose ends are known, at the lower right of the region; None if there is no room for it.
-
-    It is in the region's pixels and the scene's unit. above: pixels at a scale of 1 to be left free over it.
-    """
-    ui = context.preferences.system.ui_scale
-    text, gap = round(TEXT * ui), round(GAP * ui)
-    height = min(context.region.height - round(above * ui), round(MOST_HEIGHT * ui))
-    if height < 8 * text:
-        return None
-    right = context.region.width - gap - overlapping_width(context.area)
-    left = right - ColourBar.panel_width(text)
-    return ColourBar(scale, scene_unit(context.scene), left, gap, height, text)
+_textures = []  # (weak reference to temperatures, texture of them): those that are shown
 
 
-def draw_colour_bar(context, scale, above: int) -> None:
-    """Draw the bar of `colour_bar_of` into the region that is being drawn, in a POST_PIXEL draw handler."""
-    bar = colour_bar_of(context, scale, above)
-    if bar is None:
-        return
-    width, line = bar.panel_width(bar.text), max(1.0, context.preferences.system.ui_scale)
-    rectangles = [(bar.left, bar.bottom, width, bar.height, (*BACKGROUND, PANEL_OPACITY))]
-    left, low, across, _ = bar.bar
-    rows = (display(bar.colours()) / 255.0).tolist()
-    rectangles += [(left, low + row, across, 1, (*colour, 1.0)) for row, colour in enumerate(rows)]
-    rectangles += [(start, y, end - start, line, (*INK, 1.0)) for start, end, y in bar.ticks()]
-    draw_rectangles(rectangles)
-    for x, y, label in bar.labels():
-        draw_text(x, y, label, bar.text)
-    if problem := view_problem(context.scene):
-        note, top = f"Colors changed by: {problem}", bar.bottom + bar.height
-        draw_label(bar.left + width, top + bar.text, note, bar.text, from_right=True)
-
-
-def draw_rectangles(rectangles) -> None:
-    """Draw (left, bottom, width, height, colour) rectangles; colours are sRGB and opacity, 0..1."""
-    corners, colours = [], []
-    for x, y, width, height, colour in rectangles:
-        a, b, c, d = (x, y, 0.0), (x + width, y, 0.0), (x + width, y + height, 0.0), (x, y + height, 0.0)
-        corners += (a, b, c, a, c, d)
-        colours += (colour,) * 6
-    shader = gpu.shader.from_builtin("FLAT_COLOR")
-    gpu.state.blend_set("ALPHA")
-    batch_for_shader(shader, "TRIS", {"pos": corners, "color": colours}).draw(shader)
-    gpu.state.blend_set("NONE")
-
-
-def draw_text(x: float, y: float, text: str, size: int) -> None:
-    """Draw a line of text whose lower left corner is given, in pixels."""
-    blf.size(FONT, size)
-    blf.color(FONT, *INK, 1.0)
-    blf.position(FONT, x, y, 0.0)
-    blf.draw(FONT, text)
-
-
-def draw_label(x: float, y: float, text: str, size: int, from_right: bool = False) -> None:
-    """Draw a line of text on a background, in pixels; from_right: x is its right end."""
-    blf.size(FONT, size)
-    width = blf.dimensions(FONT, text)[0]
-    left, pad = x - width - 0.5 * size if from_right else x, 0.5 * size
-    draw_rectangles([(left - pad, y - pad, width + 2 * pad, size + pad, (*BACKGROUND, PANEL_OPACITY))])
-    draw_text(left, y, text, size)
-
-
-def draw_spot(x: float, y: float, text: str, size: int) -> None:
-    """Draw a cross at a region's pixel and a reading beside it."""
-    arm, gap, white, black = 0.7 * size, 0.2 * size, (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0)
-    for thick, colour in ((3.0, black), (1.0, white)):  # to be seen on any colour
-        half, long = 0.5 * thick, arm - gap + (thick - 1.0)
-        start = gap - 0.5 * (thick - 1.0)
-        draw_rectangles(
-            [
-                (x + start, y - half, long, thick, colour),
-                (x - start - long, y - half, long, thick, colour),
-                (x - half, y + start, thick, long, colour),
-                (x - half, y - start - long, thick, long, colour),
-            ]
-        )
-    draw_label(x + 1.5 * size, y - 0.35 * size, text, size)
+def texture_of(temperature):
+    """The texture of an image of temperatures, made once and kept as long as the image lives."""
+    _textures[:] = [(alive, texture) for alive, texture in _textures if alive() is not None]
+    for alive, texture in _textures:
+        if alive() is temperature:
+            return texture
+    texture = temperature_texture(temperature)
+    _textures.append((weakref.ref(temperature), texture))
+    return texture
 
 
 def draw_over_image_editor() -> None:
-    """Draw the bar and the spots over an Image Editor that shows a finished render of ours."""
+    """Draw the picture in the colours of now over an Image Editor that shows a finished render of ours, and over it
+    what belongs to it."""
     context = bpy.context
-    space, region, scene = context.space_data, context.region, context.scene
-    shown = spot_meter.shown_layer(space, scene)
-    if shown is None or not space.overlay.show_overlays:
+    area, space, region, scene = context.area, context.space_data, context.region, context.scene
+    seen = seen_in(area, region, scene) if space.overlay.show_overlays else None
+    if seen is None:
         return
-    unit = scene_unit(scene)
-    text = round(TEXT * context.preferences.system.ui_scale)
-    for spot in scene.infrared.spots:
-        value = spot_meter.reading_at(shown, *spot.position, unit)
-        draw_spot(*region.view2d.view_to_region(*spot.position, clip=False), value or "not rendered", text)
-    if scene.infrared.show_colour_bar and shown.is_combined:
-        draw_colour_bar(context, shown.frame.scale, 5 * GAP)
+    infrared = scene.infrared
+    if seen.in_colours:
+        draw_temperatures(texture_of(temperature_now(seen.picture, infrared)), seen.scale(infrared), seen.images)
+    draw_tools(seen, region, scene)
+    draw_bar_beside(context)
     cursor = spot_meter.Cursor
-    if cursor.is_in(context.area):
-        value = spot_meter.reading_at(shown, *region.view2d.region_to_view(cursor.x, cursor.y), unit)
-        draw_at_cursor(cursor, value, text)
+    if cursor.is_in(area):
+        place, unit = region.view2d.region_to_view(cursor.x, cursor.y), scene_unit(scene)
+        draw_at_cursor(cursor, spot_meter.reading_at(seen.picture, infrared, *place, unit))
 
 
 def draw_over_viewport() -> None:
-    """Draw the bar and the spot meter's reading over a 3D viewport that shows a picture of ours."""
+    """Draw what belongs to the picture of ours over a 3D viewport that shows one."""
     context = bpy.context
-    picture = picture_in(context.region)
-    space = context.space_data
-    if picture is None or space.shading.type != "RENDERED" or not space.overlay.show_overlays:
+    area, space, region, scene = context.area, context.space_data, context.region, context.scene
+    seen = seen_in(area, region, scene) if space.overlay.show_overlays else None
+    if seen is None:
         return
-    if context.scene.infrared.show_colour_bar:
-        draw_colour_bar(context, picture.scale, GIZMOS)
+    draw_tools(seen, region, scene)
+    draw_bar_beside(context)
     cursor = spot_meter.Cursor
-    if cursor.is_in(context.area):
-        value = spot_meter.live_reading(picture, cursor.x, cursor.y, scene_unit(context.scene))
-        draw_at_cursor(cursor, value, round(TEXT * context.preferences.system.ui_scale))
+    if cursor.is_in(area):
+        picture = picture_in(region)
+        draw_at_cursor(cursor, spot_meter.live_reading(picture, scene.infrared, cursor.x, cursor.y, scene_unit(scene)))
 
 
-def draw_at_cursor(cursor, value: str | None, text: int) -> None:
-    """Draw a reading, if there is one, beside the spot meter's cursor. text: its height in pixels."""
+def draw_bar_beside(context) -> None:
+    """The colour bar, and over it, in a viewport, what changes the colours."""
+    bar = bar_of(context, context.area, context.region)
+    if bar is None:
+        return
+    draw_colour_bar(bar, max(1.0, context.preferences.system.ui_scale))
+    problem = view_problem(context.scene) if context.area.type == "VIEW_3D" else ""
+    if problem:
+        right, top = bar.left + bar.panel_width(bar.text), bar.bottom + bar.height + bar.text
+        draw_label(right, top, f"Colors changed by: {problem}", bar.text, from_right=True)
+
+
+def draw_at_cursor(cursor, value: str | None) -> None:
+    """Draw a reading, if there is one, beside the spot meter's cursor."""
+    text = text_height()
     if value:
         draw_label(cursor.x + 1.5 * text, cursor.y + 1.5 * text, value, text)
-
-
-def overlapping_width(area) -> int:
-    """Pixels at the right of an area's main region that the sidebar lies over."""
-    if not bpy.context.preferences.system.use_region_overlap:
-        return 0
-    return max((region.width for region in area.regions if region.type == "UI" and region.width > 1), default=0)
 
 
 # Operators ------------------------------------------------------------------------------------------------------------
@@ -186,14 +120,20 @@ class INFRARED_OT_export_picture(AfterRender, Operator, Exporter):
     extensions = (filename_ext,)
     filter_glob: StringProperty(default="*.png", options={"HIDDEN"})
     colour_bar: BoolProperty(name="Color Bar", description="Add a bar that tells what the colors mean", default=True)
+    tools: BoolProperty(name="Tools", description="Draw the measuring tools with their numbers", default=True)
+    table: BoolProperty(name="Table", description="Add a table of what the measuring tools read", default=True)
 
     def execute(self, context):
-        layers = dict(finished_layers)  # another render may begin meanwhile
+        layers, frames = dict(finished_layers), dict(finished_frames)  # another render may begin meanwhile
+        infrared = context.scene.infrared
         scale, unit = read_scale(context.scene.infrared), scene_unit(context.scene)
         try:
             for layer, suffix in layer_suffixes(layers).items():
                 path = Path(bpy.path.abspath(self.target(suffix)))
-                write_picture(path, layers[layer]["temperature"], scale, unit, self.colour_bar)
+                images, frame = layers[layer], frames[layer]
+                temperature = temperature_now(finished_picture(images, frame), infrared)
+                shown = beside_picture(infrared, layer, images, frame, (self.colour_bar, self.tools, self.table))
+                write_picture(path, temperature, scale, unit, shown)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -208,11 +148,11 @@ class INFRARED_OT_range_from_render(AfterRender, Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        images = list(finished_layers.values())
-        ranges = [automatic_range(layer["temperature"]) for layer in images]
+        infrared, layers = context.scene.infrared, dict(finished_layers)  # another render may begin meanwhile
+        pictures = [finished_picture(layers[name], frame) for name, frame in finished_frames.items() if name in layers]
+        ranges = [automatic_range(temperature_now(picture, infrared)) for picture in pictures]
         warm = [each for each in ranges if each[1] > 0.0] or ranges  # a layer may show nothing but a 0 K background
         low, high = spread(min(low for low, _ in warm), max(high for _, high in warm))
-        infrared = context.scene.infrared
         infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", low, high
         return {"FINISHED"}
 
@@ -324,27 +264,14 @@ class INFRARED_PT_image_heat_display(ImageSidebarPanel, Panel):
     bl_label = "Heat Display"
 
     def draw(self, context):
-        column = draw_sidebar_settings(self.layout, context.scene)
-        shown = spot_meter.shown_layer(context.space_data, context.scene)
-        if shown and shown.frame.asked != read_scale(context.scene.infrared):
-            column.label(text="Changed since this render", icon="INFO")
+        draw_sidebar_settings(self.layout, context.scene)
 
 
 class INFRARED_PT_image_spots(ImageSidebarPanel, Panel):
     bl_label = "Spot Meter"
 
-    def draw(self, context):
-        layout, scene = self.layout, context.scene
-        draw_spot_meter_button(layout)
-        shown, unit = spot_meter.shown_layer(context.space_data, scene), scene_unit(scene)
-        column = layout.column(align=True)
-        for index, spot in enumerate(scene.infrared.spots):
-            value = shown and spot_meter.reading_at(shown, *spot.position, unit)
-            row = column.row(align=True)
-            row.label(text=f"{index + 1}:  {value or 'not rendered'}")
-            row.operator("infrared.spot_remove", text="", icon="X").index = index
-        if scene.infrared.spots:
-            layout.operator("infrared.spot_remove", text="Remove All Spots").index = -1
+    def draw(self, _context):
+        draw_spot_meter_button(self.layout)
 
 
 CLASSES = (
@@ -373,6 +300,8 @@ def unregister():
     while _handlers:
         space, handle = _handlers.pop()
         space.draw_handler_remove(handle, "WINDOW")
+    _textures.clear()
+    forget_textures()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
     spot_meter.unregister()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The spot meter: temperatures under the cursor, in the Image Editor and in a 3D viewport, and at fixed spots."""
+"""The spot meter: temperatures under the cursor, in the Image Editor and in a 3D viewport."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import bpy
 from bpy.app.handlers import persistent
-from bpy.props import FloatVectorProperty, IntProperty
 from bpy.types import Operator
 
 from ...heat_settings import PICTURE_EDITORS, redraw_pictures
@@ -16,9 +15,9 @@ from ...interface import ENGINE
 from ...output.temperature_scale import TemperatureUnit, reading
 from ...rendering.last_render import FinishedFrame, finished_frames, finished_layers, forget_last_render
 from ...rendering.live_pictures import Picture
+from ...rendering.readings import MeasuredPicture, finished_picture, pixel_now
 
-HELP = "Spot Meter    LMB in an Image Editor: Place Spot, or Remove the One There    Esc: Leave"
-REACH = 8  # pixels: a click so near to a spot means that spot
+HELP = "Spot Meter    Esc: Leave"
 
 
 # What the Image Editor shows ------------------------------------------------------------------------------------------
@@ -33,6 +32,11 @@ class ShownLayer(NamedTuple):
     images: dict
     frame: FinishedFrame
     is_combined: bool
+
+    @property
+    def picture(self) -> MeasuredPicture:
+        """The layer for measuring tools."""
+        return finished_picture(self.images, self.frame)
 
 
 def shown_layer(space, scene) -> ShownLayer | None:
@@ -54,41 +58,29 @@ def shown_layer(space, scene) -> ShownLayer | None:
     return ShownLayer(layers[name], frame, index >= 0 and space.image_user.multilayer_pass == 0)
 
 
-def pixel_at(u: float, v: float, size: tuple[int, int], origin: tuple[int, int], shape) -> tuple[int, int] | None:
+def pixel_at(u: float, v: float, size, origin, shape: tuple[int, int]) -> tuple[int, int] | None:
     """(row, column) of images of a shape (h, w) at shares (u, v) of the render result's width and height.
 
-    size: of the render result in pixels; origin: its pixel that the lower left pixel of the images is. None outside.
+    size, origin: of the render result and of the images in it, see measuring.regions.Window. None outside.
     """
-    column, row = math.floor(u * size[0]) - origin[0], math.floor(v * size[1]) - origin[1]
+    column, row = math.floor(u * size[0] - origin[0]), math.floor(v * size[1] - origin[1])
     return (row, column) if 0 <= row < shape[0] and 0 <= column < shape[1] else None
 
 
-def reading_at(shown: ShownLayer, u: float, v: float, unit: TemperatureUnit) -> str | None:
-    """The reading of a finished view layer at shares (u, v) of the picture's width and height; None outside."""
-    images, frame = shown.images, shown.frame
-    pixel = pixel_at(u, v, frame.size, frame.origin, images["temperature"].shape)
-    return pixel and reading(float(images["temperature"][pixel]), float(images["noise"][pixel]), unit)
-
-
-def spot_under(positions, x: int, y: int, view2d) -> int | None:
-    """Index of the spot that is drawn nearest to a region's pixel, None if that is farther away than REACH.
-
-    positions: of the spots, shares (u, v) of the picture's width and height.
-    """
-
-    def distance(index):
-        return math.dist(view2d.view_to_region(*positions[index], clip=False), (x, y))
-
-    return min((i for i in range(len(positions)) if distance(i) <= REACH), key=distance, default=None)
+def reading_at(picture: MeasuredPicture, infrared, u: float, v: float, unit: TemperatureUnit) -> str | None:
+    """The reading of a picture at shares (u, v) of its width and height, with the correction of now; None outside."""
+    size, origin, shape = picture.window
+    pixel = pixel_at(u, v, size, origin, shape)
+    return pixel and reading(*pixel_now(picture, infrared, pixel), unit)
 
 
 # What a 3D viewport shows ---------------------------------------------------------------------------------------------
 
 
-def live_reading(picture: Picture, x: int, y: int, unit: TemperatureUnit) -> str | None:
-    """The reading of a 3D viewport's picture at a pixel of its region; None outside."""
+def live_reading(picture: Picture, infrared, x: int, y: int, unit: TemperatureUnit) -> str | None:
+    """The reading of a 3D viewport's picture at a pixel of its region, with the correction of now; None outside."""
     pixel = picture.pixel_at(x, y)
-    return pixel and reading(float(picture.temperature[pixel]), float(picture.noise[pixel]), unit)
+    return pixel and reading(*pixel_now(picture.measured, infrared, pixel), unit)
 
 
 # Operators ------------------------------------------------------------------------------------------------------------
@@ -126,7 +118,7 @@ def editor_under(context, event):
 
 
 class INFRARED_OT_spot_meter(Operator):
-    """Show the temperature under the cursor with its standard error. In an Image Editor clicks place fixed spots"""
+    """Show the temperature under the cursor with its standard error"""
 
     bl_idname = "infrared.spot_meter"
     bl_label = "Spot Meter"
@@ -157,29 +149,12 @@ class INFRARED_OT_spot_meter(Operator):
         if event.type == "ESC" and event.value == "PRESS":
             stop(context)
             return {"CANCELLED"}
-        if event.type == "LEFTMOUSE" and event.value == "PRESS" and self.click(context, area, region, x, y):
-            return {"RUNNING_MODAL"}
         if area.as_pointer() != Cursor.area:  # and the reading in the one that it comes from goes
             redraw_pictures()
         if (area.as_pointer(), x, y) != (Cursor.area, Cursor.x, Cursor.y):
             Cursor.area, Cursor.x, Cursor.y = area.as_pointer(), x, y
             area.tag_redraw()
         return {"PASS_THROUGH"}
-
-    def click(self, context, area, region, x: int, y: int) -> bool:
-        """Remove the spot under the cursor, or place one there; False if no render is there."""
-        if area.type != "IMAGE_EDITOR" or not shown_layer(area.spaces.active, context.scene):
-            return False
-        u, v = region.view2d.region_to_view(x, y)  # of a pixel, this is where Blender takes its colour from
-        under = spot_under([spot.position for spot in context.scene.infrared.spots], x, y, region.view2d)
-        if under is not None:
-            bpy.ops.infrared.spot_remove(index=under)
-        elif 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
-            bpy.ops.infrared.spot_add(position=(u, v))
-        else:
-            return True
-        bpy.ops.ed.undo_push(message="Spots")  # operators called by an operator push none
-        return True
 
     def cancel(self, context):
         stop(context)
@@ -199,43 +174,6 @@ def clear_status(context) -> None:
             workspace.status_text_set(None)
 
 
-class INFRARED_OT_spot_add(Operator):
-    """Place a fixed spot in the picture, at shares of its width and height"""
-
-    bl_idname = "infrared.spot_add"
-    bl_label = "Add Spot"
-    bl_options = {"REGISTER", "UNDO"}
-
-    position: FloatVectorProperty(name="Position", size=2, min=0.0, max=1.0, default=(0.5, 0.5))
-
-    def execute(self, context):
-        context.scene.infrared.spots.add().position = self.position
-        redraw_pictures()
-        return {"FINISHED"}
-
-
-class INFRARED_OT_spot_remove(Operator):
-    """Remove a fixed spot"""
-
-    bl_idname = "infrared.spot_remove"
-    bl_label = "Remove Spot"
-    bl_options = {"REGISTER", "UNDO"}
-
-    index: IntProperty(name="Index", description="Number of the spot from 0; -1 removes all", min=-1, default=-1)
-
-    def execute(self, context):
-        spots = context.scene.infrared.spots
-        if self.index < 0:
-            spots.clear()
-        elif self.index < len(spots):
-            spots.remove(self.index)
-        else:
-            self.report({"ERROR"}, f"There is no spot {self.index}")
-            return {"CANCELLED"}
-        redraw_pictures()
-        return {"FINISHED"}
-
-
 @persistent
 def forget_render(*_):
     """Another file is open: its render result is empty, and Blender has ended the operators."""
@@ -251,7 +189,7 @@ def forget_other_render(scene, *_):
         forget_last_render()
 
 
-CLASSES = (INFRARED_OT_spot_meter, INFRARED_OT_spot_add, INFRARED_OT_spot_remove)
+CLASSES = (INFRARED_OT_spot_meter,)
 
 
 def register():

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The object parameters: what the temperatures are corrected for, in the render settings and beside a picture."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.types import Panel
+
+from ..reading.object_parameters import read_object_parameters
+from ..rendering.checks import object_parameter_checks
+from ..solver.scene import SceneError
+from .checks import draw_problems
+from .panel_base import RenderSettingsPanel
+from .temperatures.heat_display import ImageSidebarPanel
+
+
+def draw_object_parameters(column, infrared) -> None:
+    """What is known of the object, of the air and of the optics before the camera."""
+    column.prop(infrared, "assumed_emissivity")
+    row = column.row()
+    row.active = infrared.assumed_emissivity < 1.0
+    row.prop(infrared, "reflected_temperature")
+    column.separator()
+    source = infrared.air_transmission_source
+    column.prop(infrared, "air_transmission_source")
+    if source == "FIXED":
+        column.prop(infrared, "air_transmission")
+    else:
+        column.prop(infrared, "object_distance")
+    if source == "FORMULA":
+        column.prop(infrared, "relative_humidity")
+    if source != "WORLD":
+        row = column.row()
+        row.active = source == "FORMULA" or infrared.air_transmission < 1.0
+        row.prop(infrared, "air_temperature")
+    if source != "FIXED":
+        _draw_transmission(column, infrared)
+    column.separator()
+    column.prop(infrared, "optics_transmission")
+    row = column.row()
+    row.active = infrared.optics_transmission < 1.0
+    row.prop(infrared, "optics_temperature")
+    draw_problems(column, object_parameter_checks(infrared), bpy.context.region)
+
+
+def _draw_transmission(column, infrared) -> None:
+    """What follows for the air's transmission; the checks say why there is none."""
+    try:
+        transmission = read_object_parameters(infrared).correction.air_transmission
+    except SceneError:
+        return
+    row = column.row()
+    row.alignment = "RIGHT"
+    row.active = False
+    row.label(text=f"The air lets {100.0 * transmission:.4g} % through")
+
+
+class INFRARED_PT_object_parameters(RenderSettingsPanel, Panel):
+    bl_label = "Object Parameters"
+    bl_parent_id = "INFRARED_PT_spectrum"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, column, infrared):
+        draw_object_parameters(column, infrared)
+
+
+class INFRARED_PT_image_object_parameters(ImageSidebarPanel, Panel):
+    bl_label = "Object Parameters"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        draw_object_parameters(self.layout.column(), context.scene.infrared)
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (INFRARED_PT_object_parameters, INFRARED_PT_image_object_parameters)
+)
