@@ -13,12 +13,14 @@ import bmesh  # noqa: E402
 
 from addon.compiling.watch import COMPILING, compiles_now  # noqa: E402
 from addon.output.console import without_harmless_messages  # noqa: E402
-from addon.output.temperature_scale import automatic_range  # noqa: E402
+from addon.output.temperature_scale import KELVIN, automatic_range  # noqa: E402
 from addon.rendering import self_check  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.rendering.last_render import finished_layers, last_warnings  # noqa: E402
+from addon.rendering.render_passes import render_passes  # noqa: E402
 from addon.ui.checks import new_warnings  # noqa: E402
 from addon.ui.render_header import end_of_render  # noqa: E402
+from addon.ui.temperatures.spot_meter import camera_pass, reading_at, shown_layer  # noqa: E402
 from addon.ui.temperatures.temperature_groups import first_choice  # noqa: E402
 from tests.helpers.blender import link  # noqa: E402
 
@@ -231,3 +233,30 @@ def test_an_error_of_a_writer_passes_through(capfd):
         raise OSError("disk full")
     os.write(2, b"still there\n")
     assert "still there" in capfd.readouterr().err
+
+
+def test_the_netd_is_part_of_readings_in_the_camera_s_picture(untouched):
+    """In front of a blackbody at 300 K, where it is stated; the picture itself has no noise there."""
+    infrared = untouched.infrared
+    untouched.world["temperature"] = bpy.data.objects["Cube"]["temperature"] = 300.0
+    infrared.use_detector, infrared.detector_netd, infrared.detector_f_number = True, 0.08, 0.0
+    infrared.detector_gain_spread = infrared.detector_offset_spread = 0.0
+    bpy.data.objects.remove(bpy.data.objects["Light"])
+    bpy.ops.render.render()
+    (images,) = finished_layers.values()
+    number = camera_pass(images)
+    passes = [each.name for each in render_passes(untouched, bpy.context.view_layer)]
+    assert passes[number] == "Camera Temperature"
+    space = SimpleNamespace(image=bpy.data.images["Render Result"])
+    space.image_user = SimpleNamespace(multilayer_layer=0, multilayer_pass=number)
+    picture = shown_layer(space, untouched).picture
+    kelvin = images["further"]["Camera Temperature"].image
+    np.testing.assert_array_equal(picture.temperature, kelvin)
+    assert np.ptp(kelvin) > 0.1  # the camera's noise
+    # the slope of Planck's law changes by less than a hundredth over these few noise levels
+    np.testing.assert_allclose(picture.noise, 0.08, rtol=0.01)
+    assert abs(np.std(kelvin) - 0.08) < 4 * 0.08 / np.sqrt(2 * kelvin.size)  # which is what the pixels do
+    error = reading_at(picture, infrared, 0.5, 0.5, KELVIN).split()[2]
+    assert error == "0.08"
+    space.image_user.multilayer_pass = 0
+    assert shown_layer(space, untouched).picture.noise.max() < 1e-3
