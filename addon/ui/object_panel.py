@@ -19,7 +19,7 @@ def draw_object_parameters(column, infrared) -> None:
     column.prop(infrared, "assumed_emissivity")
     row = column.row()
     row.active = infrared.assumed_emissivity < 1.0
-    row.prop(infrared, "reflected_temperature")
+    row.prop(infrared, "reflected_temperature", text="Reflected")  # the whole name would be cut
     column.separator()
     source = infrared.air_transmission_source
     column.prop(infrared, "air_transmission_source")
