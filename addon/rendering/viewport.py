@@ -30,11 +30,13 @@ from ..reading.surfaces import SurfaceReader
 from ..reading.warnings import Warnings
 from ..solver import Camera, Correction, Film, Scene, SceneError, Settings, render
 from ..solver.geometry.surfaces import Geometry, build_geometry
+from ..solver.physics.spectrum import apparent_temperature
 from .coarse import coarser, hasty, steps
 from .gpu_pictures import draw_temperatures, temperature_texture
 from .live_pictures import Picture, viewports
 from .painting import working_primaries
 from .readings import fitted, temperature_now
+from .smoothing import may_be_smoothed, smoothed
 
 log = logging.getLogger(__name__)
 
@@ -74,6 +76,12 @@ def picture_of(film: Film, request: Request, step: int, origin: tuple[int, int])
     sensor = Sensor(film.band_edges, film.weights)
     fitted(TemperatureScale(), temperature)  # here, in the background: whoever draws it finds its range
     return Picture(step, origin, film.radiance(), temperature, noise, sensor, request.frame)
+
+
+def for_the_eye(picture: Picture, radiance: np.ndarray) -> Picture:
+    """A picture that is drawn with another radiance (h, w), W m-2 sr-1."""
+    temperature = apparent_temperature(radiance, *picture.sensor).astype(np.float32)
+    return dataclasses.replace(picture, for_the_eye=(radiance, temperature))
 
 
 def explain(error: Exception, known: str = "") -> str:
@@ -165,8 +173,13 @@ class ViewportRender:
             def show(film, scene=scene, step=step, settings=settings) -> None:
                 if cancelled():
                     return
+                picture = picture_of(film, request, step, tuple(step * start for start in scene.camera.pixels[:2]))
+                if film.passes == 1 and may_be_smoothed(scene):
+                    seen = smoothed(picture.radiance, scene, picture.sensor, geometry, settings.workers, cancelled)
+                    if not cancelled():
+                        picture = for_the_eye(picture, seen)
                 shown.append(film.passes)
-                self.picture = picture_of(film, request, step, tuple(step * start for start in scene.camera.pixels[:2]))
+                self.picture = picture
                 total = f"/{settings.passes}" if settings.passes else ""
                 self._tell(f"Pass {film.passes}{total}" if step == 1 else f"1/{step} of the resolution")
 
@@ -238,10 +251,10 @@ class Viewport:
         if picture is None:
             return
         infrared = context.scene.infrared
-        temperature = temperature_now(picture.measured, infrared)
+        temperature = temperature_now(picture.drawn, infrared)
         if temperature is not self._drawn:
             self._drawn, self._texture = temperature, temperature_texture(temperature)
-        scale = fitted(read_scale(infrared), temperature)
+        scale = fitted(read_scale(infrared), temperature_now(picture.measured, infrared))  # that of the bar
         draw_temperatures(self._texture, scale, picture.place, working_primaries())
 
     def stop(self) -> None:
