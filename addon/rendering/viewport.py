@@ -40,6 +40,7 @@ from .smoothing import may_be_smoothed, smoothed
 
 log = logging.getLogger(__name__)
 
+STATUS = "Infrared Photons status"  # name of the thread that tells of compiling
 THREAD = "Infrared Photons viewport"  # name of the background threads
 PREPARING = "Preparing the first picture"
 LOOK = 0.2  # s between two looks at whether kernels are compiled
@@ -150,7 +151,7 @@ class ViewportRender:
         shown = []
         if self.picture is None:
             self._tell(PREPARING)
-            threading.Thread(target=self._tell_of_compiling, args=(request,), name=THREAD, daemon=True).start()
+            threading.Thread(target=self._tell_of_compiling, args=(request,), name=STATUS, daemon=True).start()
 
         ended = False
 
