@@ -90,7 +90,7 @@ class MeasureSettings:
         type=InfraredMeasuringTool,
     )
     tool_index: IntProperty(
-        name="Tool", description="Number of the chosen measuring tool, from 0", min=0, update=redraw_pictures
+        name="Measuring Tools", description="Number of the chosen measuring tool, from 0", min=0, update=redraw_pictures
     )
     difference_of: StringProperty(
         name="Difference of",

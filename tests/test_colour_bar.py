@@ -16,13 +16,14 @@ from addon.ui.measuring.outlines import Hit, handles, hit, outline  # noqa: E402
 from addon.ui.temperatures.bar import LEAST_SPAN, Margins, dock, dragged, part_at  # noqa: E402
 
 NONE = Margins(0, 0, 0, 0)
-WIDTH, MOST = 100, 400
+WIDTH, LEAST, MOST = 100, 90, 400
 
 
 def overlap(place, images) -> bool:
     """Does a bar lie over the picture?"""
     left, bottom, height = place
-    return left < images[0] + images[2] and left + WIDTH > images[0] and bottom < images[1] + images[3]
+    across = left < images[0] + images[2] and left + WIDTH > images[0]
+    return across and bottom < images[1] + images[3] and bottom + height > images[1]
 
 
 @pytest.mark.parametrize("size", [(1200, 700), (640, 400), (330, 240)])
@@ -34,7 +35,7 @@ def test_the_bar_is_inside_the_window_and_beside_the_picture_where_there_is_room
     for _ in range(300):
         width, height = rng.uniform(20, 1.2 * size[0]), rng.uniform(20, 1.2 * size[1])
         images = rng.uniform(-0.3, 0.9) * size[0], rng.uniform(-0.3, 0.9) * size[1], width, height
-        place = dock(size, taken, images, (WIDTH, MOST))
+        place = dock(size, taken, images, (WIDTH, LEAST, MOST))
         free = taken.left, size[0] - taken.right
         if free[1] - free[0] < WIDTH:
             assert place is None
@@ -43,15 +44,22 @@ def test_the_bar_is_inside_the_window_and_beside_the_picture_where_there_is_room
         assert free[0] <= left and left + WIDTH <= free[1]
         assert taken.bottom <= bottom and bottom + tall <= size[1] - taken.top and tall <= MOST
         room = free[1] - (images[0] + width) >= WIDTH + 1 or images[0] - free[0] >= WIDTH + 1
+        room |= images[1] - taken.bottom >= LEAST + 1 or size[1] - taken.top - (images[1] + height) >= LEAST + 1
         assert not (room and overlap(place, images))
         beside += room
     assert beside > 50 or size[0] - taken.left - taken.right < 2 * WIDTH
 
 
+def test_a_picture_as_wide_as_the_window_has_the_bar_below_or_above():
+    assert dock((300, 600), NONE, (0, 200, 300, 300), (WIDTH, LEAST, MOST)) == (200, 0, 200)
+    assert dock((300, 600), NONE, (0, 10, 300, 300), (WIDTH, LEAST, MOST)) == (200, 310, 290)
+    assert dock((300, 600), NONE, (0, 0, 300, 600), (WIDTH, LEAST, MOST)) == (200, 0, 400)  # over it: there is no room
+
+
 def test_the_bar_keeps_off_the_viewports_gizmos():
-    at_the_edge = dock((600, 500), NONE, (0, 0, 600, 500), (WIDTH, MOST), gizmos=230)
+    at_the_edge = dock((600, 500), NONE, (0, 0, 600, 500), (WIDTH, LEAST, MOST), gizmos=230)
     assert at_the_edge[1] + at_the_edge[2] <= 500 - 230
-    beside = dock((1200, 500), NONE, (100, 100, 500, 300), (WIDTH, MOST), gizmos=230)
+    beside = dock((1200, 500), NONE, (100, 100, 500, 300), (WIDTH, LEAST, MOST), gizmos=230)
     assert beside == (600, 100, 400)
 
 

@@ -113,6 +113,12 @@ def test_temperatures_are_corrected_alike(infrared, tmp_path):
     assert_nodes_agree(infrared, tmp_path)
 
 
+def test_air_and_optics_are_corrected_alike(infrared, tmp_path):
+    infrared.air_transmission, infrared.air_temperature = 0.95, 160.0
+    infrared.optics_transmission, infrared.optics_temperature = 0.9, 150.0
+    assert_nodes_agree(infrared, tmp_path)
+
+
 def assert_nodes_agree(infrared, folder):
     """The group shows what the engine's own passes do."""
     assert bpy.ops.infrared.sensor_image() == {"FINISHED"}

@@ -47,6 +47,12 @@ def test_what_is_read_is_what_was_written(path):
     assert np.array_equal(image.recombined(temperatures), layered().recombined(temperatures))
 
 
+def test_a_correction_for_air_and_optics_is_kept_and_older_files_have_none(tmp_path):
+    stated = {"airTransmission": 0.9, "airTemperature": 285.0, "opticsTransmission": 0.8, "opticsTemperature": 295.0}
+    write_group_exr(tmp_path / "groups.exr", layered(), FACTS | stated)
+    assert read_group_exr(tmp_path / "groups.exr")[0].correction == Correction(0.8, 280.0, 0.9, 285.0, 0.8, 295.0)
+
+
 def test_other_tools_find_a_part_for_each_layer(path):
     parts = OpenEXR.File(str(path), separate_channels=True).parts
     assert [part.name() for part in parts] == ["0 no group", "1 motor", "2 Gerät, ä, Glass"]
@@ -118,6 +124,8 @@ def test_damaged_files_are_refused(path):
         ({"referenceTemperature": "nan"}, "reference"),
         ({"bandWeights": "1.0"}, "1 bandWeights for 2 bands"),
         ({"assumedEmissivity": "0"}, "assumedEmissivity"),
+        ({"airTransmission": "1.5"}, "airTransmission is 1.5"),
+        ({"opticsTemperature": "-1"}, "opticsTemperature"),
         ({"layers": to_json(LAYERS[:1])}, "3 parts for 1 layers"),
     ],
 )

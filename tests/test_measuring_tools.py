@@ -2,6 +2,7 @@
 """Measuring tools in Blender: settings, operators, files, and readings of a render against sums by hand."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from addon.measuring.regions import KINDS  # noqa: E402
 from addon.output.temperature_scale import Isotherm, TemperatureScale  # noqa: E402
 from addon.rendering import readings  # noqa: E402
 from addon.rendering.last_render import finished_frames, finished_layers, forget_last_render  # noqa: E402
-from addon.ui.measuring import graphs, workspace_tools  # noqa: E402
+from addon.ui.measuring import graphs, tool_operators, workspace_tools  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
 
 PLACES = {
@@ -183,7 +184,7 @@ def seen_radiance(kelvin):
 
 
 def corrected_by_hand(kelvin, emissivity, reflected):
-    """The temperature whose blackbody, seen with the reflection, has the radiance of one at `kelvin`; by bisection."""
+    """The temperature that with the reflection gives the radiance of a blackbody at `kelvin`; by bisection."""
     wanted = (seen_radiance(kelvin) - (1 - emissivity) * seen_radiance(reflected)) / emissivity
     low, high = 1.0, 2000.0
     while high - low > 1e-6:
@@ -226,6 +227,17 @@ def test_the_pictures_correction_counts_at_once(picture, tmp_path):
     assert readings.images_now(images, frame, infrared) is images
 
 
+def test_the_range_of_a_rectangle_and_of_a_tool(picture):
+    """As the mouse drags it: from any corner, in part outside the picture; with the correction of now."""
+    seen, infrared = SimpleNamespace(picture=picture), bpy.context.scene.infrared
+    within = tool_operators.range_within
+    assert within(seen, infrared, (0.1, 0.1), (0.4, 0.9)) == (pytest.approx(COLD), pytest.approx(COLD))
+    assert within(seen, infrared, (1.3, 1.2), (0.2, -0.1)) == (pytest.approx(COLD), pytest.approx(WARM))
+    assert within(seen, infrared, (1.1, 1.1), (1.3, 1.2)) is None
+    tool_operators.fix_range(infrared, COLD, COLD)  # of one temperature: the middle of the palette
+    assert (infrared.range_mode, infrared.range_low, infrared.range_high) == ("FIXED", COLD - 0.5, COLD + 0.5)
+
+
 def test_readings_are_kept_until_something_changes(picture, monkeypatch):
     """A window that is drawn again measures nothing again."""
     measured = []
@@ -238,9 +250,10 @@ def test_readings_are_kept_until_something_changes(picture, monkeypatch):
     tool.points[0].position = 0.0, 0.0
     assert readings.read_tool(tool, picture, infrared).count > first.count and len(measured) == 2
     infrared.use_isotherm, infrared.isotherm_low, infrared.isotherm_high = True, 200.0, 300.0
-    assert readings.read_tool(tool, picture, infrared).in_isotherm > 0 and len(measured) == 3
+    larger = readings.read_tool(tool, picture, infrared)
+    assert larger.in_isotherm > 0 and len(measured) == 3
     infrared.assumed_emissivity = 0.9
-    assert readings.read_tool(tool, picture, infrared).mean > first.mean and len(measured) == 4
+    assert readings.read_tool(tool, picture, infrared).maximum > larger.maximum and len(measured) == 4
 
 
 def test_the_hottest_and_the_coldest_pixel_are_found(picture):

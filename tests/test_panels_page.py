@@ -13,6 +13,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from addon.measure_settings import add_tool  # noqa: E402
 from addon.preferences import InfraredPreferences  # noqa: E402
 from addon.rendering.render_passes import render_passes  # noqa: E402
 from addon.ui import checks  # noqa: E402
@@ -78,6 +79,9 @@ class Labels:
     def prop(self, owner, name, text=None, **_):
         return self._note(owner.bl_rna.properties[name].name if text is None else text)
 
+    def prop_search(self, owner, name, *_, text=None, **__):
+        return self.prop(owner, name, text)
+
     def operator(self, idname, text=None, **_):
         room, name = idname.split(".")
         return self._note(getattr(getattr(bpy.ops, room), name).get_rna_type().name if text is None else text)
@@ -114,7 +118,7 @@ def states():
     scene.render.engine = "INFRARED_PHOTONS"
     infrared.range_mode, infrared.use_isotherm, infrared.group_exr_path = "FIXED", True, "//groups"
     scene.view_settings.exposure = 1.0  # changes colours
-    infrared.spots.add()
+    add_tool(infrared, "BOX", [(0.1, 0.1), (0.5, 0.5)]).use_own_emissivity = True
     camera = bpy.data.cameras.new("Camera")
     camera.type = "PANO"
     world = bpy.data.worlds.new("World")
@@ -130,7 +134,7 @@ def states():
     shown = SimpleNamespace(
         engine=scene.render.engine, scene=scene, view_layer=bpy.context.view_layer, screen=window.screen, region=None,
         window_manager=bpy.context.window_manager, space_data=space, camera=camera, world=world, object=surface,
-        material=None, light=None,
+        material=None, light=None, area=None,
     )  # fmt: skip
     many_points = [float(number) for um in range(8, 48) for number in (um, 0.5)]
     for emissivity in (0.5, many_points, "Tin"):

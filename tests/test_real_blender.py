@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An artist's way through a real Blender: install the zip, render the demo from the command line, read it back."""
 
+import csv
 import json
 import re
 import shutil
@@ -22,8 +23,11 @@ from addon.solver.image.recombine import LayeredImage
 from addon.solver.physics import library
 from addon.solver.physics.layers import Layer
 from docs.tools.paths import DEMO, ROOT
+from tests.helpers import bench as bench_by_hand
+from tests.helpers import tiles
 from tests.helpers.real_blender import LAUNCHER, WORK, blender, facts, module, needs_real_blender
 
+BENCH_WINDOW = "--window-geometry", 0, 0, 1600, 900
 SMALL_WINDOW = "--window-geometry", 0, 100, 900, 800  # in the upper left corner of a screen of 1600 x 900
 
 pytestmark = needs_real_blender
@@ -280,6 +284,124 @@ def test_blender_takes_its_zip_from_the_repository_compiles_by_itself_and_the_fi
         print(f" [{found['processes']} processes compiled {found['kernels']} kernels in", end=" ")
         print(f"{found['compiled in']:.0f} s; then F12 showed a picture of 640 x 480 after", end=" ")
         print(f"{found['first picture after']:.1f} s]", end=" ")
+
+
+# Measuring ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def bench(first):
+    """A thermographer's work on a finished picture: what the script found out, with its files in WORK / 'bench'."""
+    (WORK / "bench").mkdir()
+    text = blender(*BENCH_WINDOW, "--enable-event-simulate", *module("bench", WORK / "bench"), window=True)
+    found = facts(text)
+    assert found.get("end"), text
+    return found
+
+
+def signal(kelvin):
+    """Radiance of blackbodies from 7.5 to 14 um, W m-2 sr-1, by Planck's law in the middles of steps of 3 nm; kelvin:
+    any shape."""
+    wavelength = np.linspace(7.5, 14.0, 2001)[:-1] + 6.5 / 4000  # um
+    x = h * c / (wavelength * 1e-6 * k * np.asarray(kelvin)[..., None])
+    return (2e-6 * h * c**2 / (wavelength * 1e-6) ** 5 / np.expm1(x)).mean(axis=-1) * 6.5
+
+
+def object_temperature(kelvin, emissivity, reflected):
+    """What a correction makes of tiles that look like blackbodies at these temperatures, K; by bisection."""
+    wanted = (signal(kelvin) - (1.0 - emissivity) * signal(reflected)) / emissivity
+    low, high = np.full(len(kelvin), 100.0), np.full(len(kelvin), 1000.0)
+    for _ in range(40):  # to 1e-9 K
+        middle = 0.5 * (low + high)
+        below = signal(middle) < wanted
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return low
+
+
+def test_the_colour_bar_is_dragged(bench):
+    """By as many kelvin as the way of the mouse is of the bar; the middle moves both ends; undo and a double click."""
+    mode, low, high, share = bench["upper end dragged"]
+    assert bench["range at first"] == ["FIXED", tiles.LOW, tiles.HIGH]
+    assert [mode, low] == ["FIXED", tiles.LOW]
+    assert high == pytest.approx(tiles.HIGH + share * (tiles.HIGH - tiles.LOW), abs=1e-3)
+    _, lower, same = bench["lower end dragged"]
+    assert same == high and lower > tiles.LOW + 1.0
+    _, *moved = bench["middle dragged"]
+    assert moved[1] - moved[0] == pytest.approx(same - lower, abs=1e-3) and moved[0] < lower - 1.0
+    assert bench["undone"] == bench["lower end dragged"]
+    assert bench["double click"] == ["AUTOMATIC"]
+
+
+def test_tools_are_drawn_where_the_mouse_is_and_read_the_tiles_there(bench):
+    """To 1 mK of sums by hand. A press and a release are half a pixel of the screen from where they were meant."""
+    kinds = [kind for kind, _ in bench["tools"]]
+    assert kinds == ["SPOT", "LINE", "BOX", "ELLIPSE", "POLYGON"]
+    assert [bench[f"toolbar {kind}"] for kind in kinds] == [f"infrared.measure_{kind.lower()}" for kind in kinds]
+    spot, line, box, ellipse, polygon = bench["readings"]
+    assert spot["mean"] == pytest.approx(tiles.kelvin[30, 10], abs=1e-3)  # where bench.py clicks
+    assert line["count"] == 36 and polygon["count"] > 80  # from column 5 to 40
+    values = bench_by_hand.tiles_in(*bench["tools"][2])
+    assert box["count"] == values.size == 15 * 10 + 10  # corners in the middles of pixels fall to either side
+    for name, expected in (("minimum", values.min()), ("maximum", values.max()), ("mean", values.mean())):
+        assert box[name] == pytest.approx(expected, abs=1e-3)
+    assert box["deviation"] == pytest.approx(values.std(), abs=1e-3)
+    assert tiles.kelvin[tuple(ellipse["place_of_maximum"])] == pytest.approx(ellipse["maximum"], abs=1e-3)
+
+
+def test_a_tools_emissivity_is_typed_and_moves_its_temperature_alone(bench):
+    """To 1 mK of Planck's law by hand."""
+    own, emissivity, reflected = bench["own emissivity"]
+    assert own and bench["chosen"] == 2 and [emissivity, reflected] == [pytest.approx(0.8), 280.0]
+    expected = object_temperature(bench_by_hand.tiles_in(*bench["tools"][2]), 0.8, 280.0)
+    box = bench["readings with it"][2]
+    assert box["mean"] == pytest.approx(expected.mean(), abs=1e-3) and box["mean"] > bench["readings"][2]["mean"] + 1.0
+    assert box["maximum"] == pytest.approx(expected.max(), abs=1e-3)
+    others = [
+        [each for index, each in enumerate(bench[name]) if index != 2] for name in ("readings", "readings with it")
+    ]
+    assert others[0] == others[1]
+
+
+def test_tools_are_moved_and_removed(bench):
+    (before, after), (moved, kept) = bench["tools"][2][1], bench["moved box"]
+    assert kept == after and moved[0] < before[0] and moved[1] < before[1]
+    assert bench["box after undo"] == [before, after]
+    assert bench["kinds after X"] == ["LINE", "BOX", "ELLIPSE", "POLYGON"]
+
+
+def test_the_bench_exports_what_its_tools_read(bench):
+    """Picture, table and report, written by mouse; figures by hand to 1 mK. The box has an emissivity of its own."""
+    with open(WORK / "bench" / "wall.csv", encoding="utf-8-sig", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["Kind"].upper() for row in rows] == [kind for kind, _ in bench["tools"]]
+    for row, (kind, places) in zip(rows, bench["tools"], strict=True):
+        if kind == "LINE":
+            continue
+        seen = bench_by_hand.tiles_in(kind, [tuple(place) for place in places])
+        seen = bench_by_hand.seen_as(seen, float(row["Emissivity"]), float(row["Reflected Temperature (K)"]))
+        assert int(row["Pixels"]) == len(seen)
+        for title, value in (("Minimum", seen.min()), ("Maximum", seen.max()), ("Mean", seen.mean())):
+            assert float(row[f"{title} (K)"]) == pytest.approx(value, abs=1e-3), (kind, title)
+        assert float(row["Standard Deviation (K)"]) == pytest.approx(seen.std(), abs=1e-3)
+    assert (rows[2]["Emissivity"], rows[2]["Reflected Temperature (K)"]) == ("0.8", "280.0000")
+    page = (WORK / "bench" / "wall.html").read_text(encoding="utf-8")
+    assert all(f"<td>{row['Mean (K)']}</td>" in page for row in rows)
+    assert (WORK / "bench" / "wall.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_browser_shows_the_report(bench):
+    """The tiles are in the picture that it draws: far more colours than a page without it has."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("there is no Chromium")
+    shot, page = WORK / "bench" / "page.png", WORK / "bench" / "wall.html"
+    options = "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,700"
+    subprocess.run([browser, *options, f"--screenshot={shot}", page.as_uri()], check=True, capture_output=True)
+    pytest.importorskip("bpy")
+    from tests.helpers.blender import read_png  # here, as it needs Blender as a module
+
+    colours = np.unique(read_png(shot).reshape(-1, 3), axis=0)
+    assert len(colours) > 1000  # 2655 tiles of different temperatures; greys of letters are 256 at most
 
 
 # By mouse and keyboard ------------------------------------------------------------------------------------------------

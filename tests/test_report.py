@@ -287,8 +287,8 @@ def test_a_line_is_drawn_along_its_pixels_and_nowhere_else():
     image = np.full((20, 30, 3), 0.5, np.float32)
     draw_marks(image, [Mark("LINE", ((5.5, 10.5), (24.5, 10.5)), "")], 13)
     np.testing.assert_allclose(image[10, 5:25], 1.0)  # light in the middle
-    np.testing.assert_allclose(image[11, 6:24], 0.0)  # and dark at the sides
-    far = np.abs(np.arange(20) - 10) > 2
+    assert np.all(image[[9, 11], 6:24] < 0.35)  # and dark at the sides
+    far = np.abs(np.arange(20) - 10) > 3
     np.testing.assert_array_equal(image[far], 0.5)
 
 

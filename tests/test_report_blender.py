@@ -120,10 +120,13 @@ def test_the_exported_picture_has_tools_and_table(infrared, tmp_path):
     bpy.ops.infrared.export_picture(filepath=str(tmp_path / "tools.png"), table=False)
     bpy.ops.infrared.export_picture(filepath=str(tmp_path / "all.png"))
     plain, tools, everything = (read_png(tmp_path / f"{name}.png") for name in ("plain", "tools", "all"))
-    assert plain.shape == tools.shape and everything.shape[0] > plain.shape[0] + 4 * 13
-    changed = np.abs(tools.astype(int) - plain).max(axis=2) > 20
-    assert changed[:, :32].sum() > 40 and not changed[:, 32:].any()  # outlines, in the picture alone
-    assert everything[: everything.shape[0] - plain.shape[0]].max() > 200  # light letters under it
+    larger = 10  # of the 32 pixels across, so that tools have room
+    picture = plain[-24:, :32].repeat(larger, axis=0).repeat(larger, axis=1)
+    shown = tools[-24 * larger :, : 32 * larger]
+    changed = np.abs(shown.astype(int) - picture).max(axis=2) > 20
+    assert 0.01 < changed.mean() < 0.2  # outlines and labels
+    assert everything.shape[0] > tools.shape[0] + 4 * 13
+    assert everything[: everything.shape[0] - tools.shape[0]].max() > 200  # light letters under it
 
 
 def test_an_animation_is_followed_in_memory_and_in_a_file(infrared, tmp_path):
@@ -167,6 +170,17 @@ def test_a_tool_that_is_keyed_is_read_as_it_is_in_the_frame(infrared, tmp_path):
     render_to_exr(tmp_path, animation=True)
     kelvin = [tool.measurement.mean for tool in over_frames(scene)]
     np.testing.assert_allclose(kelvin, [plate(), 320.0, 260.0], rtol=0, atol=1e-3)
+
+
+def test_a_table_that_is_in_the_way_ends_no_animation(infrared, tmp_path):
+    add_tool(infrared, "SPOT", [(0.5, 0.5)])
+    (tmp_path / "bands_tools.csv").mkdir()
+    infrared.band_exr_path = str(tmp_path / "bands_####.exr")
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 2
+    render_to_exr(tmp_path, animation=True)
+    assert (tmp_path / "bands_0002.exr").is_file() and len(over_frames(bpy.context.scene)) == 2
+    bpy.ops.infrared.export_table(filepath=str(tmp_path / "tools.csv"))
+    assert len(table(tmp_path / "tools.csv")) == 2
 
 
 def test_view_layers_are_told_apart(infrared, tmp_path):

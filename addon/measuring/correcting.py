@@ -26,6 +26,15 @@ class Sensor(NamedTuple):
     weights: np.ndarray
 
 
+def effective(correction: Correction) -> Correction:
+    """The same correction, the same for all temperatures that do not count: those behind a share of 1."""
+    none = Correction()
+    shares = ("emissivity", "reflected_temperature"), ("air_transmission", "air_temperature")
+    shares += (("optics_transmission", "optics_temperature"),)
+    idle = [kelvin for share, kelvin in shares if getattr(correction, share) == 1.0]
+    return correction._replace(**{name: getattr(none, name) for name in idle})
+
+
 def corrected(radiance: np.ndarray, sensor: Sensor, correction: Correction) -> np.ndarray:
     """Temperatures, float32 K, of radiance of any shape, W m-2 sr-1 through the sensor's response; 0 K where the
     correction leaves no radiance."""

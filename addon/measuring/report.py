@@ -33,6 +33,7 @@ h3 { font-size: 1rem; margin: 1.2rem 0 .3rem; } p.lead { margin: 0 0 1rem; color
 .picture image { image-rendering: pixelated; }
 .mark { fill: none; stroke: #fff; stroke-width: 1.4; vector-effect: non-scaling-stroke; }
 .edge { fill: none; stroke: #000; stroke-width: 3.6; vector-effect: non-scaling-stroke; }
+table.tools td:not(:nth-child(2)) { white-space: nowrap; }
 svg text { font: 12px system-ui, sans-serif; fill: currentColor; } svg text.label { fill: #fff; font-weight: 600; }
 .under { fill: #18181c; opacity: .75; }
 table { border-collapse: collapse; margin: .4rem 0 1rem; font-variant-numeric: tabular-nums; }
@@ -47,7 +48,8 @@ dl { display: grid; grid-template-columns: max-content 1fr; gap: .15rem 1.2rem; 
 dt { color: #5c5c66; } dd { margin: 0; overflow-wrap: anywhere; }
 @media (prefers-color-scheme: dark) { body { color: #e6e6ea; background: #18181c; }
   th, td { border-color: #3a3a42; } dt, p.lead { color: #a6a6b0; } }
-@media print { body { margin: 0; max-width: none; } section.picture-part, .graph { break-inside: avoid; } }
+@media print { body { margin: 0; max-width: none; } table { font-size: 12px; } .all { font-size: 11px; }
+  h2, h3 { break-after: avoid; } tr, dl, svg { break-inside: avoid; } }
 """
 
 

@@ -21,6 +21,7 @@ from .palette import display
 from .temperature_scale import TemperatureScale, TemperatureUnit
 
 LEAST_HEIGHT = 160  # pixels, so that the bar can be read beside a very small picture
+LEAST_WIDTH = 320  # pixels of a picture with tools
 LEAST_TEXT, TEXT_SHARE = 13, 1 / 40  # height of the text: pixels, and share of the picture's height
 LINE, COLUMN_GAP = 1.7, 1.5  # of the table: from row to row, and between columns, in heights of the text
 FONT = 0  # Blender's own
@@ -31,8 +32,9 @@ Text = tuple[float, float, str]  # x and y of the lower left corner, pixels, and
 @dataclass(frozen=True)
 class Beside:
     """What a picture shows beside its temperatures. colour_bar: at the right, labelled in the unit; a small picture is
-    then extended at the bottom. marks: outlines of measuring tools and their labels. table: rows of cells below the
-    picture, the titles first; none without rows.
+    then extended at the bottom. marks: outlines of measuring tools and their labels; pixels of a small picture become
+    squares of pixels, so that these have room. table: rows of cells below the picture, the titles first; none without
+    rows.
     """
 
     colour_bar: bool = True
@@ -49,11 +51,15 @@ def write_picture(
     Raises OSError naming the path if it cannot be written; an older file is replaced once the new one is complete.
     """
     beside = beside or Beside()
-    scale, (height, width) = scale.fitted(temperature), temperature.shape
+    scale = scale.fitted(temperature)
     picture = display(scale.colours(temperature)) / np.float32(255.0)
+    larger = -(-LEAST_WIDTH // picture.shape[1]) if beside.marks else 1
+    picture = picture.repeat(larger, axis=0).repeat(larger, axis=1)
+    marks = [mark.enlarged(larger) for mark in beside.marks]
+    height, width, _ = picture.shape
     size = max(LEAST_TEXT, round(TEXT_SHARE * height))
-    draw_marks(picture, beside.marks, size)
-    labels = _draw_label_panels(picture, beside.marks, size)
+    draw_marks(picture, marks, size)
+    labels = _draw_label_panels(picture, marks, size)
     table, table_width, below = _table(beside.table, size)
     bar, tall = None, height
     if beside.colour_bar:

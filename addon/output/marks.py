@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 LIGHT, DARK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)  # sRGB of an outline and of its edge, to be seen on any colour
+LINE, EDGE = 1.6, 4.0  # widths of both, pixels at a text of 13: seen wherever a line lies between pixels
 ROUND = 64  # corners of an ellipse as it is drawn
 ARM, GAP = 0.7, 0.2  # of a spot's cross, in heights of the text
 
@@ -22,8 +23,12 @@ class Mark(NamedTuple):
     """
 
     kind: str
-    points: tuple[tuple[float, float], ...]
+    points: tuple[Place, ...]
     label: str
+
+    def enlarged(self, factor: float) -> Mark:
+        """The same on a picture that is so many times as large."""
+        return self._replace(points=tuple((factor * x, factor * y) for x, y in self.points))
 
 
 def outline(kind: str, places: Sequence[Place]) -> list[Place]:
@@ -74,7 +79,7 @@ def draw_marks(picture: np.ndarray, marks, text: float) -> None:
     line = max(1.0, text / 13.0)
     for mark in marks:
         drawn = lines(mark, text)
-        for width, colour in ((3.0 * line, DARK), (line, LIGHT)):
+        for width, colour in ((EDGE * line, DARK), (LINE * line, LIGHT)):
             for points in drawn:
                 for start, end in zip(points[:-1], points[1:], strict=True):
                     _draw_line(picture, start, end, width, colour)

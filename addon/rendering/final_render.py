@@ -163,8 +163,7 @@ def render_view_layer(engine, depsgraph) -> None:
             _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
         if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
             if shown and engine.is_animation:
-                keep_frame(scene, layer, finished, frame)
-                write_frames(scene)
+                _follow_tools(engine, scene, layer, finished, frame)
             groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
             if shown and groups:
                 finished_groups[layer] = groups
@@ -202,6 +201,16 @@ def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) 
     finished_groups.update({name: path for name, path in groups.items() if name in frames and name != layer})
     last_warnings.update(warnings)
     last_ends.update({name: end for name, end in ends.items() if name in frames})
+
+
+def _follow_tools(engine, scene, layer: str, images: dict, frame: FinishedFrame) -> None:
+    """Keep what the measuring tools read in a frame of an animation, and write it. A table that cannot be written, as a
+    spreadsheet may hold it open, ends no render."""
+    keep_frame(scene, layer, images, frame)
+    try:
+        write_frames(scene)
+    except OSError as error:
+        _warn(engine, f"{error}. The render goes on; Export Table writes the readings afterwards")
 
 
 def _write_files(scene, layer: str, suffix: str, animation: bool, images: dict, film) -> Path | None:
@@ -465,7 +474,8 @@ def finished_frame(scene, slot: int, camera, film) -> FinishedFrame:
     size, origin = ((x1 - x0, y1 - y0), (0, 0)) if cropped else ((camera.width, camera.height), (x0, y0))
     nodes = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.use_nodes  # Blender 5
     composited = scene.render.use_compositing and bool(nodes)
-    return FinishedFrame(scene.name, slot, size, origin, composited, film.weights, film.correction)
+    told = bpy.app.is_job_running("RENDER")  # not so if a script waits for the render
+    return FinishedFrame(scene.name, slot, size, origin, composited, film.weights, film.correction, told)
 
 
 def write_images(result, images: dict[str, np.ndarray]) -> None:

@@ -22,6 +22,7 @@ class FinishedFrame:
     composited: bool  # the first layer of the render result is the compositor's
     weights: np.ndarray  # (b,) the sensor's response in each band
     correction: Correction  # of the temperatures when it was rendered
+    told: bool = False  # Blender tells of the render in a line of text at the top of the editor
 
 
 # A render in the background may change these at any time: to use more than one entry, take a copy.

@@ -13,7 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..heat_settings import read_scale
-from ..measuring.correcting import Sensor, corrected, corrected_noise, correction_inverted, detector_noise
+from ..measuring.correcting import (
+    Sensor,
+    corrected,
+    corrected_noise,
+    correction_inverted,
+    detector_noise,
+    effective,
+)
 from ..measuring.regions import Region, Window, region_of
 from ..measuring.statistics import Measurement, measure_values
 from ..output.description import CORRECTION_FACTS
@@ -85,7 +92,7 @@ def finished_picture(images: dict, frame: FinishedFrame) -> MeasuredPicture:
         images["temperature"],
         images["noise"],
         Sensor(images["band_edges"], frame.weights),
-        frame.correction,
+        effective(frame.correction),
         Window(frame.size, frame.origin, images["radiance"].shape),
     )
 
@@ -112,7 +119,7 @@ _camera_picture_of = _OfImage(_camera_picture)
 def correction_now(infrared, picture: MeasuredPicture) -> Correction:
     """The correction that scene.infrared asks for; that of the picture if it makes no sense, which the checks tell."""
     try:
-        return read_object_parameters(infrared).correction
+        return effective(read_object_parameters(infrared).correction)
     except SceneError:
         return picture.correction
 
@@ -154,10 +161,10 @@ def images_now(images: dict, frame: FinishedFrame, infrared) -> dict:
     them. images: see final_render.layer_images."""
     picture = finished_picture(images, frame)
     correction = correction_now(infrared, picture)
-    if correction == frame.correction:
+    if correction == picture.correction:
         return images
     temperature = temperature_now(picture, infrared)
-    before, changes = (picture.temperature, picture.noise), (frame.correction, correction)
+    before, changes = (picture.temperature, picture.noise), (picture.correction, correction)
     noise = corrected_noise(before, temperature, picture.sensor, changes)
     facts = {fact: getattr(correction, field) for fact, field in CORRECTION_FACTS.items()}
     return images | {"temperature": temperature, "noise": noise, "metadata": {**images["metadata"], **facts}}
@@ -175,7 +182,7 @@ def tool_correction(tool, infrared, picture: MeasuredPicture) -> Correction:
     emissivity, reflected = as_typed(tool.emissivity), as_typed(tool.reflected_temperature)
     if not (0.0 < emissivity <= 1.0 and 0.0 <= reflected < np.inf):
         return correction
-    return correction._replace(emissivity=emissivity, reflected_temperature=reflected)
+    return effective(correction._replace(emissivity=emissivity, reflected_temperature=reflected))
 
 
 def read_tool(tool, picture: MeasuredPicture, infrared) -> Measurement | None:

@@ -35,14 +35,15 @@ def as_on_screen(srgb: np.ndarray) -> np.ndarray:
 
 def draw_rectangles(rectangles: Iterable[Rectangle]) -> None:
     """Draw (left, bottom, width, height, colour) rectangles."""
-    corners, colours = [], []
-    for x, y, width, height, colour in rectangles:
-        a, b, c, d = (x, y, 0.0), (x + width, y, 0.0), (x + width, y + height, 0.0), (x, y + height, 0.0)
-        corners += (a, b, c, a, c, d)
-        colours += (colour,) * 6
+    table = np.array([(*place, *colour) for *place, colour in rectangles], np.float32).reshape(-1, 8)
+    x, y, width, height = table[:, :4].T
+    corners = np.zeros((len(table), 6, 3), np.float32)
+    corners[:, :, 0] = x[:, None] + width[:, None] * (0.0, 1.0, 1.0, 0.0, 1.0, 0.0)
+    corners[:, :, 1] = y[:, None] + height[:, None] * (0.0, 0.0, 1.0, 0.0, 1.0, 1.0)
+    colours = np.repeat(table[:, 4:], 6, axis=0)
     shader = gpu.shader.from_builtin("FLAT_COLOR")
     gpu.state.blend_set("ALPHA")
-    batch_for_shader(shader, "TRIS", {"pos": corners, "color": colours}).draw(shader)
+    batch_for_shader(shader, "TRIS", {"pos": corners.reshape(-1, 3), "color": colours}).draw(shader)
     gpu.state.blend_set("NONE")
 
 

@@ -11,7 +11,7 @@ from ..rendering.checks import object_parameter_checks
 from ..solver.scene import SceneError
 from .checks import draw_problems
 from .panel_base import RenderSettingsPanel
-from .temperatures.heat_display import ImageSidebarPanel
+from .temperatures.heat_display import ImageSidebarPanel, ViewSidebarPanel
 
 
 def draw_object_parameters(column, infrared) -> None:
@@ -64,7 +64,9 @@ class INFRARED_PT_object_parameters(RenderSettingsPanel, Panel):
         draw_object_parameters(column, infrared)
 
 
-class INFRARED_PT_image_object_parameters(ImageSidebarPanel, Panel):
+class SidebarPanel:
+    """Base of the panels with the object parameters beside a picture."""
+
     bl_label = "Object Parameters"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -74,6 +76,14 @@ class INFRARED_PT_image_object_parameters(ImageSidebarPanel, Panel):
         draw_object_parameters(self.layout.column(), context.scene.infrared)
 
 
+class INFRARED_PT_image_object_parameters(SidebarPanel, ImageSidebarPanel, Panel):
+    pass
+
+
+class INFRARED_PT_view_object_parameters(SidebarPanel, ViewSidebarPanel, Panel):
+    pass
+
+
 register, unregister = bpy.utils.register_classes_factory(
-    (INFRARED_PT_object_parameters, INFRARED_PT_image_object_parameters)
+    (INFRARED_PT_object_parameters, INFRARED_PT_image_object_parameters, INFRARED_PT_view_object_parameters)
 )

@@ -8,4 +8,5 @@ DOCS = ROOT / "docs"
 IMAGES = DOCS / "images"
 DEMO = DOCS / "demo" / "demo.blend"
 DEMO_BANDS = ROOT / "render" / "demo-bands.exr"  # of `python run.py demo`
+EXAMPLES = DOCS / "examples"
 TEMPLATE = DOCS / "template" / "Infrared_Photons" / "startup.blend"  # Blender's menus show the folder's name

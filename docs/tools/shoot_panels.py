@@ -131,8 +131,9 @@ def work():
         show(shown)
         yield from shoot(name, properties)
         hide(shown)
-    for position in ((0.5, 0.5), (0.3, 0.6)):
-        infrared.spots.add().position = position
+    for kind, places in (("SPOT", [(0.5, 0.5)]), ("BOX", [(0.2, 0.3), (0.4, 0.6)])):
+        points = [{"name": "", "position": place} for place in places]
+        bpy.ops.infrared.tool_add(kind=kind, points=points)
     viewport.type = "IMAGE_EDITOR"
     editor = viewport.spaces.active
     editor.image, editor.show_region_ui = bpy.data.images["Render Result"], True

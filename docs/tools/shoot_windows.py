@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make the pictures of Blender's window in README, docs/tutorial.md, docs/viewport.md, docs/materials.md and
-docs/gas.md. Needs what shoot_panels.py needs, and xdotool:
+"""Make the pictures of Blender's window in README, docs/tutorial.md, docs/viewport.md, docs/materials.md, docs/gas.md,
+docs/palettes.md and docs/measuring.md. Needs what shoot_panels.py needs, and xdotool:
 
     blender --python tests/real_blender/launch.py -- docs.tools.shoot_windows NAME ...
 
-NAME: first, checks, tutorial, viewport, gases, shaders; without one, all of them. Begin with Blender's own start-up
-file.
+NAME: first, checks, tutorial, viewport, gases, shaders, measuring, live; without one, all of them. Begin with Blender's
+own start-up file.
 """
 
 import sys
@@ -13,9 +13,9 @@ import sys
 import bpy
 
 from docs.tools.ordinary_scene import build
-from docs.tools.paths import DEMO, TEMPLATE
+from docs.tools.paths import DEMO, EXAMPLES, TEMPLATE
 from docs.tools.screenshots import cropping, keep, screenshot
-from tests.real_blender.hands import area_of, press_real_esc, region_of
+from tests.real_blender.hands import area_of, move_real_mouse, press_real_esc, region_of
 from tests.real_blender.story import tell
 
 WHOLE = ("-resize", "75%", "+dither", "-colors", "128")
@@ -23,6 +23,16 @@ PART = ("+dither", "-colors", "64")
 DIALOG = ("-crop", "724x416+155+401", "+repage")  # where the library of gases opens
 LIST = ("-crop", "1096x478+12+402", "+repage")  # where the list of proposals opens
 WIDTH = 340  # pixels of the Properties editor: enough for the longest name
+ZOOM = 2.0  # pixels of the screen on each side of one of a picture's
+FOLDED = 300  # pixels by which the sidebar is scrolled down, to the measuring tools
+METER = 860, 430  # pixels of the screen, from its upper left corner, where the spot meter reads: the trunk
+PLACES = {  # of tools in the picture of the people: forehead, trunk, radiator, lampshade, laptop
+    "SPOT": [(0.672, 0.688)],
+    "LINE": [(0.6, 0.46), (0.75, 0.46)],
+    "BOX": [(0.342, 0.385), (0.468, 0.483)],
+    "ELLIPSE": [(0.878, 0.637), (0.965, 0.72)],
+    "POLYGON": [(0.372, 0.42), (0.466, 0.42), (0.467, 0.352), (0.377, 0.354)],
+}
 DRAWN = 1.5  # s in which Blender has drawn everything
 
 stats = []  # what Blender told of the render that runs, line by line
@@ -162,7 +172,106 @@ def shaders():
     keep(screenshot(), "shaders-list", *LIST, *PART)
 
 
-STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport, gases, shaders)}
+def settle(area):
+    """Wait until the panels of an area have their new heights, which they take step by step."""
+    for _ in range(3):
+        area.tag_redraw()
+        yield DRAWN
+
+
+def only_picture():
+    """The people of the examples, rendered quickly, in an Image Editor that fills the window; the cursor is away."""
+    yield from start_up()
+    bpy.ops.wm.open_mainfile(filepath=str(EXAMPLES / "people.blend"), load_ui=False)
+    yield DRAWN
+    scene = bpy.context.scene
+    scene.infrared.passes, scene.infrared.photons_per_pass, scene.infrared.time_limit = 4, 50_000, 0.0
+    scene.render.resolution_percentage = 75
+    bpy.ops.render.render()
+    for kind in ("OUTLINER", "PROPERTIES", "DOPESHEET_EDITOR"):
+        with bpy.context.temp_override(area=area_of(kind)):
+            bpy.ops.screen.area_close()
+        yield 0.5
+    bpy.context.preferences.system.use_region_overlap = False  # nothing shines through the sidebar
+    area = area_of("VIEW_3D")
+    area.type = "IMAGE_EDITOR"
+    space = area.spaces.active
+    space.image, space.show_region_ui, space.show_region_toolbar = bpy.data.images["Render Result"], True, True
+    yield DRAWN
+    region_of(area, "UI").active_panel_category = "Infrared"
+    with bpy.context.temp_override(area=area, region=region_of(area)):
+        bpy.ops.image.view_all()
+        bpy.ops.image.view_zoom_ratio(ratio=ZOOM)
+    yield DRAWN
+    return area
+
+
+def place_tools(infrared):
+    """One of each kind in the picture of the people, as a script does."""
+    for kind, places in PLACES.items():
+        points = [{"name": "", "position": place} for place in places]
+        bpy.ops.infrared.tool_add(kind=kind, points=points)
+    infrared.difference_of, infrared.difference_to = "Box", "Ellipse"
+
+
+def measuring():
+    """Each measuring tool as the one that is chosen; and the isotherm beside a spot meter."""
+    area = yield from only_picture()
+    infrared = bpy.context.scene.infrared
+    infrared.show_extremes = True
+    place_tools(infrared)
+    box = infrared.measuring_tools[2]
+    box.use_own_emissivity, box.emissivity, box.reflected_temperature = True, 0.9, 293.15
+    for index, kind in enumerate(PLACES):
+        infrared.tool_index = index
+        with bpy.context.temp_override(area=area, region=region_of(area)):
+            bpy.ops.infrared.tool_choose(kind=kind)
+        yield from settle(area)
+        for distance in (5000, -FOLDED):
+            with bpy.context.temp_override(area=area, region=region_of(area, "UI")):
+                bpy.ops.view2d.pan(deltay=distance)
+        yield from settle(area)
+        keep(screenshot(), f"measure-{kind.lower()}", *WHOLE)
+    bpy.ops.infrared.tool_remove(all=True)
+    with bpy.context.temp_override(area=area, region=region_of(area, "UI")):
+        bpy.ops.view2d.pan(deltay=5000)
+    infrared.show_extremes, infrared.use_isotherm = False, True
+    infrared.isotherm_low, infrared.isotherm_high = 303.15, 308.15
+    with bpy.context.temp_override(area=area, region=region_of(area)):
+        bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")
+    move_real_mouse(*METER)
+    yield from settle(area)
+    keep(screenshot(), "heat-display", *WHOLE)
+    with bpy.context.temp_override(area=area, region=region_of(area)):
+        bpy.ops.infrared.spot_meter("INVOKE_DEFAULT")  # ends it
+
+
+def live():
+    """Tools in two viewports, a large and a small one, which look through the camera."""
+    yield from start_up()
+    bpy.ops.wm.open_mainfile(filepath=str(EXAMPLES / "people.blend"), load_ui=False)
+    yield DRAWN
+    infrared = bpy.context.scene.infrared
+    infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", 288.15, 308.15
+    place_tools(infrared)
+    with bpy.context.temp_override(area=area_of("PROPERTIES")):
+        bpy.ops.screen.area_close()
+    yield 0.5
+    with bpy.context.temp_override(area=area_of("OUTLINER")):
+        bpy.ops.screen.area_close()
+    yield 0.5
+    with bpy.context.temp_override(area=area_of("VIEW_3D")):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.7)
+    yield DRAWN
+    for area in [each for each in bpy.context.screen.areas if each.type == "VIEW_3D"]:
+        space = area.spaces.active
+        space.region_3d.view_perspective, space.shading.type = "CAMERA", "RENDERED"
+        space.overlay.show_extras = False
+    yield 200.0  # for some passes, where others compute, too
+    keep(screenshot(), "measure-viewport", *WHOLE)
+
+
+STORIES = {story.__name__: story for story in (first, checks, tutorial, viewport, gases, shaders, measuring, live)}
 
 
 def work():

@@ -2,7 +2,8 @@
 """Run inside Blender with a window and `--enable-event-simulate`: a thermographer works on a finished picture.
 
 A wall of black tiles, one for each pixel of a render, whose temperatures are known: the span is dragged on the colour
-bar, five tools are placed, one gets an emissivity of its own. Prints facts. A folder for screenshots may be given.
+bar, five tools are placed, one gets an emissivity of its own. Prints facts. A folder for screenshots and exported
+files may be given.
 """
 
 import sys
@@ -10,6 +11,7 @@ import sys
 import bpy
 
 from tests.real_blender import hands
+from tests.real_blender.exports import export_all
 from tests.real_blender.facts import fact
 from tests.real_blender.screen import capture
 from tests.real_blender.story import tell
@@ -213,6 +215,8 @@ def work():
     yield from drag_span()
     yield from place_tools()
     yield from change_emissivity()
+    if SCREENSHOTS:
+        yield from export_all(SCREENSHOTS[0])
     yield from move_and_remove()
     fact("end", True)
 

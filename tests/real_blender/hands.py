@@ -70,6 +70,11 @@ def press_real_esc() -> None:
     subprocess.run(["xdotool", "mousemove", "800", "450", "key", "Escape"], check=True)
 
 
+def move_real_mouse(x: int, y: int) -> None:
+    """To a pixel of the screen, from its upper left corner, where Blender does not simulate events."""
+    subprocess.run(["xdotool", "mousemove", str(x), str(y)], check=True)
+
+
 def write(text: str) -> Iterator[float]:
     """Letters, digits, spaces and full stops, on the keyboard."""
     for character in text:

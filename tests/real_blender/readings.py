@@ -11,11 +11,12 @@ import bpy
 import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_location_3d
 
+from tests.helpers.tiles import kelvin
 from tests.real_blender import hands
 from tests.real_blender.facts import fact
 from tests.real_blender.screen import capture
 from tests.real_blender.story import tell
-from tests.real_blender.tiles import kelvin, make_scene
+from tests.real_blender.tiles import make_scene
 
 SCREENSHOTS = sys.argv[1:]
 PATIENCE = 300.0  # s: kernels may have to be compiled

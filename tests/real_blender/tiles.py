@@ -4,10 +4,7 @@
 import bpy
 import numpy as np
 
-COLUMNS, ROWS = 59, 45
-LOW, HIGH = 280.0, 340.0  # K
-
-kelvin = np.random.default_rng(7).uniform(LOW, HIGH, (ROWS, COLUMNS))  # of the tiles, row 0 at the bottom
+from tests.helpers.tiles import COLUMNS, HIGH, LOW, ROWS, kelvin
 
 
 def make_scene():

@@ -7,15 +7,17 @@ import bpy
 
 from ...heat_settings import scene_unit
 from ...measuring.regions import AREAS
+from ...output.marks import Mark, is_closed, label_place, outline
 from ...output.temperature_scale import reading
 from ...rendering.readings import extremes_now, read_tool
 from ..drawing import DARK, LIGHT, draw_cross, draw_label, draw_line, draw_rectangles, text_height, text_width
 from ..temperatures.seen import Seen
-from .outlines import handles, is_closed, outline
+from .outlines import handles
 
 CHOSEN = (1.0, 0.75, 0.25, 1.0)
 HOT, COLD = (1.0, 0.25, 0.2, 1.0), (0.3, 0.65, 1.0, 1.0)
 NO_VALUE = "not rendered"
+SMALL = 35  # heights of the text: in narrower pictures tools have their numbers alone
 
 
 def draw_tools(seen: Seen, region, scene) -> None:
@@ -57,19 +59,10 @@ def draw_tool_label(seen: Seen, region, scene, index: int, tool) -> None:
         draw_extremes(seen, (measured.place_of_minimum, measured.place_of_maximum), text)
     value = measured and reading(measured.mean, measured.error_of_mean, scene_unit(scene))
     own = f"  ε {tool.emissivity:.3g}" if tool.use_own_emissivity else ""
-    label = f"{index + 1}:  {value or NO_VALUE}{own}"
-    corners = outline(tool.kind, [seen.in_region(position) for position in tool.places()])
-    draw_label(*label_place(tool.kind, corners, region, text, label), label, text)
-
-
-def label_place(kind: str, corners, region, text: int, label: str) -> tuple[float, float]:
-    """Where a label begins: right of a spot and of a line's end, over an area; inside the region."""
-    if kind in AREAS:
-        x, y = min(corner[0] for corner in corners) + 0.5 * text, max(corner[1] for corner in corners) + 0.9 * text
-    else:
-        x, y = corners[-1][0] + 1.5 * text, corners[-1][1] - 0.35 * text
-    most = region.width - text_width(label, text) - text
-    return max(text, min(x, most)), max(text, min(y, region.height - 2.0 * text))
+    label = f"{index + 1}:  {value or NO_VALUE}{own}" if seen.frame[2] > SMALL * text else f"{index + 1}"
+    mark = Mark(tool.kind, tuple(seen.in_region(position) for position in tool.places()), label)
+    place = label_place(mark, 1.6 * text, text_width(label, text) + text, (region.width, region.height))
+    draw_label(place[0] + 0.5 * text, place[1] + 0.5 * text, label, text)
 
 
 def draw_extremes(seen: Seen, pixels, text: int) -> None:

@@ -46,7 +46,7 @@ class INFRARED_OT_tool_choose(Operator):
 class INFRARED_UL_tools(UIList):
     """Number, name and mean of each tool."""
 
-    def draw_item(self, context, layout, infrared, tool, _icon, _active, _property, index=0, _flag=0):
+    def draw_item(self, context, layout, infrared, tool, _icon, _active, _property, index):
         seen = seen_here(context)
         measured = seen and read_tool(tool, seen.picture, infrared)
         row = layout.split(factor=0.45)
@@ -63,7 +63,7 @@ class ToolsPanel:
 
     def draw(self, context):
         infrared, layout = context.scene.infrared, self.layout
-        if context.area.type == "IMAGE_EDITOR":
+        if self.bl_space_type == "IMAGE_EDITOR":
             row = layout.row(align=True)
             for kind, *_ in KIND_ITEMS:
                 row.operator("infrared.tool_choose", text="", icon=KIND_ICONS[kind]).kind = kind

@@ -43,25 +43,33 @@ def margins(area) -> Margins:
     return Margins(*taken.values())
 
 
-def dock(size: tuple[int, int], taken: Margins, images, wanted: tuple[int, int], gizmos: int = 0):
+def dock(size: tuple[int, int], taken: Margins, images, wanted: tuple[int, int, int], gizmos: int = 0):
     """Where a bar goes: (left, bottom, height) in a region of this size (width, height), or None without room for it.
 
-    Beside the picture if there is room, at its right before its left, as near to it as can be; else at the right edge
-    of the region. images: left, bottom, width and height of the picture. wanted: width of the bar, and its most height.
-    gizmos: pixels below the top margin that are taken at the right edge.
+    Beside the picture if there is room, at its right before its left, as near to it as can be; else below or above it,
+    where there is more room; else at the right edge of the region. images: left, bottom, width and height of the
+    picture. wanted: width of the bar, its least and its most height. gizmos: pixels below the top margin that are taken
+    at the right edge.
     """
-    width, most = wanted
+    width, least, most = wanted
     first, last = taken.left, size[0] - taken.right  # what is free, from left to right
     low, high = taken.bottom, size[1] - taken.top
     if last - first < width:
         return None
     right, left = max(math.ceil(images[0] + images[2]), first), min(math.floor(images[0]), last) - width
+    beside = right + width <= last or left >= first
     x = right if right + width <= last else left if left >= first else last - width
     if x + width > last - gizmos:
         high -= gizmos
+    if not beside:
+        below, above = (low, min(math.floor(images[1]), high)), (max(math.ceil(images[1] + images[3]), low), high)
+        larger = max(below, above, key=lambda part: part[1] - part[0])
+        low, high = larger if larger[1] - larger[0] >= least else (low, high)
     height = min(high - low, most)
-    middle = min(max(images[1], low), high - height)  # beside the lower part of the picture
-    return x, round(middle), height
+    if height < least:
+        return None
+    bottom = round(min(max(images[1], low), high - height))  # beside the lower part of the picture
+    return x, bottom, height
 
 
 def colour_bar_in(area, region, scene, seen: Seen) -> ColourBar | None:
@@ -76,10 +84,10 @@ def colour_bar_in(area, region, scene, seen: Seen) -> ColourBar | None:
     taken = Margins(taken.left + gap // 2, taken.right + gap // 2, top + gap, taken.bottom + gap)
     gizmos = round(GIZMOS * ui) if area.type == "VIEW_3D" and area.spaces.active.show_gizmo else 0
     while text >= 8:
-        wanted = ColourBar.panel_width(text), round(MOST_HEIGHT * ui)
+        wanted = ColourBar.panel_width(text), LEAST_LINES * text, round(MOST_HEIGHT * ui)
         beside = seen.images if area.type == "IMAGE_EDITOR" else seen.frame
         place = dock((region.width, region.height), taken, beside, wanted, gizmos)
-        if place is not None and place[2] >= LEAST_LINES * text:
+        if place is not None:
             return ColourBar(seen.scale(scene.infrared), scene_unit(scene), *place, text)
         text -= 1  # a small window has small figures
     return None

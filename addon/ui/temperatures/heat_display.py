@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import weakref
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
+import gpu
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator, Panel
 
@@ -26,11 +28,13 @@ from ..exporter import Exporter
 from ..measuring.tool_drawing import draw_tools
 from ..panel_base import RenderSettingsPanel
 from . import spot_meter
-from .bar import bar_of, draw_colour_bar
+from .bar import bar_of, draw_colour_bar, margins
 from .seen import seen_in
 
 # Drawing --------------------------------------------------------------------------------------------------------------
 
+
+LINE = 20  # pixels at a scale of 1: height of Blender's line of text over a render
 
 _textures = []  # (weak reference to temperatures, texture of them): those that are shown
 
@@ -46,6 +50,22 @@ def texture_of(temperature):
     return texture
 
 
+@contextmanager
+def below_the_text(area, region, told: bool):
+    """Draw only below the line of text that Blender writes after a render at the top of a region, if it does."""
+    if not told:
+        yield
+        return
+    line = round(LINE * bpy.context.preferences.system.ui_scale)
+    gpu.state.scissor_test_set(True)
+    gpu.state.scissor_set(0, 0, region.width, max(0, region.height - margins(area).top - line))
+    try:
+        yield
+    finally:
+        gpu.state.scissor_set(0, 0, region.width, region.height)
+        gpu.state.scissor_test_set(False)
+
+
 def draw_over_image_editor() -> None:
     """Draw the picture in the colours of now over an Image Editor that shows a finished render of ours, and over it
     what belongs to it."""
@@ -56,7 +76,8 @@ def draw_over_image_editor() -> None:
         return
     infrared = scene.infrared
     if seen.in_colours:
-        draw_temperatures(texture_of(temperature_now(seen.picture, infrared)), seen.scale(infrared), seen.images)
+        with below_the_text(area, region, seen.told):
+            draw_temperatures(texture_of(temperature_now(seen.picture, infrared)), seen.scale(infrared), seen.images)
     draw_tools(seen, region, scene)
     draw_bar_beside(context)
     cursor = spot_meter.Cursor

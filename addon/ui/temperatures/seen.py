@@ -20,13 +20,14 @@ Place = tuple[float, float, float, float]  # left, bottom, width and height in a
 
 class Seen(NamedTuple):
     """A picture in an editor. images, frame: where its images lie, and the whole picture that tools are placed in.
-    in_colours: what is seen are its temperatures, in colours.
+    in_colours: what is seen are its temperatures, in colours. told: a line of text over them tells of the render.
     """
 
     picture: MeasuredPicture
     images: Place
     frame: Place
     in_colours: bool
+    told: bool = False
 
     def scale(self, infrared) -> TemperatureScale:
         """The scale of its colours, whose ends are known."""
@@ -65,7 +66,7 @@ def _in_image_editor(space, region, scene) -> Seen | None:
     rows, columns = picture.window.shape
     left, bottom = frame[0] + picture.window.origin[0] * width, frame[1] + picture.window.origin[1] * height
     in_colours = shown.is_combined and space.display_channels in ("COLOR", "COLOR_ALPHA")
-    return Seen(picture, (left, bottom, columns * width, rows * height), frame, in_colours)
+    return Seen(picture, (left, bottom, columns * width, rows * height), frame, in_colours, shown.frame.told)
 
 
 def _picture_place(region) -> Place:
