@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
-import blf  # noqa: E402
 import bmesh  # noqa: E402
 
 from addon.compiling.watch import COMPILING, compiles_now  # noqa: E402
@@ -23,9 +22,7 @@ from addon.ui.checks import new_warnings  # noqa: E402
 from addon.ui.render_header import end_of_render  # noqa: E402
 from addon.ui.temperatures.spot_meter import camera_pass, reading_at, shown_layer  # noqa: E402
 from addon.ui.temperatures.temperature_groups import first_choice  # noqa: E402
-from tests import test_panels_page  # noqa: E402
 from tests.helpers.blender import link  # noqa: E402
-from tests.test_panels_page import drawn  # noqa: E402, F401
 
 
 @pytest.fixture
@@ -263,28 +260,3 @@ def test_the_netd_is_part_of_readings_in_the_camera_s_picture(untouched):
     assert error == "0.08"
     space.image_user.multilayer_pass = 0
     assert shown_layer(space, untouched).picture.noise.max() < 1e-3
-
-
-@pytest.fixture
-def beside_values(monkeypatch, request):
-    """The names that all panels draw beside values, but for check boxes, which have their name to their right."""
-    names = set()
-
-    class Labels(test_panels_page.Labels):
-        def prop(self, owner, name, text=None, **more):
-            known = owner.bl_rna.properties.get(name)  # None of a custom property
-            if known is None or known.type != "BOOLEAN":
-                names.add(known.name if text is None else text)
-            return super().prop(owner, name, text, **more)
-
-    monkeypatch.setattr(test_panels_page, "Labels", Labels)
-    request.getfixturevalue("drawn")
-    return names
-
-
-def test_no_name_beside_a_value_is_cut(beside_values):
-    """In the Properties editor as it is in a new window of 1920 pixels, 340 pixels wide, of which names have 116."""
-    blf.size(0, 11.0)
-    width = {name: blf.dimensions(0, name)[0] for name in beside_values}
-    assert len(width) > 40
-    assert {name for name, pixels in width.items() if pixels > 116.0} == set()
