@@ -203,6 +203,36 @@ def test_files_of_a_kernel_have_names_of_their_own(folder):
     assert len(names) == 2
 
 
+def test_kernels_that_nobody_can_keep_are_not_compiled_beforehand(folder, monkeypatch, tmp_path):
+    assert compilation.are_kept()
+    with monkeypatch.context() as patch:
+        patch.setattr(kernel_cache, "kernel_folder", lambda: tmp_path / "elsewhere")
+        assert not compilation.are_kept()
+
+
+def starts(monkeypatch, **changed) -> bool:
+    """Whether the timer at Blender's start begins to compile, with these in place of what the module uses."""
+    begun = []
+    preferences = SimpleNamespace(compile_at_start=changed.pop("wanted", True))
+    addons = {background.EXTENSION: SimpleNamespace(preferences=preferences)}
+    fake = SimpleNamespace(context=SimpleNamespace(preferences=SimpleNamespace(addons=addons)))
+    usual = {"python": lambda: "python3", "are_kept": lambda: True, "is_complete": lambda: False}
+    with monkeypatch.context() as patch:
+        for name, value in (usual | changed | {"bpy": fake, "begin": lambda: begun.append(1)}).items():
+            patch.setattr(background, name, value)
+        background._begin_by_itself()
+    return bool(begun)
+
+
+def test_it_begins_by_itself_if_that_is_wanted_possible_and_needed(monkeypatch):
+    assert starts(monkeypatch)
+    assert not starts(monkeypatch, wanted=False)
+    assert not starts(monkeypatch, is_complete=lambda: True)
+    assert not starts(monkeypatch, are_kept=lambda: False)
+    assert not starts(monkeypatch, python=lambda: "")
+    assert not starts(monkeypatch, is_compiling=lambda: True)
+
+
 # In Blender
 
 

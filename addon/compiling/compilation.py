@@ -37,6 +37,12 @@ def is_complete() -> bool:
         return False
 
 
+def are_kept() -> bool:
+    """Whether kernels outlive the process that compiles them; not where their folder cannot be written."""
+    wanted = os.environ.get(kernel_cache.FOLDER_VARIABLE) or FOLDER / "solver"
+    return kernel_cache.kernel_folder().is_relative_to(wanted)
+
+
 def _stamp() -> str:
     """What the kernels that are kept depend on: Numba looks at the dates of sources, too."""
     sources = [path.stat() for path in sorted((FOLDER / "solver").rglob("*.py"))]

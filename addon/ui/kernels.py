@@ -12,7 +12,7 @@ import os
 import bpy
 from bpy.types import Operator
 
-from ..compiling.compilation import Compilation, is_complete, python
+from ..compiling.compilation import Compilation, are_kept, is_complete, python
 from ..interface import redraw
 
 log = logging.getLogger(__name__)
@@ -101,7 +101,9 @@ def _redraw() -> None:
 def _begin_by_itself() -> None:
     """A timer, once: begin, if the artist wants that and there is something to do."""
     entry = bpy.context.preferences.addons.get(EXTENSION)
-    if entry and entry.preferences.compile_at_start and python() and not is_compiling() and not is_complete():
+    if not (entry and entry.preferences.compile_at_start) or is_compiling():
+        return
+    if python() and are_kept() and not is_complete():
         begin()
 
 
