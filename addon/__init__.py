@@ -83,7 +83,7 @@ def _own_materials(earlier: Path) -> Path:
 
 
 def _modules():
-    from . import engine, measure_settings, preferences, properties
+    from . import commands, engine, measure_settings, preferences, properties
     from .rendering import frame_tools
     from .ui import (
         band_presets,
@@ -143,4 +143,5 @@ def _modules():
         render_header,
         preferences,
         engine,
+        commands,
     )

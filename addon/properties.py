@@ -503,6 +503,15 @@ class InfraredSettings(HeatDisplaySettings, ObjectParameterSettings, MeasureSett
         subtype="FILE_PATH",
         options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    film_path: StringProperty(
+        name="Keep Film",
+        description="Keep the passes of a render in this file, also when it is complete: it can be extended by further "
+        "passes, or merged with passes from other machines. '//' starts at the blend file, '####' is the frame number; "
+        "empty keeps none",
+        default="",
+        subtype="FILE_PATH",
+        options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
     checkpoint_minutes: FloatProperty(
         name="Every (Minutes)",
         description="Time between two checkpoints, in minutes",

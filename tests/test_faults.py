@@ -326,7 +326,6 @@ CHANGES = {
     "world_temperature": lambda: (room(world_temperature=290.0), QUICK),
     "seed": lambda: (room(), dataclasses.replace(QUICK, seed=1)),
     "photons_per_pass": lambda: (room(), dataclasses.replace(QUICK, photons_per_pass=20_001)),
-    "pass_offset": lambda: (room(), dataclasses.replace(QUICK, pass_offset=1)),
     "roulette": lambda: (room(), dataclasses.replace(QUICK, roulette="BAND_AVERAGE")),
 }
 
@@ -338,6 +337,15 @@ def test_a_checkpoint_of_another_render_is_refused_and_says_what_differs(tmp_pat
     with pytest.raises(CheckpointError) as error:
         load(path, *CHANGES[part]())
     assert str(error.value) == f"The checkpoint '{path}' is of another render: {part} differ"
+
+
+def test_a_checkpoint_of_other_passes_is_refused(tmp_path):
+    path = tmp_path / "room.npz"
+    film = Film(24, 18, room().band_edges)
+    film.ranges, film.passes = [(0, 0, 2)], 2
+    save(path, film, fingerprint(room(), QUICK))
+    with pytest.raises(CheckpointError, match="does not hold the first passes of this render, but passes 0 to 1"):
+        load(path, room(), dataclasses.replace(QUICK, pass_offset=1))
 
 
 def test_a_checkpoint_of_another_geometry_or_version_is_refused(tmp_path, monkeypatch):
@@ -352,7 +360,7 @@ def test_a_checkpoint_of_another_geometry_or_version_is_refused(tmp_path, monkey
 
 def test_what_changes_no_pass_changes_no_fingerprint():
     scene, marks = room(), fingerprint(room(), QUICK)
-    ends = dataclasses.replace(QUICK, passes=0, threads=7, time_limit=9.0, target_noise=0.1)
+    ends = dataclasses.replace(QUICK, passes=0, pass_offset=9, threads=7, time_limit=9.0, target_noise=0.1)
     assert fingerprint(scene, ends) == marks
     renamed = tuple(dataclasses.replace(material, name="Another") for material in scene.materials)
     assert fingerprint(dataclasses.replace(scene, materials=renamed), QUICK) == marks

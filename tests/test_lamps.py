@@ -523,8 +523,9 @@ def test_photons_and_shadow_rays_together_are_the_irradiance(monkeypatch):
             by_photons[i] += batch.power[within].sum() / (2 * half) ** 2
         point = np.column_stack((rng.uniform(-half, half, (2000, 2)), np.zeros(2000)))
         side_id = np.where(point[:, 1] > point[:, 0], 2 + up[1], up[0]).astype(np.int32)
-        lit = lamp_points(model.lamps, model.stage, pass_key(i, 0, LAMP_POINTS))
-        lighting = Lighting(model.emitters.surroundings, model.lamps, lit, model.looking, 1)
+        around = model.emitters.surroundings
+        lit = lamp_points(model.lamps, model.stage, around, pass_key(i, 0, LAMP_POINTS))
+        lighting = Lighting(around, model.lamps, lit, model.looking, 1)
         key = pass_key(i, 0, CACHE)
         told = direct_irradiance(
             model.stage, model.tracer, lighting, ((point - middle).astype(np.float32), side_id), key, 0

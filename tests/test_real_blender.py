@@ -23,11 +23,9 @@ from addon.solver.image.recombine import LayeredImage
 from addon.solver.physics import library
 from addon.solver.physics.layers import Layer
 from docs.tools.paths import DEMO, ROOT
-from tests.helpers import bench as bench_by_hand
 from tests.helpers import tiles
 from tests.helpers.real_blender import LAUNCHER, WORK, blender, facts, module, needs_real_blender
 
-BENCH_WINDOW = "--window-geometry", 0, 0, 1600, 900
 SMALL_WINDOW = "--window-geometry", 0, 100, 900, 800  # in the upper left corner of a screen of 1600 x 900
 
 pytestmark = needs_real_blender
@@ -291,11 +289,11 @@ def test_blender_takes_its_zip_from_the_repository_compiles_by_itself_and_the_fi
 
 @pytest.fixture(scope="module")
 def bench(first):
-    """A thermographer's work on a finished picture: what the script found out, with its files in WORK / 'bench'."""
-    (WORK / "bench").mkdir()
-    text = blender(*BENCH_WINDOW, "--enable-event-simulate", *module("bench", WORK / "bench"), window=True)
-    found = facts(text)
-    assert found.get("end"), text
+    """A thermographer's work on a finished picture, by simulated events; returns what the script found out."""
+    folder = WORK / "bench"
+    folder.mkdir()
+    found = facts(blender("--enable-event-simulate", *module("bench", folder), window=True))
+    assert found.get("end"), found
     return found
 
 
@@ -340,7 +338,7 @@ def test_tools_are_drawn_where_the_mouse_is_and_read_the_tiles_there(bench):
     spot, line, box, ellipse, polygon = bench["readings"]
     assert spot["mean"] == pytest.approx(tiles.kelvin[30, 10], abs=1e-3)  # where bench.py clicks
     assert line["count"] == 36 and polygon["count"] > 80  # from column 5 to 40
-    values = bench_by_hand.tiles_in(*bench["tools"][2])
+    values = tiles.measured("BOX", bench["tools"][2][1])
     assert box["count"] == values.size == 15 * 10 + 10  # corners in the middles of pixels fall to either side
     for name, expected in (("minimum", values.min()), ("maximum", values.max()), ("mean", values.mean())):
         assert box[name] == pytest.approx(expected, abs=1e-3)
@@ -352,7 +350,7 @@ def test_a_tools_emissivity_is_typed_and_moves_its_temperature_alone(bench):
     """To 1 mK of Planck's law by hand."""
     own, emissivity, reflected = bench["own emissivity"]
     assert own and bench["chosen"] == 2 and [emissivity, reflected] == [pytest.approx(0.8), 280.0]
-    expected = object_temperature(bench_by_hand.tiles_in(*bench["tools"][2]), 0.8, 280.0)
+    expected = object_temperature(tiles.measured("BOX", bench["tools"][2][1]), 0.8, 280.0)
     box = bench["readings with it"][2]
     assert box["mean"] == pytest.approx(expected.mean(), abs=1e-3) and box["mean"] > bench["readings"][2]["mean"] + 1.0
     assert box["maximum"] == pytest.approx(expected.max(), abs=1e-3)
@@ -377,12 +375,12 @@ def test_the_bench_exports_what_its_tools_read(bench):
     for row, (kind, places) in zip(rows, bench["tools"], strict=True):
         if kind == "LINE":
             continue
-        seen = bench_by_hand.tiles_in(kind, [tuple(place) for place in places])
-        seen = bench_by_hand.seen_as(seen, float(row["Emissivity"]), float(row["Reflected Temperature (K)"]))
-        assert int(row["Pixels"]) == len(seen)
-        for title, value in (("Minimum", seen.min()), ("Maximum", seen.max()), ("Mean", seen.mean())):
+        emissivity, reflected = float(row["Emissivity"]), float(row["Reflected Temperature (K)"])
+        values = object_temperature(tiles.measured(kind, places), emissivity, reflected)
+        assert int(row["Pixels"]) == len(values)
+        for title, value in (("Minimum", values.min()), ("Maximum", values.max()), ("Mean", values.mean())):
             assert float(row[f"{title} (K)"]) == pytest.approx(value, abs=1e-3), (kind, title)
-        assert float(row["Standard Deviation (K)"]) == pytest.approx(seen.std(), abs=1e-3)
+        assert float(row["Standard Deviation (K)"]) == pytest.approx(values.std(), abs=1e-3)
     assert (rows[2]["Emissivity"], rows[2]["Reflected Temperature (K)"]) == ("0.8", "280.0000")
     page = (WORK / "bench" / "wall.html").read_text(encoding="utf-8")
     assert all(f"<td>{row['Mean (K)']}</td>" in page for row in rows)

@@ -259,6 +259,54 @@ def test_reasons_tell_what_is_not_seen():
     assert "visible light says nothing of heat" in lamp
 
 
+# Holes ----------------------------------------------------------------------------------------------------------------
+
+
+def leaf_picture():
+    return bpy.data.images.new("Leaf.png", 4, 4, alpha=True)
+
+
+def test_a_picture_cuts_holes():
+    """At the Alpha of a Principled shader, by its alpha or by its colors, and as its node looks it up."""
+    material, image = shaded("Leaf"), leaf_picture()
+    texture = textured(material, "Alpha")
+    assert "mix" not in propose_material(material).values  # there is no image yet
+    texture.image = image
+    holes = {"mix": image, "mix_material": "Nothing", "mix_channel": "Inverted Color"}
+    proposal = propose_material(material)
+    assert {key: proposal.values.get(key) for key in holes} == holes
+    assert "Image 'Leaf.png' cuts holes into it" in proposal.reason and "alpha" not in proposal.reason
+    join(texture, principled(material).inputs["Alpha"], "Alpha")
+    texture.extension, texture.interpolation = "CLIP", "Closest"
+    holes |= {"mix_channel": "Inverted Alpha", "mix_extension": "EXTEND", "mix_interpolation": "Closest"}
+    assert {key: propose_material(material).values.get(key) for key in holes} == holes
+    for key in ("mix", "transmittance"):
+        material[key] = 0.5
+        assert "mix_material" not in propose_material(material).values
+        del material[key]
+
+
+@pytest.mark.parametrize("solid_first", [True, False])
+def test_a_mix_with_a_transparent_shader_cuts_holes(solid_first):
+    material = shaded("Fence")
+    solid, hole, texture = principled(material), node(material, "BsdfTransparent"), node(material, "TexImage")
+    texture.image = leaf_picture()
+    mix = mixed(material, *((solid, hole) if solid_first else (hole, solid)))
+    join(texture, mix.inputs[0], "Alpha")
+    assert propose_material(material).values["mix_channel"] == ("Alpha" if solid_first else "Inverted Alpha")
+
+
+def test_holes_are_rendered_after_a_click(things):
+    """One material that is nowhere serves all; a second click finds nothing."""
+    for name in ("Copper", "Oak"):
+        join_picture = textured(bpy.data.materials[name], "Alpha")
+        join_picture.image = leaf_picture()
+    assert operator() == {"FINISHED"}
+    nowhere = [material for material in bpy.data.materials if material.name.startswith("Nothing")]
+    assert len(nowhere) == 1 and bpy.data.materials["Oak"]["mix_material"] == nowhere[0]
+    assert operator() == {"CANCELLED"}
+
+
 # What is set ----------------------------------------------------------------------------------------------------------
 
 
@@ -330,12 +378,12 @@ def test_an_ordinary_scene_has_all_values_after_a_click():
     build()
     assert operator() == {"FINISHED"}
     scene, warnings = read()
-    assert len(warnings) == 4 and all("of its shader the engine does not see" in warning for warning in warnings)
-    assert len(scene.materials) == len(BALLS) + 3 and scene.world_temperature == pytest.approx(277.06, abs=0.01)
+    assert len(warnings) == 3 and all("of its shader the engine does not see" in warning for warning in warnings)
+    assert len(scene.materials) == len(BALLS) + 4 and scene.world_temperature == pytest.approx(277.06, abs=0.01)
     metals = {material.name for material in scene.materials if material.curve[1].mean() < 0.15}
-    assert metals == {"Copper kettle", "Brushed_Aluminum", "Metal.001"}
+    assert metals == {"Copper kettle", "Brushed_Aluminum", "Metal.001", "Nothing"}
     assert {material.name for material in scene.materials if material.specular == 0.0} == {
-        "Cushion", "Lampshade", "Concrete floor", "brick_wall", "leaf_card"
+        "Cushion", "Lampshade", "Concrete floor", "brick_wall", "leaf_card", "Nothing"
     }  # fmt: skip
 
 

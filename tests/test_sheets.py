@@ -19,6 +19,7 @@ from addon.solver.geometry.surfaces import build_surfaces, sheet_count
 from addon.solver.geometry.triangles import areas, centroids
 from addon.solver.photons.emission import Surroundings
 from addon.solver.physics.radiometry import build_radiometry, emission_range
+from addon.solver.physics.sky import no_sky_cells
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning.lamps import Lamps
 from addon.solver.planning.pilot import Pilot
@@ -116,7 +117,7 @@ def measured(world, trial=None, sky=0.0, left_to_rays=None, **found):
     surroundings = np.full(len(EDGES) - 1, sky / (len(EDGES) - 1))
     flux = math.pi * surroundings.sum()
     no_sky = np.empty((0, 0, len(surroundings)))
-    excess = Excess(Surroundings(surroundings, no_sky, surroundings, flux, 0, sides), lamps)
+    excess = Excess(Surroundings(surroundings, no_sky, surroundings, no_sky_cells(), flux, 0, sides), lamps)
     gathering = Gathering(REACH2, NEIGHBOURS, PASS)
     area, key = areas(world.surfaces.corners), pass_key(0, SHEETS, PILOT)
     return measure_sheets(world.stage, world.tracer, excess, pilot, trial or no_hits(), area, gathering, key)

@@ -3,24 +3,38 @@
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
 
 from addon.solver import Camera, Material, Medium, SceneError, Settings, Sky, render
-from addon.solver.physics.sky import build_sky_table, fill_sky, mean_excess
+from addon.solver.physics.sky import (
+    build_sky_cells,
+    build_sky_table,
+    choose_direction,
+    density_towards,
+    fill_sky,
+    mean_excess,
+)
 from addon.solver.physics.spectrum import band_radiance, planck
+from addon.solver.planning import pilot
+from tests.helpers.hot_skies import EDGES, lit_corner, with_spot
+from tests.helpers.path_tracer import trace_paths
 from tests.helpers.scenes import join, look, make_scene, mean_and_error, pass_means, quad, sphere
 
 pytestmark = pytest.mark.statistics
 
-EDGES = np.array([8.0, 9.0, 10.5, 12.0])
 ANGLES = np.array([0.0, 40.0, 75.0, 90.0])
 BY_ANGLE = Sky(np.array([230.0, 238.0, 262.0, 285.0]), ANGLES)
 SPECTRAL = Sky(BY_ANGLE.kelvin[:, None] + np.array([0.0, -20.0, 15.0]), ANGLES, np.array([8.0, 10.0, 12.0]))
 _RANDOM = np.random.default_rng(3)
 IMAGE = Sky((270.0 + 30.0 * _RANDOM.random((12, 20))).astype(np.float32))
+
+
+SPOT = with_spot(900.0, 6.0)
 KINDS = {"by angle": BY_ANGLE, "spectral": SPECTRAL, "image": IMAGE}
+LIT = KINDS | {"hot spot": SPOT}
 
 
 def seen(sky, ways, wavelength):
@@ -94,7 +108,7 @@ def irradiance(sky, normal, count=60_000):
     return 4.0 * np.pi * (radiance(sky, ways) * cosine[:, None]).mean(axis=0)
 
 
-@pytest.mark.parametrize("sky", KINDS.values(), ids=KINDS)
+@pytest.mark.parametrize("sky", LIT.values(), ids=LIT)
 @pytest.mark.parametrize("tilt", [0.0, 60.0, 90.0, 135.0, 180.0])
 def test_irradiance_on_plates(sky, tilt):
     """Reflected by a tilted plate into the camera, in each band: within .1 % and 4 standard errors of quadrature."""
@@ -107,6 +121,54 @@ def test_irradiance_on_plates(sky, tilt):
     expected = 0.1 * band_radiance(EDGES, 270.0) + 0.9 * irradiance(sky, normal) / np.pi
     error = passes.std(axis=0, ddof=1) / len(passes) ** 0.5
     assert np.all(np.abs(passes.mean(axis=0) - expected) < 1e-3 * expected + 4 * error), (passes.mean(axis=0), expected)
+
+
+def test_directions_are_chosen_by_brightness():
+    """None in an even sky; beside a hot spot as dense as said, in each cell within 4 standard errors of the count, and
+    all where the sky is bright."""
+    around = np.full(3, 1.0)
+    assert not build_sky_cells(build_sky_table(IMAGE, EDGES, around)).cumulative.size
+    cells = build_sky_cells(build_sky_table(SPOT, EDGES, band_radiance(EDGES, 281.0)))
+    random, count = np.random.default_rng(5).random((100_000, 2)), np.zeros((60, 120))
+    for s, w in random:
+        way = choose_direction(cells, s, w)
+        row = int((math.asin(way[2]) / math.pi + 0.5) * 60)
+        count[row, int((0.5 - math.atan2(way[1], way[0]) / (2 * math.pi)) * 120)] += 1
+    heights = -np.cos(np.pi * np.arange(61) / 60)
+    expected = np.zeros((60, 120))
+    for row, column in itertools.product(range(60), range(120)):
+        z, turn = 0.5 * (heights[row] + heights[row + 1]), math.pi * (1 - 2 * (column + 0.5) / 120)
+        across = math.sqrt(1 - z * z)
+        way = across * math.cos(turn), across * math.sin(turn), z
+        solid = (heights[row + 1] - heights[row]) * math.pi / 60
+        expected[row, column] = density_towards(cells, way) * solid * len(random)
+    assert expected.sum() == pytest.approx(len(random), rel=1e-9)
+    assert np.all(np.abs(count - expected) <= 4.5 * np.sqrt(expected))  # 7200 cells
+    assert np.all(expected[SPOT.kelvin > 800.0] > 0.0)
+
+
+@pytest.mark.parametrize("open_sides", [True, pytest.param(False, marks=pytest.mark.long)])
+def test_a_hot_spot_lights_a_corner_as_in_a_path_tracer(monkeypatch, open_sides):
+    """Directly, by mirrors, in rough lobes and by all later bounces, by shadow rays, rays that meet the spot, photons
+    and recalled points together, with rays from the ends of final gathers and without: within 4 standard errors of both
+    in the mean, and no more than expected apart in pixels. The path tracer finds the spot by chance alone."""
+    if not open_sides:
+        monkeypatch.setattr(pilot, "_OPEN", 2.0)
+    scene = lit_corner(SPOT)
+    traced = trace_paths(scene, 2048, batches=8, threads=2, reference=280.0).images.sum(axis=-1)
+    background = band_radiance(EDGES, 280.0).sum()
+    settings = Settings(passes=24, photons_per_pass=10_000)
+    ours = np.array([render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(8)])
+    ours = ours - background
+    error = np.hypot(ours.std(axis=0, ddof=1), traced.std(axis=0, ddof=1)) / 8**0.5
+    apart = ours.mean(axis=0) - traced.mean(axis=0)
+    mean, of_mean = apart.mean(), np.sqrt(np.mean(error**2) / error.size)
+    noisy = error > 1e-3 * traced.mean(axis=0)  # all but the sky itself
+    square = np.mean((apart / error)[noisy] ** 2)
+    print(f"{mean:+.4f} +- {of_mean:.4f} of {traced.mean():.3f}, root mean square {square**0.5:.2f}")
+    assert abs(mean) < 4 * of_mean
+    # squares of Student's t of 8 samples have the mean 7 / 5 and the variance 7.8
+    assert square < 1.4 + 4 * math.sqrt(7.8 / noisy.sum())
 
 
 SHELL = Sky(300.0 + 60.0 * np.cos(np.radians(np.arange(0.0, 181.0, 2.0))), np.arange(0.0, 181.0, 2.0))

@@ -376,10 +376,15 @@ def test_a_mix_by_the_alpha_channel(mixed):
     scene, warnings = read()
     np.testing.assert_array_equal(scene.textures.images[0].values, alpha.reshape(2, 3))
     assert warnings == []
+    leaf["mix_channel"] = "Inverted Alpha"
+    np.testing.assert_allclose(read()[0].textures.images[0].values, 1.0 - alpha.reshape(2, 3), atol=1e-7)
+    leaf["mix_channel"] = "Inverted Color"
+    assert read()[0].textures.images[0].values == pytest.approx(0.3)
     leaf["mix_channel"] = "Value"
     scene, warnings = read()
     assert scene.textures.images[0].values == pytest.approx(0.7)
-    assert told(warnings, "'Leaf': mix_channel is 'Value', expected Color or Alpha; Color counts")
+    expected = "expected Color, Alpha, Inverted Color or Inverted Alpha; Color counts"
+    assert told(warnings, f"'Leaf': mix_channel is 'Value', {expected}")
 
 
 def test_an_image_that_serves_as_both_is_read_for_each(mixed):

@@ -14,7 +14,8 @@ from .temperature_fields import TemperatureError, pick_channel
 from .warnings import Warnings
 
 INTERPOLATIONS = "Linear", "Closest"
-CHANNELS = "Color", "Alpha"  # which channel of an image of shares counts: the first, or the last
+# What of an image of shares counts: its first channel or its last, or what either is short of 1
+CHANNELS = "Color", "Alpha", "Inverted Color", "Inverted Alpha"
 UNALTERED = {"Non-Color", "Raw", "Linear Rec.709"}  # color spaces whose float pixels Blender keeps as they are
 
 
@@ -35,6 +36,12 @@ def image_channel(image, channel: str) -> np.ndarray:
     pixels = np.empty(width * height * image.channels, dtype=np.float32)
     image.pixels.foreach_get(pixels)
     return pick_channel(pixels.reshape(-1, image.channels), channel).reshape(height, width)
+
+
+def image_shares(image, channel: str) -> np.ndarray:
+    """(h, w) float32 values of what counts of an image, one of CHANNELS; see image_channel."""
+    values = image_channel(image, "A" if channel.endswith("Alpha") else "R")
+    return 1.0 - values if channel.startswith("Inverted") else values
 
 
 def image_stamp(image) -> tuple | None:

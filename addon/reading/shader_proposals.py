@@ -10,8 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
+import bpy
+
 from ..properties import initial_value
 from ..solver.physics import library
+from ..solver.scene import EXTENSIONS
 from .material_words import ANY, METALLIC, NO_METAL, SEE_THROUGH, Meaning, is_coating, meanings, named_metal
 from .media import is_medium
 from .objects import SURFACE_TYPES, may_have_faces
@@ -24,7 +27,9 @@ from .shaders import (
     METAL,
     TRANSMISSION,
     VOLUME,
+    Cutout,
     Shader,
+    read_cutout,
     read_shader,
     unseen_message,
 )
@@ -41,6 +46,7 @@ COMMON_METAL = "Steel, cold rolled"  # of a metal whose name does not say which
 COMMON_GLASS = "Glass, window"
 USUAL_ROUGHNESS = 0.5  # a new shader's, where a texture has it
 BARE = 0.5  # emissivity up to which a metal is bare, and not covered by its oxide or something else
+NOTHING = "Nothing"  # name of the material that is nowhere
 FORGOTTEN = "Blender forgets new properties of a library override when the file is opened again: make it local"
 
 
@@ -48,12 +54,12 @@ FORGOTTEN = "Blender forgets new properties of a library override when the file 
 class Proposal:
     """What to set on a data block, and why.
 
-    block: a material, object or world. values: custom property -> value; none if nothing can be proposed, and then
-    `reason` says why.
+    block: a material, object or world. values: custom property -> value, which may be an image, or NOTHING in place of
+    a material that is nowhere; none if nothing can be proposed, and then `reason` says why.
     """
 
     block: object
-    values: dict[str, float | str] = field(default_factory=dict)
+    values: dict[str, object] = field(default_factory=dict)
     reason: str = ""
 
     @property
@@ -81,12 +87,35 @@ def propose_material(material) -> Proposal | None:
     shader = read_shader(material)
     values, reason = _surface(material, shader)
     values = {key: value for key, value in values.items() if material.get(key) is None}
+    cutout = read_cutout(material) if shader.opaque and material.get("mix") is None else None
+    if cutout is not None:
+        values |= _holes(cutout)
+        reason += f". Image '{cutout.image.name}' cuts holes into it"
     if not values:
         return None
     if VOLUME in shader.unseen and not shader.connected:
         return Proposal(material, {}, "A volume without a surface: hide its object, or make the material a gas")
-    told = unseen_message(replace(shader, opaque=shader.opaque and "transmittance" not in values))
+    told = unseen_message(replace(shader, opaque=shader.opaque and not {"transmittance", "mix"} & set(values)))
     return _proposal(material, values, f"{reason}. {told.capitalize()}" if told else reason)
+
+
+def _holes(cutout: Cutout) -> dict[str, object]:
+    """The custom properties of a material into which an image cuts holes."""
+    values = {"mix": cutout.image, "mix_material": NOTHING, "mix_channel": cutout.channel}
+    if cutout.extension != EXTENSIONS[0]:
+        values["mix_extension"] = cutout.extension
+    return values | ({"mix_interpolation": "Closest"} if cutout.is_closest else {})
+
+
+def nothing_material() -> object:
+    """The material of this file that is nowhere, by the name of NOTHING: one that has its values, or a new one."""
+    named = (material for material in bpy.data.materials if material.name.partition(".")[0] == NOTHING)
+    for material in named:
+        if (material.get("emissivity"), material.get("transmittance")) == (0.0, 1.0) and material.library is None:
+            return material
+    material = bpy.data.materials.new(NOTHING)
+    material["emissivity"], material["transmittance"], material["specular"] = 0.0, 1.0, 0.0
+    return material
 
 
 def _surface(material, shader: Shader) -> tuple[dict[str, float | str], str]:

@@ -8,6 +8,7 @@ shader; what can be learnt from one is here.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from .shader_graph import Closure, closures, constant, feed, live_nodes, shader_output, uses_nodes
 
@@ -38,6 +39,16 @@ UNSEEN_KINDS = {HOLE: ALPHA, CLEAR: TRANSMISSION, LAMP: EMISSION}
 TEXTURE = "ShaderNodeTex"  # how the names of textures begin
 IMAGE_NODES = {"ShaderNodeTexImage", "ShaderNodeTexEnvironment"}
 NO_TEXTURES = {"ShaderNodeTexCoord"}
+
+
+class Cutout(NamedTuple):
+    """An image that cuts holes into a surface. channel: one of CHANNELS, the share of holes. extension,
+    is_closest: of the image's node, see scene.Texture."""
+
+    image: object
+    channel: str
+    extension: str
+    is_closest: bool
 
 
 @dataclass
@@ -91,6 +102,34 @@ def read_shader(material) -> Shader:
             unseen |= _texture(node)
     shader.unseen = tuple(part for part in PARTS if part in unseen)
     return shader
+
+
+def read_cutout(material) -> Cutout | None:
+    """The image that says where a Blender material is a hole: at the Alpha of its one Principled shader, or in a mix
+    with a Transparent one; None if nothing or something else says it."""
+    output = shader_output(material)
+    node, _, groups = feed(output.inputs["Surface"]) if output is not None else (None, None, ())
+    if node is None:
+        return None
+    if node.bl_idname == "ShaderNodeBsdfPrincipled":
+        return _cutout(feed(node.inputs["Alpha"], groups), True)
+    if node.bl_idname != "ShaderNodeMixShader":
+        return None
+    kinds = [SIMPLE.get(getattr(feed(node.inputs[i], groups).node, "bl_idname", ""), (None,))[0] for i in (1, 2)]
+    if kinds.count(HOLE) != 1:
+        return None
+    return _cutout(feed(node.inputs[0], groups), kinds[0] == HOLE)
+
+
+def _cutout(fed, is_solid: bool) -> Cutout | None:
+    """The Cutout of what feeds a share of the solid surface, or of holes; None if no single image does."""
+    node = fed.node
+    if node is None or node.bl_idname != "ShaderNodeTexImage" or node.image is None:
+        return None
+    channel = "Alpha" if fed.socket.identifier == "Alpha" else "Color"
+    extension = "EXTEND" if node.extension == "CLIP" else node.extension  # as holes go on beyond the picture of a leaf
+    channel = f"Inverted {channel}" if is_solid else channel
+    return Cutout(node.image, channel, extension, node.interpolation == "Closest")
 
 
 def _without_nodes(material) -> Shader:

@@ -19,7 +19,7 @@ from .images import (
     CHANNELS,
     UNALTERED,
     check_image,
-    image_channel,
+    image_shares,
     image_stamp,
     is_image,
     kelvin_pixels,
@@ -134,11 +134,10 @@ class TextureReader:
 
     def _share_image(self, material, image) -> int:
         """Index into images of that of a material's shares, -1 if it cannot be read."""
-
-        channel = {"Color": "R", "Alpha": "A"}[read_choice(material, "mix_channel", CHANNELS, self.warnings)]
+        channel = read_choice(material, "mix_channel", CHANNELS, self.warnings)
 
         def shares() -> np.ndarray:
-            return self._shares(material.name, f"Image '{image.name}'", image_channel(image, channel))
+            return self._shares(material.name, f"Image '{image.name}'", image_shares(image, channel))
 
         return self._number(material, "mix", channel, shares, NONE_OF_IT)
 
@@ -178,7 +177,7 @@ class TextureReader:
             self.warnings.add(block.name, f"{number}; {fallback}")
             return -1
         space = image.colorspace_settings.name
-        if space not in UNALTERED and key[1] != "A":  # no color space alters alpha
+        if space not in UNALTERED and not str(key[1]).endswith("Alpha"):  # no color space alters alpha
             told = f"Image '{image.name}': its color space {space} does not count"
             self.warnings.add(block.name, f"{told}; its values are taken as they are stored")
         return number

@@ -30,10 +30,19 @@ from ..reading.camera import render_size, rendered_size
 from ..reading.scene_reader import read_scene, render_reader
 from ..reading.settings import read_settings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
-from ..solver import first_hit_images, layered_image, render
-from ..solver.checkpoint import CheckpointError, load, render_with_checkpoints, set_aside
+from ..solver import Film, first_hit_images, layered_image, render
+from ..solver.checkpoint import (
+    CheckpointError,
+    fingerprint,
+    go_on,
+    load,
+    render_with_checkpoints,
+    save,
+    set_aside,
+)
 from ..solver.geometry.surfaces import Geometry, build_geometry
 from ..solver.memory import check_memory, memory_beforehand, memory_of_images
+from ..solver.system.files import check_writable
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
 from .frame_tools import keep_frame, write_frames
@@ -47,7 +56,7 @@ from .last_render import (
     last_warnings,
 )
 from .painting import thermal_picture, working_primaries
-from .render_files import check_paths, checkpoint_path, file_path, group_path, layer_suffixes, write_layer
+from .render_files import check_paths, checkpoint_path, file_path, film_path, group_path, layer_suffixes, write_layer
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
 
 try:
@@ -57,6 +66,7 @@ except ImportError:  # on Windows
 
 log = logging.getLogger(__name__)
 
+FILM = "the film"
 LEAST_STEP = 4  # pixels on each side of one of a first picture: finer ones take more than a sixteenth of a pass
 POLL = 0.05  # s between looks at Esc and at the solver
 LAST_WAIT = 30.0  # s, most that Blender waits at its end for passes to be saved
@@ -121,12 +131,19 @@ def render_view_layer(engine, depsgraph) -> None:
     for warning in warnings:
         _warn(engine, warning)
     suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # in the names of its files
-    solve, path = render, None
+    path = kept = saved = None
+    if scene.infrared.film_path:
+        kept = film_path(scene, suffix, engine.is_animation)
+        check_writable(kept, FILM)
+        saved = _saved_passes(engine, kept, solver_scene, settings)
+    solve = render if saved is None else partial(go_on, saved=saved)
     if scene.infrared.checkpoint_path:
         path = checkpoint_path(scene, suffix, engine.is_animation)
         if not _await_last_save(engine, path):
             return
-        solve = _solver_with_checkpoints(engine, path, scene.infrared.checkpoint_minutes, solver_scene, settings)
+        saved = _saved_passes(engine, path, solver_scene, settings) or saved
+        interval = 60.0 * scene.infrared.checkpoint_minutes
+        solve = partial(render_with_checkpoints, path=path, interval=interval, saved=saved)
     if not (bpy.app.background or engine.is_animation):  # somebody is waiting for it
         solve = _solver_with_first_pictures(solve)
     fillers = [effects] if effects else []
@@ -154,6 +171,8 @@ def render_view_layer(engine, depsgraph) -> None:
     unset = unset_surroundings(layer_world(scene, view_layer))
     if images and unset and job.film.openness > LEAST_OPENNESS:
         _warn(engine, f"{layer}: {unset}, and the scene is open: rays that leave it see 0 K. Set it in {WHERE_TO_SET}")
+    if kept and job.film is not None and job.film.passes:
+        _keep_film(kept, job, layer, scene.frame_current)
     if images:
         facts = {"frame": scene.frame_current, **(effects.facts() if effects else {})}
         finished = layer_images(job, images, further, facts)
@@ -284,17 +303,26 @@ def _finish_saving() -> None:
 getattr(threading, "_register_atexit", atexit.register)(_finish_saving)
 
 
-def _solver_with_checkpoints(engine, path: Path, minutes: float, solver_scene, settings) -> Callable:
-    """A function like `render` that continues from the passes in a checkpoint, if it has any, and saves its own there.
+def _saved_passes(engine, path: Path, solver_scene, settings) -> Film | None:
+    """The first passes of this render in a checkpoint or a film; None if there are none.
 
     A damaged file, or that of another render, is renamed, and the user is told.
     """
-    saved = None
     try:
-        saved = load(path, solver_scene, settings) if path.exists() else None
+        return load(path, solver_scene, settings) if path.exists() else None
     except CheckpointError as error:
         _warn(engine, f"{error}. The render starts anew; the old file is kept as '{set_aside(path)}'")
-    return partial(render_with_checkpoints, path=path, interval=60.0 * minutes, saved=saved)
+        return None
+
+
+def _keep_film(path: Path, job: RenderJob, layer: str, frame: int) -> None:
+    """Write the film of a view layer, with what its images are called and how they are rendered. Raises OSError."""
+    film, settings, response = job.film, job.settings, job.scene.response
+    with film.lock:
+        facts = {"sensor": response.name if response else "Ideal", **how_rendered(film, settings)}
+        about = {"layer": layer, "frame": frame, "facts": facts, "correction": settings.correction._asdict()}
+        save(path, film, fingerprint(job.scene, settings), about, FILM)
+    log.info("%s: %d passes kept in %s", layer, film.passes, path)
 
 
 def _solver_with_first_pictures(solve: Callable) -> Callable:

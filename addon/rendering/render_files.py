@@ -21,7 +21,7 @@ def check_paths(infrared) -> None:
 
     Blender would then take the folder that it happened to be started in.
     """
-    for path in (infrared.band_exr_path, infrared.group_exr_path, infrared.checkpoint_path):
+    for path in (infrared.band_exr_path, infrared.group_exr_path, infrared.checkpoint_path, infrared.film_path):
         if path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"Save the file first: '{path}' starts at its folder")
 
@@ -54,6 +54,11 @@ def group_path(scene, suffix: str, animation: bool) -> Path:
 def checkpoint_path(scene, suffix: str, animation: bool) -> Path:
     """File of this frame's finished passes; suffix: of its view layer, see layer_suffixes."""
     return _output_path(scene, scene.infrared.checkpoint_path, ".npz", suffix, animation)
+
+
+def film_path(scene, suffix: str, animation: bool) -> Path:
+    """File of this frame's film; suffix: of its view layer, see layer_suffixes."""
+    return _output_path(scene, scene.infrared.film_path, ".npz", suffix, animation)
 
 
 def _output_path(scene, path: str, ending: str, suffix: str, animation: bool) -> Path:

@@ -184,8 +184,9 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
         model.splitting,
         len(model.layers),
     )
-    points = lamp_points(model.lamps, model.stage, pass_key(settings.seed, index, LAMPS))
-    lighting = Lighting(model.emitters.surroundings, model.lamps, points, model.looking, len(model.layers))
+    surroundings = model.emitters.surroundings
+    points = lamp_points(model.lamps, model.stage, surroundings, pass_key(settings.seed, index, LAMPS))
+    lighting = Lighting(surroundings, model.lamps, points, model.looking, len(model.layers))
     cache = None
     if estimate.photons:
         key = pass_key(settings.seed, index, CACHE)

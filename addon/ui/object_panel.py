@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import bpy
 from bpy.types import Panel
 
@@ -13,33 +15,42 @@ from .checks import draw_problems
 from .panel_base import RenderSettingsPanel
 from .temperatures.heat_display import ImageSidebarPanel, ViewSidebarPanel
 
+# Where the full names would be cut: in the sidebars
+SHORT = {
+    "assumed_emissivity": "Emissivity",
+    "reflected_temperature": "Reflected",
+    "air_transmission": "Transmission",
+    "relative_humidity": "Humidity",
+    "optics_transmission": "Optics",
+    "optics_temperature": "Temperature",
+}
 
-def draw_object_parameters(column, infrared) -> None:
-    """What is known of the object, of the air and of the optics before the camera."""
-    column.prop(infrared, "assumed_emissivity")
-    row = column.row()
-    row.active = infrared.assumed_emissivity < 1.0
-    row.prop(infrared, "reflected_temperature", text="Reflected")  # the whole name would be cut
-    column.separator()
-    source = infrared.air_transmission_source
-    column.prop(infrared, "air_transmission_source")
-    if source == "FIXED":
-        column.prop(infrared, "air_transmission")
-    else:
-        column.prop(infrared, "object_distance")
-    if source == "FORMULA":
-        column.prop(infrared, "relative_humidity")
-    if source != "WORLD":
+
+def draw_object_parameters(column, infrared, names: Mapping[str, str] | None = None) -> None:
+    """What is known of the object, of the air and of the optics before the camera. names: other ones than properties
+    have, by property."""
+    names = names or {"reflected_temperature": "Reflected"}  # the whole name would be cut
+
+    def show(name: str, counts: bool = True) -> None:
         row = column.row()
-        row.active = source == "FORMULA" or infrared.air_transmission < 1.0
-        row.prop(infrared, "air_temperature")
+        row.active = counts
+        row.prop(infrared, name, **({"text": names[name]} if name in names else {}))
+
+    source = infrared.air_transmission_source
+    show("assumed_emissivity")
+    show("reflected_temperature", infrared.assumed_emissivity < 1.0)
+    column.separator()
+    show("air_transmission_source")
+    show("air_transmission" if source == "FIXED" else "object_distance")
+    if source == "FORMULA":
+        show("relative_humidity")
+    if source != "WORLD":
+        show("air_temperature", source == "FORMULA" or infrared.air_transmission < 1.0)
     if source != "FIXED":
         _draw_transmission(column, infrared)
     column.separator()
-    column.prop(infrared, "optics_transmission")
-    row = column.row()
-    row.active = infrared.optics_transmission < 1.0
-    row.prop(infrared, "optics_temperature")
+    show("optics_transmission")
+    show("optics_temperature", infrared.optics_transmission < 1.0)
     draw_problems(column, object_parameter_checks(infrared), bpy.context.region)
 
 
@@ -73,7 +84,7 @@ class SidebarPanel:
     def draw(self, context):
         self.layout.use_property_split = True
         self.layout.use_property_decorate = False
-        draw_object_parameters(self.layout.column(), context.scene.infrared)
+        draw_object_parameters(self.layout.column(), context.scene.infrared, SHORT)
 
 
 class INFRARED_PT_image_object_parameters(SidebarPanel, ImageSidebarPanel, Panel):

@@ -147,6 +147,8 @@ class INFRARED_PT_checkpoint(RenderSettingsPanel, Panel):
         row = column.row()
         row.active = bool(infrared.checkpoint_path)
         row.prop(infrared, "checkpoint_minutes")
+        column.separator()
+        column.prop(infrared, "film_path")
 
 
 class INFRARED_PT_object(InfraredPanel, Panel):

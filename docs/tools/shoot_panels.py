@@ -24,6 +24,7 @@ KEPT = {"DATA_PT_lens"}  # one of ours is inside
 APART = {
     "heat-display": ("INFRARED_PT_heat_display",),
     "detector": ("INFRARED_PT_sensor", "INFRARED_PT_detector"),
+    "object-parameters": ("INFRARED_PT_object_parameters",),
 }
 TOGETHER = (("render",), ("object", "world", "light"), ("material", "output"))  # columns of README's picture
 MARGIN = 6  # pixels around the panels in a picture
@@ -124,6 +125,7 @@ def work():
     hide(others)
     properties, viewport = yield from split_off(viewport)  # in the other one the panels stay closed
     infrared.use_detector = True
+    infrared.air_transmission_source, infrared.object_distance = "FORMULA", 10.0
     properties.spaces.active.context = "RENDER"
     for name, panels in APART.items():
         parents = {getattr(cls, "bl_parent_id", "") for cls in ours if cls.__name__ in panels}

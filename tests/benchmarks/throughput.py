@@ -107,7 +107,7 @@ def main():
     model = prepare(scene, settings)
     key = pass_key(0, 0, PHOTONS)
     camera_keys = (pass_key(0, 2**32 - 1, CAMERA), pass_key(0, 0, CAMERA))
-    shining = lamp_points(model.lamps, model.stage, pass_key(0, 0, LAMPS))
+    shining = lamp_points(model.lamps, model.stage, model.emitters.surroundings, pass_key(0, 0, LAMPS))
     firsts = range(0, PHOTONS_PER_PASS, PHOTON_CHUNK)
 
     def trace_chunk(first, tracer=model.tracer):

@@ -57,8 +57,8 @@ class _Tables(NamedTuple):
     wavelength (b, n) um and weight (b, n) of Planck's law, and at_reference (b,). emissivity, transmittance (k, b),
     specular (k,), alpha (k,) of materials. fresnel (k,) bool, whether the specular lobe follows Fresnel's law: with
     face (k, b), complex, the index, and share (k,), a factor on what a face reflects; beneath (k, b), what the body
-    below reflects, over the mean (k, b) of what gets through the lobe. world (b,) excess radiance of the surroundings.
-    clearance: m. painted: textures.
+    below reflects, over the mean (k, b) of what gets through the lobe. world (rows, columns, b) excess radiance of the
+    surroundings, an equirectangular image whose first row is the lowest. clearance: m. painted: textures.
     """
 
     corners: np.ndarray
@@ -184,8 +184,8 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
 def _check(scene):
     if scene.lights or scene.groups or scene.response is not None:
         raise ValueError("Light objects, groups and responses are not traced")
-    if scene.corner_normals is not None or scene.sky is not None:
-        raise ValueError("Smooth shading and skies are not traced")
+    if scene.corner_normals is not None or (scene.sky is not None and (scene.sky.zenith is not None or scene.media)):
+        raise ValueError("Smooth shading, skies by angle and skies with gas are not traced")
     check_gas(scene.media)
     camera = scene.camera
     if camera.kind == "PANORAMA" or camera.lens_radius or camera.window or camera.clip != (0.0, np.inf):
@@ -205,7 +205,12 @@ def _tables(scene, reference, centre):
     log = np.log(edges)[:, None]
     wavelength = np.exp(log[:-1] + np.diff(log, axis=0) * (nodes + 1) / 2)
     materials = scene.materials
-    world = black_radiance(edges, scene.world_temperature) - at_reference
+    surroundings = np.full((1, 1), scene.world_temperature) if scene.sky is None else scene.sky.kelvin
+
+    def excess(kelvin):
+        return black_radiance(edges, kelvin) - at_reference
+
+    world = excess(surroundings)
     return _Tables(
         corners,
         normal,
@@ -223,7 +228,9 @@ def _tables(scene, reference, centre):
         *_coatings(materials, edges),
         world,
         _CLEARANCE * np.abs(corners).max(),
-        build_gas(scene.media, scene.world_depth, centre, world, lambda k: black_radiance(edges, k) - at_reference),
+        build_gas(
+            scene.media, scene.world_depth, centre, world[0, 0], lambda k: black_radiance(edges, k) - at_reference
+        ),
         build_painted(scene.textures, len(scene.triangles)),
     )
 
@@ -302,7 +309,7 @@ def _batch(camera, centre, tables, tracers, samples, random, kinds):
     """Image (height, width, b) of so many samples a pixel, and its parts by kind (codes, height, width). tracers: of
     surfaces and of the meshes of gas."""
     embree, bodies = tracers
-    pixels, bands = camera.width * camera.height, len(tables.world)
+    pixels, bands = camera.width * camera.height, tables.world.shape[-1]
     image, tally = np.zeros((pixels, bands)), np.zeros((_CODES if kinds else 0, pixels))
     even = qmc.Sobol(2 + _UNIFORMS, rng=random).random_base2(int(samples - 1).bit_length())
     for first in range(0, pixels * samples, _WAVE):
@@ -370,7 +377,8 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
                     kept += 1
                 continue
         if t < 0:
-            _add(throughput, tables.world, pixel, kind, image, tally)
+            _see_world(tables.world, paths.direction[i], brought)
+            _add(throughput, brought, pixel, kind, image, tally)
             continue
         material, (other, share) = tables.material[t], mixed_at(tables.painted, t, u[i], v[i])
         if uniforms[i, 10] < share:
@@ -408,6 +416,20 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
         paths.throughput[kept] = throughput / survival
         kept += 1
     return kept
+
+
+@numba.njit(cache=True, nogil=True)
+def _see_world(world, direction, seen):
+    """Fill seen (b,) with the excess radiance of the surroundings, linear between the middles of pixels."""
+    height, width = world.shape[:2]
+    x, y, z = direction
+    v = min(max((np.arcsin(min(max(z, -1.0), 1.0)) / np.pi + 0.5) * height - 0.5, 0.0), height - 1.0)
+    u = (0.5 - np.arctan2(y, x) / (2.0 * np.pi)) * width - 0.5
+    row, column = int(v), int(np.floor(u))
+    above, beside = min(row + 1, height - 1), (column + 1) % width
+    low = (1.0 - (u - column)) * world[row, column % width] + (u - column) * world[row, beside]
+    high = (1.0 - (u - column)) * world[above, column % width] + (u - column) * world[above, beside]
+    seen[:] = (1.0 - (v - row)) * low + (v - row) * high
 
 
 @numba.njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from ..geometry.surfaces import sheet_of
 from ..physics.lobes import follows_fresnel
 from ..physics.radiometry import NONE
 from ..physics.sky import radiance_from
-from ..planning.lamps import share_of_ray
+from ..planning.lamps import share_of_ray, share_of_sky
 from ..sampling.heuristics import ALONE, shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector, vector
@@ -119,9 +119,12 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
             pixel, newest = rays.pixel[i], found
         throughput = rays.throughput[i]
         if hits.triangle[i] < 0:
-            around = radiance_from(surroundings, vector(rays.direction, i), from_sky)
+            way = vector(rays.direction, i)
+            around, share = radiance_from(surroundings, way, from_sky), np.float32(1.0)
+            if rays.density[i] < ALONE:
+                share = np.float32(share_of_sky(abs(rays.density[i]), lamps, surroundings, way))
             for b in range(bands):
-                rows.image[pixel, sky + b] += throughput[b] * around[b]
+                rows.image[pixel, sky + b] += throughput[b] * (share * around[b])
             continue
         at = interact(stage.surfaces, hits, i, rays.direction)
         side = at.side_id & 1

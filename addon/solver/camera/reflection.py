@@ -194,7 +194,7 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, rooms):
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
         if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
-            send_sky(surroundings, stage, receiver, room, shadows, sent)
+            send_sky(lighting, stage, receiver, room, shadows, sent)
             sent += SKY_RAYS
         if lit and (looking.together > 0.0 or receiver.in_lobe[0] > 0.0):
             sent += send_shadow(lighting, stage, receiver, room, shadows, sent)

@@ -30,8 +30,10 @@ from ..geometry.triangles import CLEAR, normal
 from ..photons import cells
 from ..photons.emission import Surroundings
 from ..photons.lights import (
+    AFAR,
     ELLIPSE,
     RECTANGLE,
+    SKY,
     SPOT,
     SUN,
     area_light_normal,
@@ -51,8 +53,8 @@ from ..physics.lobes import (
     glossy_density,
 )
 from ..physics.radiometry import absolute_sum
-from ..physics.sky import radiance_from
-from ..planning.lamps import Lamps
+from ..physics.sky import choose_direction, density_towards, fill_sky, radiance_from
+from ..planning.lamps import Lamps, share_of_sky
 from ..planning.pilot import SKY_RAYS
 from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, rays_to
 from ..sampling.rng import path_key, uniform
@@ -63,6 +65,7 @@ from ..system.kernels import KERNEL, njit
 _SIDE = math.isqrt(SKY_RAYS)  # strata on each side of the unit square, of the rays to the surroundings
 POINTS = 4096  # lamp points of one pass
 _FROM_POINTS = 4  # shadow rays from each point of the irradiance cache
+_FAR = 2.0**30  # m, distance of suns and the sky: beyond all surfaces
 _DARKEST = 1e-30  # brightness of points that emit nothing, and are never chosen
 _COMPARING, _SHADOWING = 15, 16  # random numbers of such a point: for lamp_closeness, and the first for shadow rays
 
@@ -70,10 +73,11 @@ _COMPARING, _SHADOWING = 15, 16  # random numbers of such a point: for lamp_clos
 class LampPoints(NamedTuple):
     """n points on lamps and lights for one pass, in the order of the entries of Lamps.
 
-    position, normal: (n, 3) float64, m; for suns position is the unit direction towards the sun; normal is zero for
-    suns and for point lights without a radius. entry: (n,) int32, of Lamps. u, v: (n,) float64, barycentric coordinates
-    on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights. brightness: (n,) float64, what the point
-    emits over the mean of its triangle, where that varies by textures, else 1. strength: (n,) float64, W, of the entry
+    position, normal: (n, 3) float64, m; for suns and the sky position is _FAR times the direction towards them, from
+    wherever it is seen; normal is zero for suns and for point lights without a radius. entry: (n,) int32, of Lamps. u,
+    v: (n,) float64, barycentric coordinates on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights.
+    brightness: (n,) float64, what the point emits over the mean of its triangle, where that varies by textures, or of
+    the sky, else 1. strength: (n,) float64, W, of the entry
     times the brightness, over the chance of the point.
     """
 
@@ -98,7 +102,7 @@ class Lighting(NamedTuple):
     layers: int
 
 
-def lamp_points(lamps, stage, key) -> LampPoints:
+def lamp_points(lamps, stage, surroundings, key) -> LampPoints:
     """The LampPoints of a pass, POINTS of them, none without lamps. key: of the pass's lamps."""
     count = POINTS if lamps.cumulative[-1] > 0.0 else 0
     points = LampPoints(
@@ -111,13 +115,15 @@ def lamp_points(lamps, stage, key) -> LampPoints:
         np.ones(count),
         np.zeros(count),
     )
-    _fill_points(lamps, stage, key, nothing_emitted(stage.radiometry.reference.size, np.float64), points)
+    bands = stage.radiometry.reference.size
+    _fill_points(lamps, stage, surroundings, key, (nothing_emitted(bands, np.float64), np.empty(bands)), points)
     return points
 
 
 @njit(**KERNEL)
-def _fill_points(lamps, stage, key, emitted, points):
-    """Fill in the LampPoints. emitted: room for emission."""
+def _fill_points(lamps, stage, surroundings, key, rooms, points):
+    """Fill in the LampPoints. rooms: for emission, and for the sky's radiance."""
+    (emitted, from_sky), sides = rooms, lamps.side_id.size
     surfaces, last, entry, count = stage.surfaces, lamps.cumulative.size - 2, 0, points.entry.size
     for i in range(count):
         path = path_key(key, i)
@@ -127,7 +133,7 @@ def _fill_points(lamps, stage, key, emitted, points):
         points.entry[i] = entry
         points.strength[i] = lamps.strength[entry] / (lamps.cumulative[entry + 1] - lamps.cumulative[entry])
         s, w = uniform(path, 1), uniform(path, 2)
-        if entry < lamps.side_id.size:
+        if entry < sides:
             u, v, dense = cells.choose_point(lamps.cells, lamps.side_id[entry] >> 1, s, w)
             at = emit_at(surfaces, lamps.side_id[entry], u, v, 1.0)
             put_vector(clear_of(surfaces, at.side_id, at.point), points.position, i)
@@ -138,10 +144,25 @@ def _fill_points(lamps, stage, key, emitted, points):
             if mean > 0.0:
                 points.brightness[i] = max(absolute_sum(emission_at(stage, at, emitted)) / mean, _DARKEST)
                 points.strength[i] *= points.brightness[i] / dense
+        elif lamps.lights.kind[entry - sides] == SKY:
+            _put_sky_point(lamps, surroundings, (s, w), from_sky, points, i)
         else:
-            position, n = _light_point(lamps.lights, entry - lamps.side_id.size, s, w)
+            position, n = _light_point(lamps.lights, entry - sides, s, w)
             put_vector(position, points.position, i)
             put_vector(n, points.normal, i)
+
+
+@njit(inline="always")
+def _put_sky_point(lamps, surroundings, numbers, from_sky, points, i):
+    """Fill point i with a direction of the sky, by two numbers in [0, 1)."""
+    cells = surroundings.cells
+    direction = choose_direction(cells, *numbers)
+    dense, radiance = density_towards(cells, direction), radiance_from(surroundings, direction, from_sky)
+    put_vector(scaled(direction, _FAR), points.position, i)
+    put_vector(scaled(direction, -1.0), points.normal, i)
+    points.density[i] = lamps.afar * dense / (_FAR * _FAR)
+    points.brightness[i] = max(absolute_sum(radiance) / cells.mean, _DARKEST)
+    points.strength[i] *= points.brightness[i] / (4.0 * math.pi * dense)
 
 
 @njit(inline="always")
@@ -149,7 +170,7 @@ def _light_point(lights, light, s, w):
     """Point on a light and the normal there, by two numbers in [0, 1): see LampPoints."""
     if lights.kind[light] == SUN:
         towards = to_world(cone_direction(s, w, lights.cos_cone[light]), vector(lights.axis, light))
-        return scaled(towards, -1.0), (0.0, 0.0, 0.0)
+        return scaled(towards, -_FAR), (0.0, 0.0, 0.0)
     if lights.kind[light] in (RECTANGLE, ELLIPSE):
         return area_light_point(lights, light, s, w), area_light_normal(lights, light)
     n, radius = (0.0, 0.0, 0.0), lights.radius[light]  # a sphere of even radiance, or a point
@@ -160,15 +181,15 @@ def _light_point(lights, light, s, w):
 
 @njit(inline="always")
 def _towards(lighting, i, at):
-    """The way from an Interaction to lamp point i (m; for suns of unit length), and the irradiance from there, as if
+    """The way from an Interaction to lamp point i (m), and the irradiance from there, as if
     visible, m-2, for 1 W of power of the lamp."""
     lamps, points = lighting.lamps, lighting.points
     lights, light = lamps.lights, points.entry[i] - lamps.side_id.size
     position, n = vector(points.position, i), vector(points.normal, i)
     kind = lights.kind[light] if light >= 0 else RECTANGLE
-    if kind == SUN:
+    if kind in AFAR:
         received = max(0.0, dot(position, at.normal)) / (math.pi * lights.scene_radius * lights.scene_radius)
-        return position, received
+        return position, received / _FAR
     way = difference(position, at.point)
     d2 = dot(way, way)
     cos_hit, cos_lamp = dot(way, at.normal), -dot(way, n)  # both cosines times the distance
@@ -196,8 +217,8 @@ class _Facing(NamedTuple):
 def towards_from(lighting, i, point):
     """_towards from a point in a medium, which receives what comes from any side: also returns the way's length."""
     position, light = vector(lighting.points.position, i), lighting.points.entry[i] - lighting.lamps.side_id.size
-    is_sun = light >= 0 and lighting.lamps.lights.kind[light] == SUN
-    way = position if is_sun else difference(position, point)
+    is_afar = light >= 0 and lighting.lamps.lights.kind[light] in AFAR
+    way = position if is_afar else difference(position, point)
     distance = math.sqrt(dot(way, way))
     return way, _towards(lighting, i, _Facing(point, scaled(way, 1.0 / max(distance, 1e-30))))[1], distance
 
@@ -341,12 +362,17 @@ def light_of(lighting, stage, i, start, total, value):
         fill_emission(stage, lamp, value)
         factor *= 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] * math.pi / points.brightness[i]
     else:
-        for b in range(value.size):
-            value[b] = lamps.lights.power[light, b]
-        if lamps.lights.kind[light] == SUN:
-            scene_radius = lamps.lights.scene_radius
+        kind, scene_radius = lamps.lights.kind[light], lamps.lights.scene_radius
+        if kind in AFAR:
             factor *= math.pi * scene_radius * scene_radius  # its power is per square metre
-            way, reach, distance = position, ENDLESS, 1.0
+            way, reach, distance = scaled(position, 1.0 / _FAR), ENDLESS, 1.0
+        if kind == SKY:
+            factor *= 4.0 * math.pi / points.brightness[i]
+            layer = lighting.surroundings.layer
+            fill_sky(lighting.surroundings.sky, way, value)
+        else:
+            for b in range(value.size):
+                value[b] = lamps.lights.power[light, b]
     for b in range(value.size):
         value[b] *= factor
     # The end of a long ray is uncertain in float32, so it is moved away from the lamp: else the lamp's own surface, or
@@ -386,9 +412,11 @@ def _brought_to_surface(lighting, receiver, i):
 
 
 @njit(inline="always")
-def send_sky(surroundings, stage, receiver, room, shadows, count):
+def send_sky(lighting, stage, receiver, room, shadows, count):
     """Fill SKY_RAYS shadow rays from `count` on towards the surroundings, cosine-distributed and stratified."""
-    at, path, rho = receiver.at, receiver.path, receiver.reflectance
+    at, path, rho, surroundings = receiver.at, receiver.path, receiver.reflectance, lighting.surroundings
+    # where the receiver asks for no lamps, cached points have, see direct_irradiance
+    rays = receiver.looking.together if receiver.looking.together > 0.0 else TYPICAL_RAYS
     scale = receiver.weight * diffuse_share(receiver.lobes) / SKY_RAYS
     for stratum in range(SKY_RAYS):
         dimension = receiver.dimension + 2 + 2 * stratum
@@ -396,6 +424,7 @@ def send_sky(surroundings, stage, receiver, room, shadows, count):
         direction = to_world(local, at.normal)
         _start(stage.surfaces, receiver, direction, ENDLESS, surroundings.layer, shadows, count + stratum)
         received, around = scale * evaluate_diffuse(at, direction), radiance_from(surroundings, direction, room.value)
+        received *= share_of_sky(rays * local[2] / math.pi, lighting.lamps, surroundings, direction)
         for b in range(rho.size):
             radiance = around[b] * received
             shadows.radiance[count + stratum, b] = receiver.throughput[b] * rho[b] * radiance
@@ -450,17 +479,16 @@ def lamp_closeness(surfaces, lighting, points, key, first) -> np.ndarray:
 @njit(**KERNEL)
 def _lamp_closeness(surfaces, lighting, points, keys, closeness):
     (point, side_id), (key, first), lamps = points, keys, lighting.points
-    stride, sides, kind = POINTS // CANDIDATES, lighting.lamps.side_id.size, lighting.lamps.lights.kind
+    stride = POINTS // CANDIDATES
     for i in range(side_id.size):
         at, offset = stand_at(surfaces, side_id[i], vector(point, i)), uniform(path_key(key, first + i), _COMPARING)
         total = weighted = 0.0
         for c in range(CANDIDATES):
             lamp = int(stride * offset) + stride * c
             way, received = _towards(lighting, lamp, at)
-            light, brought = lamps.entry[lamp] - sides, received * lamps.strength[lamp]
+            brought = received * lamps.strength[lamp]
             total += brought
-            if light < 0 or kind[light] != SUN:
-                weighted += brought / math.sqrt(max(dot(way, way), 1e-30))
+            weighted += brought / math.sqrt(max(dot(way, way), 1e-30))
         closeness[i] = weighted / total if total > 0.0 else 0.0
 
 

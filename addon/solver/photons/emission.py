@@ -10,10 +10,19 @@ from ..geometry.interaction import LEAST_COSINE, emit_at, emit_towards, leave
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..geometry.surfaces import unit_normal
-from ..physics.sky import build_sky_table, mean_excess, radiance_from
+from ..physics.sky import (
+    SkyCells,
+    build_sky_cells,
+    build_sky_table,
+    choose_direction,
+    density_towards,
+    mean_excess,
+    no_sky_cells,
+    radiance_from,
+)
 from ..physics.spectrum import band_radiance
 from ..sampling.rng import path_key, uniform
-from ..sampling.vectors import put_vector
+from ..sampling.vectors import dot, put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
@@ -45,7 +54,8 @@ class Surroundings(NamedTuple):
     radiance: (b,) float64, excess radiance, W m-2 sr-1; the mean of a sky that depends on the direction. sky: (rows,
     columns, b) float64, that of such a sky, see build_sky_table; else (0, 0, b). sent: (b,) float64, radiance with
     which photons start; 1 where there are media, as only their segment tells what photons bring; (0,) of a sky, whose
-    photons bring what it has in their direction. flux: W m-2, what typically arrives on a surface from directions in
+    photons bring what it has in their direction. cells: directions in which shadow rays and photons look for a sky of
+    which a small part is bright. flux: W m-2, what typically arrives on a surface from directions in
     which it sees surroundings. layer: of the image, to which this radiance adds (see layers). open: (t, 2) bool, sides
     from which shadow rays are sent to the surroundings, so that photons that come from there are not stored there.
     """
@@ -53,6 +63,7 @@ class Surroundings(NamedTuple):
     radiance: np.ndarray
     sky: np.ndarray
     sent: np.ndarray
+    cells: SkyCells
     flux: float
     layer: int
     open: np.ndarray
@@ -78,6 +89,7 @@ class Emitters(NamedTuple):
     cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of the entries; zeros where nothing emits.
     surface: (n,) int32, side_ids of the sides that emit: entries 0..n-1. caustic: (n,) bool, whether photons find the
         caustics of such a side. aimed: (n,) float32, m-2, points on it that compete for a shadow ray, in the mean.
+        aimed_afar: see Lamps.
     sky: (m,) int32, side_ids of the sides on which photons from the surroundings arrive: entries n..n+m-1.
     area: (t,) float64, of the triangles, m2.
     cells: where photons start on sides that vary by textures. surroundings: see Surroundings. lights: see LightTable;
@@ -88,6 +100,7 @@ class Emitters(NamedTuple):
     surface: np.ndarray
     caustic: np.ndarray
     aimed: np.ndarray
+    aimed_afar: float
     sky: np.ndarray
     area: np.ndarray
     cells: EmissionCells
@@ -128,10 +141,13 @@ def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: i
     sky, radiance = build_sky_table(scene.sky, scene.band_edges, reference), np.zeros_like(reference)
     if sky.size:
         flux = math.pi * float(mean_excess(np.abs(sky)).sum())
-        return Surroundings(mean_excess(sky), sky, np.empty(0), flux, layer, is_open)
+        # in media photons bring what these emit, too
+        cells = no_sky_cells() if scene.media else build_sky_cells(sky)
+        return Surroundings(mean_excess(sky), sky, np.empty(0), cells, flux, layer, is_open)
     if kelvin != stage.radiometry.quiet:  # else photons would carry the rounding of the reference and nothing else
         radiance = band_radiance(scene.band_edges, kelvin) - reference
-    return Surroundings(radiance, sky, radiance, math.pi * float(np.abs(radiance).sum()), layer, is_open)
+    flux = math.pi * float(np.abs(radiance).sum())
+    return Surroundings(radiance, sky, radiance, no_sky_cells(), flux, layer, is_open)
 
 
 def fill_surroundings(
@@ -198,7 +214,7 @@ def build_emitters(
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
     caustic, aimed = lamps.caustic.ravel()[surface], lamps.density.ravel()[surface]
-    return Emitters(cumulative, surface, caustic, aimed, sky, area, cells, surroundings, lights)
+    return Emitters(cumulative, surface, caustic, aimed, lamps.afar, sky, area, cells, surroundings, lights)
 
 
 def emit(emitters: Emitters, stage: Stage, batch: Batch, wave) -> None:
@@ -244,18 +260,24 @@ def _emit(emitters, stage, batch, wave, emitted, room):
             (u, v), density = triangle_point(s0, s1), 1.0
             if entry < surface_end:
                 u, v, density = choose_point(emitters.cells, side_id >> 1, s0, s1)
-            local = cosine_direction(s2, s3)
-            direction = to_world(local, unit_normal(stage.surfaces, side_id))
-            at = emit_towards(stage.surfaces, side_id, u, v, direction, local[2])
+            normal = unit_normal(stage.surfaces, side_id)
+            if entry >= surface_end and surroundings.cells.cumulative.size:
+                direction, cosine, density = _towards_sky(surroundings.cells, normal, s2, s3)
+            else:
+                local = cosine_direction(s2, s3)
+                direction, cosine = to_world(local, normal), local[2]
+            at = emit_towards(stage.surfaces, side_id, u, v, direction, cosine)
             scale = math.pi * emitters.area[at.triangle] * share / density
             if entry < surface_end:
                 layer = layer_at(stage, at)
-                wave.aimed[i] = emitters.aimed[entry] * density / max(local[2], LEAST_COSINE)
+                wave.aimed[i] = emitters.aimed[entry] * density / max(cosine, LEAST_COSINE)
                 _set_power(wave, i, emission_at(stage, at, emitted), scale)
             else:
                 layer = surroundings.layer
                 wave.arrival[i], wave.u[i], wave.v[i] = side_id, u, v
-                wave.aimed[i] = np.inf if surroundings.open[at.triangle, side_id & 1] else 0.0
+                wave.aimed[i] = emitters.aimed_afar * density_towards(surroundings.cells, direction)
+                if surroundings.open[at.triangle, side_id & 1]:
+                    wave.aimed[i] = np.inf
                 if surroundings.sent.size > 0:
                     _set_power(wave, i, surroundings.sent, scale)
                 else:
@@ -263,6 +285,18 @@ def _emit(emitters, stage, batch, wave, emitted, room):
             leave(stage.surfaces, side_id, at.point, direction, wave, i)
         if wave.layer.size:
             wave.layer[i] = layer
+
+
+@njit(**FAST_INLINED)
+def _towards_sky(cells, normal, s, w):
+    """A direction from a side, by two numbers in [0, 1): cosine-distributed one time in two, else that of a SkyCells;
+    its cosine; and its density over that of the cosine distribution, infinite behind the side."""
+    by_cosine = to_world(cosine_direction(2.0 * min(s, 0.5), w), normal)
+    direction = by_cosine if s < 0.5 else choose_direction(cells, 2.0 * s - 1.0, w)
+    cosine = dot(direction, normal)
+    if cosine <= 0.0:
+        return direction, LEAST_COSINE, np.inf
+    return direction, cosine, 0.5 + 0.5 * density_towards(cells, direction) * math.pi / cosine
 
 
 @njit(**FAST_INLINED)

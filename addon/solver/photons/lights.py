@@ -14,19 +14,22 @@ from ..sampling.warps import basis, cone_direction, cosine_direction, to_world, 
 from ..scene import AreaLight, Light, PointLight, SpotLight, SunLight
 from ..system.kernels import INLINED, njit
 
-POINT, SPOT, RECTANGLE, ELLIPSE, SUN = range(5)
+POINT, SPOT, RECTANGLE, ELLIPSE, SUN, SKY = range(6)
+
+AFAR = (SUN, SKY)  # kinds that light all points from the same directions
 
 
 class LightTable(NamedTuple):
     """The lights of a scene, l of them.
 
-    kind: (l,) int32, POINT to SUN. position: (l, 3) float64, m, in solver coordinates. axis: (l, 3) float64, unit
-    direction in which spots and suns shine; without meaning for points. half_u, half_v: (l, 3) float64, m, half axes of
-    areas. cos_cone: (l,) float64, cosine of half the angle of a spot's cone or a sun's disk, -1 for points. radius:
-    (l,) float64, m, of points and spots. blend: (l,) float64, width in cosine over which a spot fades at its rim.
-    fullness: (l,) float64, power in a spot's cone over the power without a fading rim. power: (l, b) float64, W in each
-    band; for suns W m-2 across each direction from which they shine. scene_radius: m, of a sphere around the origin
-    that holds the scene.
+    kind: (l,) int32, POINT to SUN; the sky is one more, SKY, where shadow rays are sent to it. position: (l, 3)
+    float64, m, in solver coordinates. axis: (l, 3) float64, unit direction in which spots and suns shine; without
+    meaning for points. half_u, half_v: (l, 3) float64, m, half axes of areas. cos_cone: (l,) float64, cosine of half
+    the angle of a spot's cone or a sun's disk, -1 for points. radius: (l,) float64, m, of points and spots. blend: (l,)
+    float64, width in cosine over which a spot fades at its rim. fullness: (l,) float64, power in a spot's cone over the
+    power without a fading rim. power: (l, b) float64, W in each band; for suns W m-2 across each direction from which
+    they shine, for the sky the integral over all of them. scene_radius: m, of a sphere around the origin that holds the
+    scene.
     """
 
     kind: np.ndarray
@@ -55,6 +58,16 @@ def build_light_table(lights: tuple[Light, ...], edges: np.ndarray, centre: np.n
     return table
 
 
+def with_sky(lights: LightTable, flux: np.ndarray) -> LightTable:
+    """The table with a sky behind the lights. flux: (b,) W m-2, integral over all directions of its radiance, as far as
+    shadow rays look for it."""
+    *columns, radius = lights
+    sky = [np.zeros((1, *column.shape[1:]), column.dtype) for column in columns]
+    table = LightTable(*map(np.concatenate, zip(columns, sky, strict=True)), radius)
+    table.kind[-1], table.power[-1] = SKY, flux
+    return table
+
+
 def no_lights(lights: LightTable) -> LightTable:
     """The table without its lights."""
     return LightTable(*(column[:0] for column in lights[:-1]), lights.scene_radius)
@@ -69,8 +82,8 @@ def light_spectrum(light: Light, edges: np.ndarray) -> np.ndarray:
 
 
 def light_totals(lights: LightTable) -> np.ndarray:
-    """(l,) float64 power of the lights over all bands, W; of suns through the disk that covers the scene."""
-    return lights.power.sum(axis=1) * np.where(lights.kind == SUN, math.pi * lights.scene_radius**2, 1.0)
+    """(l,) float64 power of the lights over all bands, W; of those afar through the disk that covers the scene."""
+    return lights.power.sum(axis=1) * np.where(np.isin(lights.kind, AFAR), math.pi * lights.scene_radius**2, 1.0)
 
 
 def _flux(light: Light) -> float:

@@ -21,9 +21,9 @@ class Wave(NamedTuple):
     origin, direction: (n, 3) float32. power: (n, b) float32, W. photon: (n,) int64, number in the pass.
     aimed: (n,) float32, m-2, points that compete for a shadow ray on each m2 across the direction of the emission,
     where the next hit is direct light, see stored_share; 0 where shadow rays find nothing of the light, infinite where
-    they find all. chain: (n,) int8, STRAIGHT_FROM_LIGHT where the photon has met nothing but mirrors since a light
-    emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones too but no wide one first, since a
-    light or a lamp that throws caustics emitted it, else 0.
+    they find all; sr-1 for photons from the surroundings. chain: (n,) int8, STRAIGHT_FROM_LIGHT where the photon has
+    met nothing but mirrors since a light emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones
+    too but no wide one first, since a light or a lamp that throws caustics emitted it, else 0.
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
     ray leads back: it arrives if that ray leaves the scene. FORWARDS for photons that travel so, FROM_SUN for those of
     them that have met nothing yet since a sun sent them. u, v: (n,) float32, barycentric coordinates on that side.
@@ -81,4 +81,6 @@ def arrive(surfaces, hits, i, wave):
 def stored_share(wave, i, at):
     """Share of the light of photon i that is left to photons at an Interaction, and not to shadow rays."""
     distance = at.distance + (wave.passed[i] if wave.passed.size else 0.0)
+    if wave.arrival[i] >= 0:
+        distance = 1.0
     return balance(TYPICAL_RAYS * at.geometric_cosine / math.pi, wave.aimed[i] * distance * distance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +15,19 @@ from .spectrum import band_radiance
 
 _ROWS = 720  # of a table by zenith angle: a quarter of a degree, between which radiance is linear
 _PARTS = 32  # of a band, in each of which a spectral sky has one apparent temperature
+# Mean square of the radiance over the square of its mean, from which on directions are chosen by the sky. In
+# tests/benchmarks/hot_sky.py 1 / (noise^2 x time) is then, over that without, in a scene of diffuse surfaces and in one
+# with a rough wall: 346 and 183 for a spot of 1.5 degrees radius (1346), 32 and 7 for 6 degrees (227), 17 and 5 for a
+# less hot one (71), 3.8 and 1.0 for 12 degrees (53), .55 and .34 for 20 degrees (20).
+_CONCENTRATED = 64.0
 _NODES = 4096  # temperatures at which an image's radiance is worked out; between them it is linear, to 1e-6
 
 
 def sky_size(sky: Sky | None, bands: int) -> int:
-    """Bytes of the table of a sky."""
+    """Bytes of the table of a sky, and of its cells."""
     if sky is None:
         return 0
-    return 8 * bands * (sky.kelvin.size if sky.zenith is None else _ROWS)
+    return 8 * (bands + 1) * (sky.kelvin.size if sky.zenith is None else _ROWS)
 
 
 def build_sky_table(sky: Sky | None, edges: np.ndarray, reference: np.ndarray) -> np.ndarray:
@@ -42,11 +48,80 @@ def build_sky_table(sky: Sky | None, edges: np.ndarray, reference: np.ndarray) -
     return (_spectral_radiance(kelvin, sky.wavelengths, edges) - reference)[:, None]
 
 
+class SkyCells(NamedTuple):
+    """Directions to be chosen in proportion to the brightness of a sky above its mean: cells, one for each value of its
+    table. What is darker than the mean is left to rays in all directions (Karlik et al., MIS Compensation, 2019).
+
+    cumulative: (rows * columns,) float64, probability of the cells up to and with each, row by row; (0,) where no
+        directions are chosen so.
+    rows, columns: of the table.
+    mean: W m-2 sr-1, mean over all directions of what the absolute values of all bands' excess radiance are above their
+        mean.
+    """
+
+    cumulative: np.ndarray
+    rows: int
+    columns: int
+    mean: float
+
+
+def no_sky_cells() -> SkyCells:
+    """The SkyCells of a sky of which no direction is better than others."""
+    return SkyCells(np.empty(0), 0, 0, 0.0)
+
+
+def build_sky_cells(table: np.ndarray) -> SkyCells:
+    """The SkyCells of a table, see build_sky_table; none for a sky that is even enough for rays in all directions."""
+    if table.size == 0:
+        return no_sky_cells()
+    bright = np.abs(table).sum(axis=2)
+    solid = np.broadcast_to(np.diff(_row_ends(len(table)))[:, None] / (2.0 * table.shape[1]), bright.shape)
+    mean, square = float(np.sum(bright * solid)), float(np.sum(bright**2 * solid))
+    if square <= _CONCENTRATED * mean * mean:
+        return no_sky_cells()
+    # the light of a cell is linear between its own value and those around it
+    spread = 0.5 * bright + 0.25 * (np.roll(bright, 1, 1) + np.roll(bright, -1, 1))
+    below, above = np.vstack((spread[:1], spread[:-1])), np.vstack((spread[1:], spread[-1:]))
+    cumulative = np.cumsum(np.maximum(0.5 * spread + 0.25 * (below + above) - mean, 0.0) * solid)
+    return SkyCells(cumulative / cumulative[-1], *bright.shape, float(cumulative[-1]))
+
+
+def _row_ends(rows: int) -> np.ndarray:
+    """(rows + 1,) heights, sines of the elevation, between the rows of a table."""
+    return -np.cos(np.pi * np.arange(rows + 1) / rows)
+
+
+@njit(**INLINED)
+def choose_direction(cells, s, w):
+    """A direction, by two numbers in [0, 1), with the density of density_towards."""
+    cell = np.searchsorted(cells.cumulative, s, side="right")  # below the last, which is 1
+    before = cells.cumulative[cell - 1] if cell > 0 else 0.0
+    inside = (s - before) / (cells.cumulative[cell] - before)
+    row, column = cell // cells.columns, cell % cells.columns
+    bottom, top = -math.cos(math.pi * row / cells.rows), -math.cos(math.pi * (row + 1) / cells.rows)
+    z, turn = bottom + w * (top - bottom), math.pi * (1.0 - 2.0 * (column + inside) / cells.columns)
+    across = math.sqrt(max(0.0, 1.0 - z * z))
+    return across * math.cos(turn), across * math.sin(turn), z
+
+
+@njit(**INLINED)
+def density_towards(cells, direction):
+    """Density, sr-1, with which choose_direction finds a direction (any length); 0 without cells."""
+    if cells.cumulative.size == 0:
+        return 0.0
+    x, y, z = direction
+    v = (math.atan2(z, math.hypot(x, y)) / math.pi + 0.5) * cells.rows
+    u = (0.5 - math.atan2(y, x) / (2.0 * math.pi)) * cells.columns
+    row = np.int64(min(max(v, 0.0), cells.rows - 1.0))
+    cell = row * cells.columns + np.int64(min(max(u, 0.0), cells.columns - 1.0))
+    height = math.cos(math.pi * row / cells.rows) - math.cos(math.pi * (row + 1) / cells.rows)
+    before = cells.cumulative[cell - 1] if cell > 0 else 0.0
+    return (cells.cumulative[cell] - before) * cells.columns / (2.0 * math.pi * height)
+
+
 def mean_excess(table: np.ndarray) -> np.ndarray:
     """(b,) mean excess radiance over all directions, of a table with at least one row."""
-    rows = len(table)
-    ends = np.cos(np.pi * np.arange(rows + 1) / rows)  # of the rows' polar angles
-    return np.tensordot(ends[:-1] - ends[1:], table.mean(axis=1), 1) / 2.0
+    return np.tensordot(np.diff(_row_ends(len(table))), table.mean(axis=1), 1) / 2.0
 
 
 def _radiance_of(kelvin: np.ndarray, edges: np.ndarray) -> np.ndarray:

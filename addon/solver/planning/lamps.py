@@ -19,18 +19,22 @@ from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of, sheet_of
 from ..geometry.triangles import CLEAR, areas, centroids, normal
 from ..photons.cells import EmissionCells, choose_point, concentration, density_at
-from ..photons.lights import SUN, LightTable, light_totals
+from ..photons.emission import Surroundings
+from ..photons.lights import SUN, LightTable, light_totals, with_sky
 from ..physics.radiometry import absolute_sum
+from ..physics.sky import SkyCells, choose_direction, density_towards, mean_excess
 from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
 from ..sampling.low_discrepancy import unevenness
 from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
-from ..sampling.vectors import difference, dot, moved, vector
+from ..sampling.vectors import difference, dot, moved, put_vector, vector
 from ..sampling.warps import triangle_point
 from ..system.kernels import INLINED, KERNEL, njit
 from .pilot import Pilot
 
 _RECEIVERS, _FEWEST_RECEIVERS = 512, 32  # points at which lamps are judged
 _PAIRS = 1 << 20  # of lamps and such points, about
+_SKY = -2  # in place of the label of a sheet
+_SKY_WAYS = 64  # directions by which a sky is judged
 _AIMED = 8192  # trial shadow rays between such pairs
 _TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
 # that a shadow ray may count as
@@ -48,7 +52,8 @@ class Lamps(NamedTuple):
     cumulative: (e + 1,) float64, from 0 to 1. side_id: (n,) int32 of entries 0..n-1. lights: entries from n on, see
     LightTable. strength: (e,) float64, W, power of the entries, lowered for those that are often hidden. density: (t,
     2) float32, m-2, lamp points that compete for a shadow ray, on each m2 of a side, in the mean over its points; cells
-    tell how they lie on sides that emit unevenly. found: (t,) float32, share of a
+    tell how they lie on sides that emit unevenly. afar: the same for the sky, in all directions together; cells of the
+    Surroundings tell how they lie. found: (t,) float32, share of a
     triangle's direct light that is left to rays of final gathers, in the mean. caustic: (t, 2) bool, sides whose light
     in specular lobes photons find, see choose_caustic_lamps.
     """
@@ -58,6 +63,7 @@ class Lamps(NamedTuple):
     lights: LightTable
     strength: np.ndarray
     density: np.ndarray
+    afar: float
     found: np.ndarray
     caustic: np.ndarray
     cells: EmissionCells
@@ -106,15 +112,20 @@ def build_lamps(
     tracer: Tracer,
     pilot: Pilot,
     emission: tuple[np.ndarray, EmissionCells],
-    lights: LightTable,
+    afar: tuple[LightTable, Surroundings],
     caustic: np.ndarray,
 ) -> Lamps:
-    """The Lamps of a scene: all sides that emit and can light the image, and all lights.
+    """The Lamps of a scene: all sides that emit and can light the image, all lights, and a sky of which a small part is
+    bright.
 
     emission: (t,) float64 |excess| power of one side of each triangle, W, and how it lies on them. pilot: tells which
-    sides can light the image, and where camera paths gather. caustic: see Lamps.
+    sides can light the image, and where camera paths gather. afar: lights and surroundings. caustic: see Lamps.
     """
-    surfaces, (side_power, cells) = stage.surfaces, emission
+    surfaces, (side_power, cells), (lights, surroundings) = stage.surfaces, emission, afar
+    shines = surroundings.cells.cumulative.size > 0
+    if shines:
+        bright = mean_excess(np.abs(surroundings.sky))
+        lights = with_sky(lights, 4.0 * math.pi * surroundings.cells.mean * bright / bright.sum())
     side_id = np.flatnonzero((side_power[:, None] * pilot.reachable).ravel()).astype(np.int32)
     # in the order of a Morton curve: points at equal steps along this curve lie all around a lamp
     side_id = side_id[morton_order(centroids(surfaces.corners[side_id >> 1]))]
@@ -124,19 +135,22 @@ def build_lamps(
     sign = np.ones(int(surfaces.sheet.max()) + 1)
     sign[label] = np.sign(kelvin - stage.radiometry.quiet)
     need, visible, met, hidden = _need(surfaces, tracer, emission, side_id, pilot, sign)
-    chance = power * np.concatenate((need[label], _light_need(lights, pilot)))
+    chance = power * np.concatenate((need[label], _light_need(lights, surroundings.cells, pilot)))
     cumulative = np.concatenate(([0.0], np.cumsum(chance)))
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
     of_sheet = np.bincount(label, chance[: len(side_id)], len(need))
-    best = _best_worth(stage, pilot, _Chances(side_id, cumulative, of_sheet, power, visible, cells), hidden)
+    disk = math.pi * lights.scene_radius**2
+    chances = _Chances(side_id, cumulative, of_sheet, power, visible, cells, surroundings.cells, disk)
+    best = _best_worth(stage, pilot, chances, hidden)
     worth = best * chance[: len(side_id)]
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
     density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
     # the power heuristic, as in balance
     found[side_id >> 1] = met[label] ** 2 / np.maximum(met[label] ** 2 + (best * of_sheet[label]) ** 2, 1e-300)
-    return Lamps(cumulative, side_id, lights, power * visible, density, found, caustic, cells)
+    of_sky = best * float(chance[-1]) if shines else 0.0
+    return Lamps(cumulative, side_id, lights, power * visible, density, of_sky, found, caustic, cells)
 
 
 def _need(surfaces, tracer, emission, side_id, pilot, sign) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
@@ -275,7 +289,8 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
 class _Chances(NamedTuple):
     """How shadow rays choose among sides that emit, (n,), and lights behind them. side_id, cumulative: see Lamps.
     of_sheet: (labels,) float64, chance of all sides of a sheet. power: (e,) float64, W. visible: (e,) float64, see
-    _visibility. cells: see Lamps."""
+    _visibility. cells: see Lamps. sky: see Surroundings; the last of the lights, if it has cells. disk: m2, across
+    which the sky's power falls, see light_totals."""
 
     side_id: np.ndarray
     cumulative: np.ndarray
@@ -283,11 +298,13 @@ class _Chances(NamedTuple):
     power: np.ndarray
     visible: np.ndarray
     cells: EmissionCells
+    sky: SkyCells
+    disk: float
 
 
 class _Found(NamedTuple):
     """Room for what CANDIDATES lamp points bring to a receiver. emitted: (b,) float64. sums: (2, 3) float64, see
-    _try_candidates. sheet: (CANDIDATES,) int32, label, -1 for lights. taken: float64, share of the receiver's
+    _try_candidates. sheet: (CANDIDATES,) int32, label, -1 for lights, _SKY. taken: float64, share of the receiver's
     cosine-weighted view that the sheet takes, as this point tells it. left: float64, variance of single random rays."""
 
     emitted: np.ndarray
@@ -344,9 +361,13 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
     for c in range(CANDIDATES):
         pick = (c + uniform(path, 3 * c)) / CANDIDATES
         entry = min(np.searchsorted(chances.cumulative, pick, side="right") - 1, chances.power.size - 1)
+        chance, power = chances.cumulative[entry + 1] - chances.cumulative[entry], chances.power[entry]
+        s, w = uniform(path, 3 * c + 1), uniform(path, 3 * c + 2)
         if entry >= chances.side_id.size:
+            if entry == chances.power.size - 1 and chances.sky.cumulative.size:
+                _try_sky(n, chances.sky, (worth * chance, power / chances.disk / chance), (s, w), (room, c), sums)
             continue
-        s, w, t = uniform(path, 3 * c + 1), uniform(path, 3 * c + 2), chances.side_id[entry] >> 1
+        t = chances.side_id[entry] >> 1
         u, v, dense = choose_point(chances.cells, t, s, w)
         lamp = emit_at(stage.surfaces, chances.side_id[entry], u, v, _TYPICAL_COSINE)
         room.sheet[c] = sheet_of(stage.surfaces, lamp.side_id)
@@ -355,7 +376,6 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
         cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
         if cosine <= 0.0 or lamp_cosine <= 0.0:
             continue
-        chance, power = chances.cumulative[entry + 1] - chances.cumulative[entry], chances.power[entry]
         area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] / dense  # as if all emitted as much as the point
         view = lamp_cosine / (distance * distance)
         shared = balance(worth * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
@@ -370,6 +390,21 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
             sums[2] += room.left[c] * unevenness(TYPICAL_RAYS * _taken(room, room.sheet[c]))
 
 
+@njit(inline="always")
+def _try_sky(n, cells, sought, numbers, candidate, sums):
+    """As _try_candidates, with a direction of the sky, by two numbers in [0, 1), as candidate c of the room. sought:
+    the worth of shadow rays there, and the sky's W m-2 over the chance."""
+    (points, flux), (room, c) = sought, candidate
+    way = choose_direction(cells, *numbers)
+    cosine, density = dot(way, n), density_towards(cells, way)
+    if cosine > 0.0:
+        shared = balance(points * density, TYPICAL_RAYS * cosine / math.pi)
+        brought = math.pi * cosine * flux / CANDIDATES
+        sums[0] += shared * brought
+        room.sheet[c], room.taken[c] = _SKY, cosine / (math.pi * density)
+        room.left[c] = (1.0 - shared) ** 2 * brought * math.pi**2 * density * flux / TYPICAL_RAYS
+
+
 @njit(**INLINED)
 def _taken(room, sheet):
     """Share of the view that a sheet takes, as the candidates on it tell."""
@@ -380,8 +415,9 @@ def _taken(room, sheet):
     return taken / count
 
 
-def _light_need(lights: LightTable, pilot: Pilot) -> np.ndarray:
-    """(l,) float64 irradiance, m-2, that each W of the lights brings, in the mean over where camera paths gather."""
+def _light_need(lights: LightTable, cells: SkyCells, pilot: Pilot) -> np.ndarray:
+    """(l,) float64 irradiance, m-2, that each W of the lights brings, in the mean over where camera paths gather; of
+    the sky the part that rays of final gathers seldom find."""
     if len(pilot.point) == 0:
         return np.ones(len(lights.kind))
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
@@ -391,7 +427,33 @@ def _light_need(lights: LightTable, pilot: Pilot) -> np.ndarray:
     near = np.mean(cosine / (4.0 * math.pi * distance2), axis=1)
     sun = np.mean(np.maximum(-lights.axis @ receivers.normal.T, 0.0), axis=1) / (math.pi * lights.scene_radius**2)
     need = np.where(lights.kind == SUN, sun, near)
+    if cells.cumulative.size:
+        need[-1] = _sky_need(cells, receivers) / (math.pi * lights.scene_radius**2)
     return np.maximum(need, _LEAST_NEED * (need.mean() if need.size else 0.0))
+
+
+def _sky_need(cells: SkyCells, receivers: Receivers) -> float:
+    """Mean cosine under which the receivers get the light of a sky, as far as rays of final gathers seldom find it: see
+    _bring, with the directions in which all light would come if it were as bright as there."""
+    ways, density = np.empty((_SKY_WAYS, 3)), np.empty(_SKY_WAYS)
+    _choose_directions(cells, pass_key(1, CANDIDATE_CHOICE, PILOT), ways, density)
+    cosine = np.maximum(np.einsum("ri,wi->rw", receivers.normal, ways), 0.0)
+    return float(np.mean(cosine / (1.0 + TYPICAL_RAYS * cosine / (math.pi * density))))
+
+
+@njit(**KERNEL)
+def _choose_directions(cells, key, ways, density):
+    for i in range(density.size):
+        path = path_key(key, i)
+        way = choose_direction(cells, (i + uniform(path, 0)) / density.size, uniform(path, 1))
+        put_vector(way, ways, i)
+        density[i] = density_towards(cells, way)
+
+
+@njit(inline="always")
+def share_of_sky(density, lamps, surroundings, direction):
+    """Share of the light of the sky in a direction that is left to a ray, see share_of_ray."""
+    return balance(density, lamps.afar * density_towards(surroundings.cells, direction))
 
 
 @njit(inline="always")

@@ -141,7 +141,7 @@ def prepare(
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
-    lamps = build_lamps(stage, tracer, pilot, emission, lights, caustic)
+    lamps = build_lamps(stage, tracer, pilot, emission, (lights, surroundings), caustic)
     molecular = None
     if scene.media:
         radiometry = stage.radiometry

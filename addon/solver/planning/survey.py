@@ -38,7 +38,7 @@ from ..sampling.heuristics import ALONE, TYPICAL_RAYS
 from ..sampling.rng import PILOT, SURVEY, pass_key, path_key, uniform
 from ..sampling.vectors import vector
 from ..system.kernels import INLINED, KERNEL, njit
-from .lamps import share_of_ray
+from .lamps import share_of_ray, share_of_sky
 from .media import Scattered, cross_samples
 from .sheets import Excess, Sheets
 
@@ -471,7 +471,10 @@ def _see(stage, hits, rays, around, seen, room):
         if hits.triangle[i] < 0:
             seen[i] = even
             if surroundings.sky.size > 0:
-                seen[i] = radiance_from(surroundings, vector(direction, i), from_sky).sum()
+                way = vector(direction, i)
+                seen[i] = radiance_from(surroundings, way, from_sky).sum()
+                if density[i] < ALONE:
+                    seen[i] *= share_of_sky(density[i], lamps, surroundings, way)
             continue
         at = interact(stage.surfaces, hits, i, direction)
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]

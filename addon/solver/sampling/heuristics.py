@@ -12,6 +12,7 @@ on, D diffuse, G rough, S mirror; "visible" where G and S alone lie before, an "
   bring (BLIND).
 - an end that recalls: first-hit photons against shadow rays of the cached point, all later photons in full. The sky:
   photons, on open sheets rays.
+- a sky of which a small part is bright: as a surface, in all of these, see planning.lamps.
 - an end that is continued: its one ray against a shadow ray, and photons of caustics, as at a visible D.
 - where a medium scatters a camera path: its one ray against a shadow ray. Lights: the shadow ray. By way of specular
   surfaces: the ray.

@@ -48,6 +48,8 @@ class INFRARED_OT_material_mix(ImageLookup, Operator):
         items=(
             ("Color", "Color", "Its first channel: red, or grey", 0),
             ("Alpha", "Alpha", "Its alpha channel, as of pictures of leaves", 1),
+            ("Inverted Color", "Inverted Color", "What its first channel is short of 1", 2),
+            ("Inverted Alpha", "Inverted Alpha", "What its alpha channel is short of 1: the holes between leaves", 3),
         ),
     )
     attribute: StringProperty(name="Attribute", description="Name of a float attribute of the mesh")

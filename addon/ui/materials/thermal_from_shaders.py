@@ -13,7 +13,7 @@ from ...heat_settings import in_scene_unit
 from ...interface import redraw
 from ...properties import add_custom_property, property_label, set_custom_property
 from ...reading.objects import layers_objects
-from ...reading.shader_proposals import FORGOTTEN, Proposal, proposals
+from ...reading.shader_proposals import FORGOTTEN, Proposal, nothing_material, proposals
 
 ICONS = {"Material": "MATERIAL", "Object": "OBJECT_DATA", "World": "WORLD"}  # by the type of what is to change
 WIDTH = 1040  # of the dialog, in pixels at Blender's usual resolution
@@ -74,9 +74,11 @@ def values_text(proposal: Proposal, scene) -> str:
     return ",  ".join(f"{property_label(key)} {_shown(key, value, scene)}" for key, value in proposal.values.items())
 
 
-def _shown(key: str, value: float | str, scene) -> str:
+def _shown(key: str, value, scene) -> str:
     if isinstance(value, str):
         return f"'{value}'"
+    if not isinstance(value, float):
+        return f"Image '{value.name}'"
     return in_scene_unit(value, scene) if key == "temperature" else f"{value:.3g}"
 
 
@@ -121,8 +123,8 @@ class INFRARED_OT_thermal_from_shaders(Operator):
         chosen = [each for each in found if each.values and shown.get(each.key, not shown)]
         for proposal in chosen:
             for key, value in proposal.values.items():
-                set_property = set_custom_property if isinstance(value, str) else add_custom_property
-                set_property(proposal.block, key, value)
+                set_property = add_custom_property if isinstance(value, float) else set_custom_property
+                set_property(proposal.block, key, nothing_material() if key == "mix_material" else value)
             proposal.block.update_tag()
         left = [each for each in found if not each.values]
         redraw("PROPERTIES")

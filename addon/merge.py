@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Merge films of different passes of a render into its images. Works without Blender:
+
+    python -m addon.merge a.npz b.npz ... --output out_####.exr
+
+Films may come in any order, of several frames and view layers. They are refused if they are of different renders, if
+two hold the same pass, or if passes between them are missing; the message lists these.
+"""
+
+from __future__ import annotations
+
+import argparse
+import glob
+import math
+import sys
+from collections.abc import Sequence
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+
+from .output.formats import FORMATS, numbered, without_extension, write_file
+from .solver import layered_image
+from .solver.checkpoint import CheckpointError, StoredFilm, differences, read, save, told_ranges
+from .solver.image.film import Film
+from .solver.physics.correction import Correction
+
+
+class MergeError(ValueError):
+    """Films cannot be merged; the message names the files and says why."""
+
+
+def merged(films: dict[Path, StoredFilm], partial: bool = False) -> StoredFilm:
+    """The film of the passes of all films of one frame and view layer. partial: whether passes may be missing.
+
+    The result equals that of one machine but for the rounding of float64, its noise included: see Film.merge. Raises
+    MergeError.
+    """
+    (first, known), *others = films.items()
+    for path, stored in others:
+        if different := differences(known.marks, stored.marks):
+            raise MergeError(f"'{first}' and '{path}' are of different renders: {different} differ")
+    in_order = sorted(films.items(), key=lambda item: item[1].film.ranges)
+    try:
+        film = reduce(Film.merge, (stored.film for _, stored in in_order))
+    except ValueError as error:
+        listed = ", ".join(f"'{path}' has {told_ranges(stored.film)}" for path, stored in in_order)
+        raise MergeError(f"{error}: {listed}") from error
+    missing = missing_passes(film)
+    if missing and not partial:
+        raise MergeError(f"{told_ranges(film)[:1].upper()}{told_ranges(film)[1:]} are there; missing are {missing}")
+    film.correction = Correction(**known.about.get("correction", {}))
+    return StoredFilm(film, known.marks, _about(known.about, film))
+
+
+def missing_passes(film: Film) -> str:
+    """The passes before the last that a film does not hold, in words, such as '10 to 14 and 20 to 24'; an empty text if
+    none is missing."""
+    gaps, end = [], 0
+    for _, first, stop in film.ranges:
+        if first > end:
+            gaps.append(f"{end} to {first - 1}" if first > end + 1 else f"{end}")
+        end = stop
+    return " and ".join(gaps)
+
+
+def passes_needed(film: Film, target: float) -> int:
+    """How many more passes a film needs until 95 % of its pixels have a noise below a target, K; 0 if they have. The
+    error is taken to fall with the root of the number of passes."""
+    noise = float(np.percentile(film.noise(), 95))
+    return max(0, math.ceil(film.passes * ((noise / target) ** 2 - 1.0)))
+
+
+def images_of(stored: StoredFilm) -> dict[str, object]:
+    """The fields of output.frame.FrameImages of a film."""
+    film = stored.film
+    return {
+        "bands": list(film.bands()),
+        "band_edges": film.band_edges,
+        "radiance": film.radiance(),
+        "temperature": film.temperature(),
+        "noise": film.noise(),
+        "metadata": {**stored.about.get("facts", {}), "frame": stored.about.get("frame", 1)},
+    }
+
+
+def _about(about: dict, film: Film) -> dict:
+    """The facts about a merged film, from those of one of its parts."""
+    facts = about.get("facts", {})
+    return {**about, "facts": {**facts, "passes": film.passes, "firstPass": film.ranges[0][1], "photons": film.photons}}
+
+
+def by_image(films: dict[Path, StoredFilm]) -> dict[tuple[int, str], dict[Path, StoredFilm]]:
+    """Films by frame and view layer."""
+    found = {}
+    for path, stored in films.items():
+        key = int(stored.about.get("frame", 1)), str(stored.about.get("layer", ""))
+        found.setdefault(key, {})[path] = stored
+    return dict(sorted(found.items()))
+
+
+def read_films(patterns: Sequence[str]) -> dict[Path, StoredFilm]:
+    """The films of files, whose names may have wildcards. Raises CheckpointError, or MergeError if there are none."""
+    paths = [Path(name) for pattern in patterns for name in (sorted(glob.glob(pattern)) or [pattern])]
+    if not paths:
+        raise MergeError("No film is given")
+    return {path: read(path) for path in dict.fromkeys(paths)}
+
+
+def parser() -> argparse.ArgumentParser:
+    """Of the command's arguments."""
+    result = argparse.ArgumentParser("addon.merge", description=__doc__.partition("\n")[0])
+    result.add_argument("films", nargs="+", help="files of films; wildcards may be used")
+    result.add_argument("--output", help="file of the images; '####' is the frame number")
+    result.add_argument("--format", default="BAND_EXR", choices=FORMATS, help="of the images")
+    result.add_argument("--groups", help="EXR file of the temperature groups, if the films have any")
+    result.add_argument("--film", help="file of the merged film, to be merged with further passes")
+    result.add_argument("--target-noise", type=float, default=0.0, help="K; says how many more passes it takes")
+    result.add_argument("--partial", action="store_true", help="merge though passes between the films are missing")
+    return result
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Merge films; returns the exit code: 0, 1 if they cannot be merged, 2 if the noise is above the target."""
+    options = parser().parse_args(arguments)
+    if not (options.output or options.groups or options.film):
+        parser().error("nothing to write: give --output, --groups or --film")
+    if options.target_noise < 0.0:
+        parser().error(f"--target-noise is {options.target_noise:g} K, expected 0 or more")
+    try:
+        images = by_image(read_films(options.films))
+        needed = [_write(options, key, films, images) for key, films in images.items()]
+    except (CheckpointError, MergeError, OSError) as error:
+        print(f"Error: {error}", file=sys.stderr)
+        return 1
+    return 2 if any(needed) else 0
+
+
+def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images) -> int:
+    """Write the images of one frame and view layer; returns how many more passes they need."""
+    (frame, layer), several = key, len({frame for frame, _ in images}) > 1
+    suffix = f"_{layer}" if len({layer for _, layer in images}) > 1 else ""
+    stored, name = merged(films, options.partial), f"Frame {frame}" + (f", {layer}" if layer else "")
+
+    def path_of(text: str, ending: str) -> Path:
+        path = numbered(without_extension(text, {Path(ending).suffix, ending}), ending, frame, several)
+        return path.with_name(f"{path.name.removesuffix(ending)}{suffix}{ending}")
+
+    if options.output:
+        write_file(options.format, path_of(options.output, FORMATS[options.format].ending), images_of(stored))
+    if options.groups and len(stored.film.layers) > 1:
+        from .output.group_exr import write_group_exr  # here, as not all merges need OpenEXR
+
+        write_group_exr(path_of(options.groups, ".exr"), layered_image(stored.film), images_of(stored)["metadata"])
+    if options.film:
+        save(path_of(options.film, ".npz"), stored.film, stored.marks, stored.about, "the film")
+    needed = passes_needed(stored.film, options.target_noise) if options.target_noise else 0
+    more = f"; {needed} more passes are needed for {options.target_noise:g} K" if needed else ""
+    noise = float(np.percentile(stored.film.noise(), 95))
+    print(f"{name}: {stored.film.passes} passes of {len(films)} films, noise {noise:.3g} K{more}")
+    return needed
+
+
+if __name__ == "__main__":
+    sys.exit(main())

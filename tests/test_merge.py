@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Films in files: parts of a render, from several machines, merge into the images of one."""
+
+import dataclasses
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from addon import merge
+from addon.solver import Material, Settings, render
+from addon.solver.checkpoint import fingerprint, read, save
+from addon.solver.image.film import Film
+from tests.helpers.scenes import box, look, make_scene
+
+EDGES = np.array([8.0, 10.0, 12.0])
+SETTINGS = Settings(passes=8, photons_per_pass=2000, threads=2)
+PARTS = ((0, 3), (3, 4), (4, 8))  # first pass and the one behind the last
+
+
+def room():
+    vertices, triangles = box((2.0, 3.0, 2.5))
+    kelvin = np.repeat([290.0, 330.0, 295.0, 300.0, 280.0, 310.0], 2)
+    camera = look((0.3, 0.4, 1.0), (1.5, 2.5, 1.2), 12, 8, 0.7)
+    return make_scene(vertices, triangles, kelvin, [Material("wall", 0.7)], camera, EDGES)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return render(room(), SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory):
+    """Files of the parts, in no order."""
+    folder, scene, files = tmp_path_factory.mktemp("films"), room(), []
+    for first, stop in (PARTS[2], PARTS[0], PARTS[1]):
+        settings = dataclasses.replace(SETTINGS, passes=stop - first, pass_offset=first)
+        files.append(folder / f"part{first}.npz")
+        about = {"layer": "ViewLayer", "frame": 7, "facts": {"sensor": "Ideal", "passes": stop - first}}
+        save(files[-1], render(scene, settings), fingerprint(scene, settings), about)
+    return files
+
+
+def images(path):
+    """(h, w) by channel, the bottom row first, by OpenEXR's own reader."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return {name: channel.pixels[::-1] for name, channel in file.channels().items()}, dict(file.header())
+
+
+def test_parts_are_the_whole(parts, whole, tmp_path, capsys):
+    """To the rounding of float32, noise included. A frame's number stands in the name of the file."""
+    assert merge.main([*map(str, parts), "--output", str(tmp_path / "out_####.exr")]) == 0
+    found, header = images(tmp_path / "out_0007.exr")
+    for name, image in {"Radiance.V": whole.radiance(), "Temperature.V": whole.temperature(),
+                        "Noise.V": whole.noise(), "8,00-10,00um.V": whole.band_radiance(0)}.items():  # fmt: skip
+        np.testing.assert_allclose(found[name], image, rtol=3e-6)
+    assert header["passes"] == "8" and header["firstPass"] == "0" and header["frame"] == "7"
+    assert "Frame 7, ViewLayer: 8 passes of 3 films" in capsys.readouterr().out
+
+
+def test_merged_films_merge_on(parts, whole, tmp_path):
+    some = str(tmp_path / "some.npz")
+    assert merge.main([str(parts[1]), str(parts[2]), "--film", some]) == 0
+    assert read(tmp_path / "some.npz").film.ranges == [(0, 0, 4)]
+    assert merge.main([some, str(parts[0]), "--film", str(tmp_path / "all.npz")]) == 0
+    film = read(tmp_path / "all.npz").film
+    np.testing.assert_allclose(film.noise(), whole.noise(), rtol=3e-6)
+    longer = render(room(), dataclasses.replace(SETTINGS, passes=10), film=film)  # and are extended
+    np.testing.assert_allclose(
+        longer.temperature(), render(room(), dataclasses.replace(SETTINGS, passes=10)).temperature(), rtol=1e-6
+    )
+
+
+def refused(capsys, *arguments):
+    assert merge.main(list(map(str, arguments))) == 1
+    return capsys.readouterr().err
+
+
+def test_what_is_missing_is_listed(parts, tmp_path, capsys):
+    error = refused(capsys, parts[0], "--output", tmp_path / "out.exr")
+    assert "Passes 4 to 7 are there; missing are 0 to 3" in error
+    error = refused(capsys, parts[0], parts[1], "--output", tmp_path / "out.exr")
+    assert "Passes 0 to 2 and 4 to 7 are there; missing are 3" in error
+    assert not list(tmp_path.iterdir())
+    assert merge.main([str(parts[0]), str(parts[1]), "--partial", "--output", str(tmp_path / "out.exr")]) == 0
+
+
+def test_the_same_pass_twice_is_refused(parts, tmp_path, capsys):
+    twice = tmp_path / "copy.npz"
+    twice.write_bytes(parts[0].read_bytes())
+    error = refused(capsys, *parts, twice, "--output", tmp_path / "out.exr")
+    assert "Both films hold pass 4" in error and f"'{twice}' has passes 4 to 7" in error
+
+
+def test_films_of_other_renders_are_refused(parts, tmp_path, capsys):
+    scene, other = room(), tmp_path / "other.npz"
+    settings = dataclasses.replace(SETTINGS, passes=1, pass_offset=8)
+    warmer = dataclasses.replace(scene, temperature=scene.temperature + np.float32(1.0))
+    about = {"layer": "ViewLayer", "frame": 7}
+    save(other, render(warmer, settings), fingerprint(warmer, settings), about)
+    error = refused(capsys, *parts, other, "--output", tmp_path / "out.exr")
+    assert "are of different renders: temperature differ" in error and str(other) in error
+    other.write_bytes(other.read_bytes()[:1000])
+    assert "damaged" in refused(capsys, *parts, other, "--output", tmp_path / "out.exr")
+    assert "no.npz" in refused(capsys, tmp_path / "no.npz", "--output", tmp_path / "out.exr")
+
+
+def test_frames_and_layers_are_apart(parts, tmp_path):
+    for frame, layer in ((7, "Other"), (8, "ViewLayer")):
+        for part in parts:
+            stored = read(part)
+            path = tmp_path / f"{frame} {layer} {part.name}"
+            save(path, stored.film, stored.marks, {**stored.about, "frame": frame, "layer": layer})
+    assert merge.main([str(tmp_path / "*.npz"), *map(str, parts), "--output", str(tmp_path / "out.exr")]) == 0
+    names = {path.name for path in tmp_path.glob("*.exr")}
+    assert names == {"out0007_ViewLayer.exr", "out0007_Other.exr", "out0008_ViewLayer.exr"}
+
+
+def test_how_many_passes_a_target_needs(parts, whole, tmp_path, capsys):
+    """As the error falls with the root of their number."""
+    noise = float(np.percentile(whole.noise(), 95))
+    arguments = [*map(str, parts), "--output", str(tmp_path / "out.exr"), "--target-noise"]
+    assert merge.main([*arguments, f"{0.51 * noise:.9g}"]) == 2
+    assert "; 23 more passes are needed" in capsys.readouterr().out
+    assert merge.main([*arguments, f"{1.1 * noise:.9g}"]) == 0
+    assert (tmp_path / "out.exr").exists()
+
+
+@pytest.mark.parametrize(
+    ("ranges", "missing"),
+    [
+        ([(0, 0, 8)], ""),
+        ([(0, 2, 8)], "0 to 1"),
+        ([(0, 0, 1), (0, 2, 3), (0, 9, 12)], "1 and 3 to 8"),
+    ],
+)
+def test_missing_passes_are_told(ranges, missing):
+    film = Film(2, 2, EDGES)
+    film.ranges = ranges
+    assert merge.missing_passes(film) == missing
