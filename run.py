@@ -4,7 +4,8 @@
 python run.py demo [options]     render the demo; options are those of docs/demo/render.py
 python run.py test [options]     run the tests; options are pytest's
 python run.py check              lint, and check the format of the code
-python run.py package            build the extension, one zip for each platform, and the application template
+python run.py package            build the extension, one zip for each platform and Python, an index by which Blender
+                                 chooses among them, and the application template
 
 Each Python gets its own environment beside this file (.venv-3.11, .venv-3.13). It is made on the first run, which
 downloads about 500 MB, and made again when the requirements in pyproject.toml change.
@@ -33,6 +34,12 @@ PLATFORMS = {
     "linux-x64": "manylinux_2_28_x86_64",
     "windows-x64": "win_amd64",
     "macos-arm64": "macosx_13_0_arm64",
+}
+# Python of Blender's own builds -> the first Blender that has it, the first that has it no more (empty: none yet), and
+# how the names of zips say that
+BLENDERS = {
+    "3.11": ("4.5.0", "5.1.0", "blender_4.5_to_5.0"),
+    "3.13": ("5.1.0", "", "blender_5.1_or_newer"),
 }
 
 
@@ -63,7 +70,7 @@ def main() -> int:
     if options.command == "check":
         return call(python, "-m", "ruff", "check") or call(python, "-m", "ruff", "format", "--check")
     package(python, options.python, options.platform, options.output)
-    print(package_template(options.output))
+    print(package_template(options.output / "template"))
     return 0
 
 
@@ -114,16 +121,33 @@ def environment_requirements(pyproject: dict) -> list[str]:
 
 
 def package(python: Path, versions: Iterable[str], platforms: Iterable[str], output: Path) -> None:
-    """Build the extension, one zip for each platform, with the wheels of every Python version asked for.
+    """Build the extension, one zip for each platform and Python version, and the index of them all, index.json.
 
-    One zip for all platforms would make every user download the wheels of three systems, 380 MB, to use a third. The
-    Python versions share a zip because users know their system, but hardly the Python inside their Blender.
+    One zip for all would make every user download the wheels of three systems and two Pythons, 380 MB, to use a sixth.
     """
-    stage = ROOT / "build" / "extension"
-    stage_extension(stage, {name: [fetch_wheels(python, name, version) for version in versions] for name in platforms})
     output.mkdir(parents=True, exist_ok=True)
-    for archive in build_extension(python, stage, output):
+    kernels = list_kernels(python)
+    for name, version in itertools.product(platforms, versions):
+        stage = ROOT / "build" / f"extension-{name}-{version}"
+        stage_extension(stage, name, version, fetch_wheels(python, name, version), kernels)
+        archive = build_extension(python, stage, output / archive_name(name, version))
         print(f"{archive} ({archive.stat().st_size / 1e6:.0f} MB)")
+    print(generate_index(python, output))
+
+
+def archive_name(platform: str, version: str) -> str:
+    """The name of a zip, which says what it is for in words of Blender's users. version: of Python."""
+    blender = BLENDERS[version][-1] if version in BLENDERS else f"python_{version}"
+    manifest = read_toml(ROOT / "blender_manifest.toml")
+    return f"{manifest['id']}-{manifest['version']}-{blender}-{platform.replace('-', '_')}.zip"
+
+
+def list_kernels(python: Path) -> Path:
+    """The list of kernels that goes into the extension, see addon/compiling; they are compiled if need be."""
+    path = ROOT / "build" / "kernels.json"
+    path.parent.mkdir(exist_ok=True)
+    run("The kernels could not be listed", python, "-m", "docs.tools.list_kernels", path)
+    return path
 
 
 def fetch_wheels(python: Path, platform: str, version: str) -> Path:
@@ -159,38 +183,58 @@ def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def stage_extension(stage: Path, wheels: dict[str, list[Path]]) -> None:
+def stage_extension(stage: Path, platform: str, version: str, wheels: Path, kernels: Path) -> None:
     """Lay out the extension as Blender wants it: the add-on's code, manifest, licence and wheels in one folder.
 
-    stage: the folder, emptied first. wheels: for each platform, the folders of its wheels.
+    stage: the folder, emptied first. version: of Python. wheels: folder of them. kernels: the list of them.
     """
     shutil.rmtree(stage, ignore_errors=True)
     shutil.copytree(ROOT / "addon", stage, ignore=shutil.ignore_patterns("__pycache__", "*.py[co]", "*.nb[ic]"))
     shutil.copy(ROOT / "LICENSE", stage)
+    shutil.copy(kernels, stage / "kernels.json")
     (stage / "wheels").mkdir()
-    files = [wheel for folders in wheels.values() for folder in folders for wheel in sorted(folder.glob("*.whl"))]
+    files = sorted(wheels.glob("*.whl"))
     for wheel in files:
         shutil.copy(wheel, stage / "wheels")
+    added = {"platforms": [platform], "wheels": [f"./wheels/{wheel.name}" for wheel in files]}
     manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
-    lists = {"platforms": list(wheels), "wheels": [f"./wheels/{wheel.name}" for wheel in files]}
-    # In front, because what follows a table's header belongs to the table. JSON's lists of strings are TOML's as well.
-    head = "".join(f"{key} = {json.dumps(value, indent=4)}\n" for key, value in lists.items())
+    if version in BLENDERS:
+        first, end, _ = BLENDERS[version]
+        manifest, count = re.subn(r"(?m)^(blender_version_min = ).*$", rf'\g<1>"{first}"', manifest)
+        if count != 1:
+            sys.exit("blender_manifest.toml needs one blender_version_min")
+        added |= {"blender_version_max": end} if end else {}
+    # In front, because what follows a table's header belongs to the table. JSON's texts and lists are TOML's as well.
+    head = "".join(f"{key} = {json.dumps(value, indent=4)}\n" for key, value in added.items())
     (stage / "blender_manifest.toml").write_text(head + manifest, encoding="utf-8")
 
 
-def build_extension(python: Path, stage: Path, output: Path) -> list[Path]:
-    """Zip and validate a staged extension with Blender's own tool, which bpy brings along; returns the zips."""
+def build_extension(python: Path, stage: Path, archive: Path) -> Path:
+    """Zip and validate a staged extension with Blender's own tool; returns the zip."""
+    archive = archive.resolve()
+    source, target = f"--source-dir={stage}", f"--output-filepath={archive}"
+    run("The extension did not build", python, extension_tool(python), "build", source, target)
+    run("The extension is not valid", python, extension_tool(python), "validate", archive)
+    return archive
+
+
+def generate_index(python: Path, folder: Path) -> Path:
+    """Make the index of the zips in a folder, which is then a repository of extensions; returns the index.
+
+    From a repository Blender installs the zip that is for it. The index says of each for which Blender, system and
+    Python it is.
+    """
+    where = f"--repo-dir={folder.resolve()}"
+    run("The index was not made", python, extension_tool(python), "server-generate", where, "--html")
+    return folder / "index.json"
+
+
+def extension_tool(python: Path) -> Path:
+    """Blender's own tool for extensions, which bpy brings along."""
     tools = [*python.parent.parent.glob("**/bl_pkg/cli/blender_ext.py")]
     if len(tools) != 1:
         sys.exit(f"Expected one blender_ext.py in {python.parent.parent}, found {len(tools)}")
-    manifest = read_toml(stage / "blender_manifest.toml")
-    source, target = f"--source-dir={stage}", f"--output-dir={output.resolve()}"
-    run("The extension did not build", python, tools[0], "build", source, target, "--split-platforms")
-    suffixes = [name.replace("-", "_") for name in manifest["platforms"]]
-    archives = [output.resolve() / f"{manifest['id']}-{manifest['version']}-{suffix}.zip" for suffix in suffixes]
-    for archive in archives:
-        run("The extension is not valid", python, tools[0], "validate", archive)
-    return archives
+    return tools[0]
 
 
 # The application template

@@ -85,7 +85,18 @@ def _own_materials(earlier: Path) -> Path:
 def _modules():
     from . import commands, engine, measure_settings, preferences, properties
     from .rendering import frame_tools
-    from .ui import band_presets, checks, export_report, object_panel, operators, panels, sensor_image, sensor_panel
+    from .ui import (
+        band_presets,
+        checks,
+        export_report,
+        kernels,
+        object_panel,
+        operators,
+        panels,
+        render_header,
+        sensor_image,
+        sensor_panel,
+    )
     from .ui.gases import gas_panels
     from .ui.materials import curve_points, curve_previews, material_assets, material_library, mix, thermal_from_shaders
     from .ui.measuring import tool_operators, tool_panels, workspace_tools
@@ -128,6 +139,8 @@ def _modules():
         object_panel,
         export_report,
         frame_tools,
+        kernels,
+        render_header,
         preferences,
         engine,
         commands,

@@ -10,6 +10,8 @@ import logging
 import bpy
 
 from .interface import ENGINE
+from .rendering.last_render import last_failures
+from .rendering.live_pictures import viewports
 from .rendering.render_passes import register_passes
 from .solver.physics.spectrum import LIBRARY_MISSING
 from .solver.scene import SceneError
@@ -47,16 +49,21 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
         try:
             from .rendering.final_render import render_view_layer
         except ImportError as error:
-            self._fail(LIBRARY_MISSING.format(error))
+            self._fail(depsgraph.scene.name, LIBRARY_MISSING.format(error))
             return
         try:
             render_view_layer(self, depsgraph)
         except (SceneError, OSError) as error:
-            self._fail(str(error))
+            self._fail(depsgraph.scene.name, str(error))
         except MemoryError as error:
-            self._fail(f"Out of memory: {error}. Lower the resolution, the number of bands or the photons per pass")
+            self._fail(
+                depsgraph.scene.name,
+                f"Out of memory: {error}. Lower the resolution, the number of bands or the photons per pass",
+            )
         except Exception as error:  # a mistake of ours: Blender alone would end with an empty image and no message
-            self._fail(f"The solver failed: {error!r}; the system console has the details", details=True)
+            self._fail(
+                depsgraph.scene.name, f"The solver failed: {error!r}; the system console has the details", details=True
+            )
 
     def view_update(self, context, depsgraph):
         """Something in the scene of a viewport in Rendered mode changed: read it."""
@@ -75,11 +82,23 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
         if self._viewport is not None:
             self._viewport.draw(self, context, depsgraph)
 
-    def _fail(self, message: str, details: bool = False) -> None:
-        """Show the error: in the log, in the image's header, and as an exception to a script that asked to render."""
-        log.error(message, exc_info=details)
-        self.error_set(message)
+    def _fail(self, scene: str, message: str, details: bool = False) -> None:
+        """Show the error: as a report, which a script that asked to render gets as an exception, and in the header.
+
+        Blender's own error_set would add the same text to the report. scene: its name. details: of the exception, for
+        the log.
+        """
+        if details:
+            log.error("The render failed", exc_info=True)
+        last_failures[scene] = message
         self.report({"ERROR"}, message)
 
 
-register, unregister = bpy.utils.register_classes_factory((InfraredPhotonsEngine,))
+def register():
+    bpy.utils.register_class(InfraredPhotonsEngine)
+
+
+def unregister():
+    for viewport in list(viewports.values()):
+        viewport.stop()
+    bpy.utils.unregister_class(InfraredPhotonsEngine)

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on's preferences: its version, and a button that checks the installation."""
+"""The add-on's preferences: its version, compiling in the background, and a button that checks the installation."""
 
 from __future__ import annotations
 
+import sys
 import threading
 
 import bpy
+from bpy.props import BoolProperty
 from bpy.types import AddonPreferences, Operator
 
 from .interface import redraw
-from .rendering.self_check import run_checks
+from .rendering.self_check import CHECKS, run_checks
+from .ui.kernels import draw_compiling
 from .version import version
 
 THREAD = "Infrared Photons check"
@@ -42,7 +45,10 @@ class INFRARED_OT_self_check(Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        if event.type != "TIMER" or is_running():
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if is_running():
+            redraw("PREFERENCES")
             return {"PASS_THROUGH"}
         self.cancel(context)
         redraw()
@@ -73,15 +79,33 @@ def _check() -> None:
         _lines.append(line)
 
 
+def _now() -> str:
+    """What the check in the background is at."""
+    watch = sys.modules.get(f"{__package__}.compiling.watch")  # once a render has loaded it
+    compiling = watch.COMPILING if watch and watch.compiles_now() else ""
+    return CHECKS[min(len(_lines), len(CHECKS) - 1)].__doc__ + compiling
+
+
 class InfraredPreferences(AddonPreferences):
     """What Blender shows of the add-on in Edit > Preferences > Add-ons."""
 
     bl_idname = __package__
 
+    compile_at_start: BoolProperty(
+        name="Compile at Start",
+        description="Compile the engine's inner loops in the background when Blender starts, unless they are compiled",
+        default=True,
+    )
+
     def draw(self, _context):
         layout = self.layout
         layout.label(text=f"Infrared Photons {version()}")
-        layout.operator("infrared.self_check", text="Testing..." if is_running() else "Self-Test", icon="CHECKMARK")
+        layout.prop(self, "compile_at_start")
+        draw_compiling(layout)
+        if is_running():
+            layout.progress(factor=len(_lines) / len(CHECKS), text=_now())
+        else:
+            layout.operator("infrared.self_check", icon="CHECKMARK")
         for what, problem in _lines:
             layout.label(text=f"{what}: {problem}" if problem else what, icon="ERROR" if problem else "CHECKMARK")
 

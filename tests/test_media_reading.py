@@ -155,7 +155,7 @@ def test_without_gas_there_are_no_media(scene):
 @pytest.mark.parametrize("change, warning", [
     ("open", "'Plume': the mesh of a gas must be closed, but it is open at ("),
     ("no depth", "'Sky': its gas has no depth, so rays that leave the scene cross none of it"),
-    ("no temperature", "'Plume': no temperature, using the ambient"),
+    ("no temperature", "'Plume': no temperature; the ambient"),
     ("attribute", "'Plume': a gas has one temperature; the mean of its mesh counts"),
 ])  # fmt: skip
 def test_what_a_gas_lacks_is_named(scene, change, warning):

@@ -2,6 +2,8 @@
 """run.py: the environment it makes, the wheels it selects, the extension it builds with Blender's own tool."""
 
 import importlib.metadata
+import itertools
+import json
 import shutil
 import sys
 import tomllib
@@ -161,14 +163,13 @@ def test_a_python_without_wheels_is_an_error(project, monkeypatch):
 # The extension
 
 
-def stage(project: Path) -> Path:
-    """Stage the project's extension with wheels for every platform and two Pythons."""
-    folders = {}
-    for platform, tag in run.PLATFORMS.items():
-        folders[platform] = [project / "wheels" / f"{platform}-{version}" for version in ("3.11", "3.13")]
-        for folder, python in zip(folders[platform], ("cp311-cp311", "cp313-cp313"), strict=True):
-            write_wheels(folder, tag=f"{python}-{tag}")
-    run.stage_extension(project / "stage", folders)
+def stage(project: Path, platform="linux-x64", version="3.13") -> Path:
+    """Stage the project's extension for a platform and a Python, with empty wheels."""
+    folder, tag = project / "wheels" / f"{platform}-{version}", f"cp{version.replace('.', '')}"
+    write_wheels(folder, tag=f"{tag}-{tag}-{run.PLATFORMS[platform]}")
+    kernels = project / "kernels.json"
+    kernels.write_text('{"types": [], "kernels": []}')
+    run.stage_extension(project / "stage", platform, version, folder, kernels)
     return project / "stage"
 
 
@@ -176,34 +177,67 @@ def test_staging_holds_the_code_and_no_litter(project):
     folder = stage(project)
     files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert {name for name in files if not name.startswith("wheels/")} == {
-        "__init__.py", "solver/passes.py", "materials.csv", "LICENSE", "blender_manifest.toml",
+        "__init__.py", "solver/passes.py", "materials.csv", "LICENSE", "blender_manifest.toml", "kernels.json",
     }  # fmt: skip
     manifest = run.read_toml(folder / "blender_manifest.toml")
     assert {name for name in files if name.startswith("wheels/")} == {name[2:] for name in manifest["wheels"]}
-    assert len(manifest["wheels"]) == len(BUNDLED) * 2 * len(run.PLATFORMS)
+    assert len(manifest["wheels"]) == len(BUNDLED)
 
 
-def test_staging_leaves_the_source_manifest_alone_and_keeps_what_it_says(project):
+@pytest.mark.parametrize(("version", "last"), [("3.11", {"blender_version_max"}), ("3.13", set()), ("3.14", set())])
+def test_staging_leaves_the_source_manifest_alone_and_keeps_what_it_says(project, version, last):
     source = run.read_toml(project / "blender_manifest.toml")
-    staged = run.read_toml(stage(project) / "blender_manifest.toml")
+    staged = run.read_toml(stage(project, version=version) / "blender_manifest.toml")
     assert run.read_toml(project / "blender_manifest.toml") == source
-    assert {key: staged[key] for key in source} == source
-    assert set(staged) - set(source) == {"platforms", "wheels"}
+    same = set(source) - {"blender_version_min"}
+    assert {key: staged[key] for key in same} == {key: source[key] for key in same}
+    assert set(staged) - set(source) == {"platforms", "wheels"} | last
 
 
-def test_blender_builds_one_valid_zip_per_platform_with_its_own_wheels(project):
-    archives = run.build_extension(Path(sys.executable), stage(project), project)
-    assert len(archives) == len(run.PLATFORMS)
-    for archive, (platform, tag) in zip(archives, run.PLATFORMS.items(), strict=True):
+def test_each_blender_has_one_zip():
+    """The ranges of versions meet, and begin with the oldest Blender that the manifest allows."""
+    ranges = [run.BLENDERS[version][:2] for version in run.supported_pythons()]
+    assert ranges[0][0] == run.read_toml(run.ROOT / "blender_manifest.toml")["blender_version_min"]
+    assert all(end == begin for (_, end), (begin, _) in itertools.pairwise(ranges)) and ranges[-1][1] == ""
+
+
+def build(project: Path) -> list[Path]:
+    """The zips of the project's extension for every platform and Python."""
+    pairs = itertools.product(run.PLATFORMS, run.supported_pythons())
+    (project / "dist").mkdir()
+    return [
+        run.build_extension(Path(sys.executable), stage(project, *pair), project / "dist" / run.archive_name(*pair))
+        for pair in pairs
+    ]
+
+
+def test_blender_builds_one_valid_zip_per_platform_and_python_with_its_own_wheels(project):
+    archives = build(project)
+    assert len({archive.name for archive in archives}) == len(run.PLATFORMS) * len(run.supported_pythons())
+    pairs = itertools.product(run.PLATFORMS.items(), run.supported_pythons())
+    for archive, ((platform, tag), version) in zip(archives, pairs, strict=True):
         with zipfile.ZipFile(archive) as content:
             names = content.namelist()
-            generated = tomllib.loads(content.read("blender_manifest.toml").decode())["build"]["generated"]
+            manifest = tomllib.loads(content.read("blender_manifest.toml").decode())
         wheels = [f"./{name}" for name in names if name.startswith("wheels/")]
-        assert generated["platforms"] == [platform]
-        assert sorted(generated["wheels"]) == sorted(wheels)
-        assert len(wheels) == 2 * len(BUNDLED)
-        assert all(wheel.endswith(f"{tag}.whl") for wheel in wheels)
-        assert {"__init__.py", "LICENSE", "solver/passes.py"} <= set(names)
+        assert manifest["platforms"] == [platform]
+        assert sorted(manifest["wheels"]) == sorted(wheels)
+        assert len(wheels) == len(BUNDLED)
+        assert all(wheel.endswith(f"cp{version.replace('.', '')}-{tag}.whl") for wheel in wheels)
+        assert {"__init__.py", "LICENSE", "solver/passes.py", "kernels.json"} <= set(names)
+
+
+def test_the_index_says_what_each_zip_is_for(project):
+    archives = build(project)
+    listed = json.loads(run.generate_index(Path(sys.executable), project / "dist").read_text())["data"]
+    assert sorted(entry["archive_url"] for entry in listed) == sorted(f"./{archive.name}" for archive in archives)
+    for entry in listed:
+        (version,) = entry["python_versions"]
+        (platform,) = entry["platforms"]
+        assert entry["archive_url"] == "./" + run.archive_name(platform, version)
+        first, end, _ = run.BLENDERS[version]
+        assert (entry["blender_version_min"], entry.get("blender_version_max", "")) == (first, end)
+        assert (entry["id"], entry["archive_size"] > 0) == ("infrared_photons", True)
 
 
 def test_blender_refuses_a_broken_manifest(project):
@@ -211,7 +245,7 @@ def test_blender_refuses_a_broken_manifest(project):
     manifest = folder / "blender_manifest.toml"
     manifest.write_text(manifest.read_text().replace('type = "add-on"', 'type = "engine"'))
     with pytest.raises(SystemExit, match="did not build"):
-        run.build_extension(Path(sys.executable), folder, project)
+        run.build_extension(Path(sys.executable), folder, project / "broken.zip")
 
 
 # The application template

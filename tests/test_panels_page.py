@@ -13,6 +13,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+import blf  # noqa: E402
+
 from addon.measure_settings import add_tool  # noqa: E402
 from addon.preferences import InfraredPreferences  # noqa: E402
 from addon.rendering.render_passes import render_passes  # noqa: E402
@@ -66,7 +68,12 @@ def emphasised(text):
 
 
 class Labels:
-    """Stands in for a layout, all its rows, columns and boxes: notes the names of the fields that are drawn."""
+    """Stands in for a layout, all its rows, columns and boxes: notes the names of the fields that are drawn.
+
+    beside: names that all of them drew beside a value. A check box has its name to its right.
+    """
+
+    beside = set()
 
     def __init__(self):
         self.names = set()
@@ -77,7 +84,11 @@ class Labels:
         return self
 
     def prop(self, owner, name, text=None, **_):
-        return self._note(owner.bl_rna.properties[name].name if text is None else text)
+        known = owner.bl_rna.properties.get(name)  # None of a custom property
+        shown = known.name if text is None else text
+        if known is None or known.type != "BOOLEAN":
+            self.beside.add(shown)
+        return self._note(shown)
 
     def prop_search(self, owner, name, *_, text=None, **__):
         return self.prop(owner, name, text)
@@ -213,3 +224,11 @@ def test_every_picture_is_there():
     pictures = re.findall(r"\((images/panel-[\w-]+\.png)\)", PAGE)
     assert len(pictures) == len(set(pictures)) == 11
     assert all((DOCS / picture).is_file() for picture in pictures)
+
+
+def test_no_name_beside_a_value_is_cut(drawn):
+    """In the Properties editor as it is in a new window of 1920 pixels, 340 pixels wide, of which names have 116."""
+    blf.size(0, 11.0)
+    wide = {name: blf.dimensions(0, name)[0] for name in Labels.beside}
+    assert len(wide) > 40
+    assert {name for name, pixels in wide.items() if pixels > 116.0} == set()

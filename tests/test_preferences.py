@@ -36,7 +36,9 @@ def test_every_part_of_it_was_looked_at():
 def test_wrong_temperatures_are_told(monkeypatch, off):
     real = self_check._render
     monkeypatch.setattr(self_check, "_render", lambda subtract: real(subtract) + off)
-    with pytest.raises(RuntimeError, match=r"looks black: off by .* K; So it does by photons alone: off by .* K"):
+    with pytest.raises(
+        RuntimeError, match=r"looks like a blackbody: off by .* K; So it does by photons alone: off by .* K"
+    ):
         bpy.ops.infrared.self_check()
 
 

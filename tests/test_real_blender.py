@@ -65,11 +65,12 @@ def installed():
     subprocess.run([LAUNCHER, "setup"], cwd=ROOT, check=True, stdin=subprocess.DEVNULL)
     shutil.rmtree(WORK, ignore_errors=True)
     (WORK / "home").mkdir(parents=True)
-    # Wheels for another Python go along, to see that Blender takes the fitting ones.
-    pythons = dict.fromkeys([run.supported_pythons()[-1], report("--factory-startup")["python"]])
+    its_own = report("--factory-startup")["python"]
+    # A zip for another Python is made, too, to see that Blender takes the fitting one.
+    pythons = dict.fromkeys([run.supported_pythons()[-1], its_own])
     run.package(Path(sys.executable), pythons, ["linux-x64"], WORK / "dist")  # by this Python: it has all that it takes
-    run.package_template(WORK / "dist")
-    (archive,) = (WORK / "dist").glob("infrared_photons-*.zip")
+    run.package_template(WORK / "dist" / "template")
+    archive = WORK / "dist" / run.archive_name("linux-x64", its_own)
     text = blender(
         "--command", "extension", "install-file", "-r", "user_default", "--enable", archive, check_scripts=False
     )
@@ -250,6 +251,39 @@ def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
     assert len(zooms) == 10 and all(read > 1000 and other == 0 for read, other in zooms), found
 
 
+# From a repository of extensions --------------------------------------------------------------------------------------
+
+
+def test_blender_takes_its_zip_from_the_repository_compiles_by_itself_and_the_first_picture_is_there_at_once(
+    installed, capsys
+):
+    """And removing the extension while it compiles leaves nothing at work. Times depend on the machine and what else
+    it does: they are printed."""
+    pictures = WORK / "pictures"
+    pictures.mkdir()
+    with empty_user_folder(kernels=False):
+        command = "--online-mode", "--command", "extension"
+        index = (WORK / "dist" / "index.json").as_uri()
+        blender(*command, "repo-add", "--url", index, "--name", "Infrared", "infrared", check_scripts=False)
+        text = blender(*command, "install", "--sync", "--enable", "infrared_photons", check_scripts=False)
+        assert 'Installed "infrared_photons"' in text
+        (folder,) = (WORK / "user" / "extensions").glob("*/infrared_photons")
+        with zipfile.ZipFile(installed) as content:
+            names = {name for name in content.namelist() if name.startswith("wheels/")}
+        assert {f"wheels/{path.name}" for path in (folder / "wheels").iterdir()} == names  # those of its own Python
+        text = blender(*SMALL_WINDOW, *module("start_up", pictures), window=True)
+    found = facts(text)
+    assert found.get("end"), text
+    assert found["complete"] and found["problem"] == "" and found["processes"] > 0
+    assert found["loads"] == []  # Blender itself has loaded nothing large
+    assert found["kernels compiled by the render"] == 0
+    assert found["processes when removed"] == 0 and found["modules when removed"] == []
+    with capsys.disabled():
+        print(f" [{found['processes']} processes compiled {found['kernels']} kernels in", end=" ")
+        print(f"{found['compiled in']:.0f} s; then F12 showed a picture of 640 x 480 after", end=" ")
+        print(f"{found['first picture after']:.1f} s]", end=" ")
+
+
 # Measuring ------------------------------------------------------------------------------------------------------------
 
 
@@ -372,12 +406,16 @@ def test_a_browser_shows_the_report(bench):
 
 
 @contextmanager
-def empty_user_folder():
-    """For a while: empty but for the compiled kernels, which belong to this very place and take a minute to compile."""
-    kernels = Path("extensions", ".user", "user_default", "infrared_photons", "kernels")
+def empty_user_folder(kernels=True):
+    """For a while: empty but for the compiled kernels, which belong to this very place and take a minute to compile.
+
+    kernels: False is without them, too.
+    """
+    kept = Path("extensions", ".user", "user_default", "infrared_photons", "kernels")
     before = (WORK / "user").rename(WORK / "user before")
     try:
-        shutil.copytree(before / kernels, WORK / "user" / kernels)
+        if kernels:
+            shutil.copytree(before / kept, WORK / "user" / kept)
         yield
     finally:
         shutil.rmtree(WORK / "user")
@@ -467,7 +505,7 @@ def rendered_template(*arguments) -> None:
 
 
 def test_the_template_renders_from_the_menu_and_from_the_command_line(first):
-    rendered_template(*module("template", WORK / "dist" / "infrared_photons_template.zip"))
+    rendered_template(*module("template", WORK / "dist" / "template" / "infrared_photons_template.zip"))
     assert (WORK / "user" / "scripts" / "startup" / "bl_app_templates_user" / "Infrared_Photons").is_dir()
     rendered_template("--app-template", "Infrared_Photons", *module("template"))
 

@@ -31,7 +31,7 @@ ROOMS = (
     ("reading",),
     ("properties", "heat_settings", "measure_settings", "object_settings", "interface"),
     ("measuring", "merge"),
-    ("output",),
+    ("output", "compiling"),
     ("pass_ranges", "version", "solver", "presets"),
 )
 SOLVERS_ROOMS = (
@@ -52,6 +52,12 @@ SOLVERS_ROOMS = (
 )
 LARGE_LIBRARIES = {"numba", "embreex", "OpenEXR"}  # Blender must start without them
 MOST_PARAMETERS = 8
+FINDERS = {
+    "tests/real_blender/launch.py",
+    "addon/compiling/compilation.py",
+    "addon/compiling/worker.py",
+    "tests/test_startup.py",
+}
 
 
 def name(path: Path) -> str:
@@ -434,10 +440,13 @@ def test_manifest_leaves_wheels_to_the_build():
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=name)
-def test_only_blenders_launcher_changes_where_python_looks_for_modules(path):
-    """Scripts run as modules, in the project's folder. Code in texts, for other processes, counts as well."""
+def test_only_launchers_change_where_python_looks_for_modules(path):
+    """Scripts run as modules, in the project's folder. Code in texts, for other processes, counts as well.
+
+    The two of the add-on let a process of its own look where Blender does.
+    """
     changed = re.search(r"\bsys\.path\b|syspath[_]|addsite[d]ir", path.read_text(encoding="utf-8"))
-    assert bool(changed) == (name(path) == "tests/real_blender/launch.py")
+    assert bool(changed) == (name(path) in FINDERS)
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=name)

@@ -200,14 +200,14 @@ def test_a_mesh_without_texture_coordinates_is_told(warm, uv, problem):
     scene, warnings = read()
     assert scene.textures is None
     assert told(warnings, f"'Wall': temperature_image: {problem}; the object's own temperature counts")
-    assert told(warnings, "'Wall': no temperature, using the ambient")
+    assert told(warnings, "'Wall': no temperature; the ambient")
 
 
 @pytest.mark.parametrize("extension, counts", [("CLIP", True), ("REPEAT", False)])
 def test_an_own_temperature_is_missed_only_where_it_counts(warm, extension, counts):
     del warm["temperature"]
     warm["temperature_extension"] = extension
-    assert told(read()[1], "'Wall': no temperature, using the ambient") == counts
+    assert told(read()[1], "'Wall': no temperature; the ambient") == counts
 
 
 def test_the_uv_map_of_renders_counts(warm):

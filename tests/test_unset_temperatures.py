@@ -140,7 +140,7 @@ def test_surroundings_without_a_temperature_are_named_in_an_open_scene(cube, cap
     begin = unset(with_world)
     place = "0 K. Set it in World properties, panel Surroundings"
     assert checks() == [f"{begin}, and the scene is open: rays that leave it see {place}"]
-    assert rendered(caplog) == [f"ViewLayer: {begin}, and rays leave the scene: they see {place}"]
+    assert rendered(caplog) == [f"ViewLayer: {begin}, and the scene is open: rays that leave it see {place}"]
 
 
 def test_surroundings_that_somebody_set_are_not_named(cube, caplog):

@@ -99,6 +99,23 @@ def test_the_final_picture_is_that_of_a_render(scene, watcher):
         np.testing.assert_array_equal(getattr(picture, name), getattr(film, name)())
 
 
+def test_first_pictures_are_smoothed_for_the_eye_alone(scene, watcher):
+    """Those of one pass, coarse or not. What is measured is the render's own; later ones are drawn as they are."""
+    camera = dataclasses.replace(scene.camera, width=200, height=150)
+    wanted = request(scene, camera, passes=2)
+    watcher.render.submit(wanted)
+    watcher.wait(lambda w: w.last == "Pass 2/2")
+    coarse, first, second = [picture for picture in watcher.pictures if picture]
+    one_pass = dataclasses.replace(wanted.settings, passes=1)
+    film = render(dataclasses.replace(scene, camera=camera), one_pass)
+    np.testing.assert_array_equal(first.measured.radiance, film.radiance())
+    np.testing.assert_array_equal(first.measured.temperature, film.temperature())
+    for picture in (coarse, first):
+        assert (picture.drawn.radiance != picture.measured.radiance).mean() > 0.5
+        assert picture.drawn.temperature.shape == picture.measured.temperature.shape
+    assert second.drawn == second.measured
+
+
 def test_a_window_is_drawn_where_it_lies(scene, watcher):
     camera = dataclasses.replace(scene.camera, width=400, height=300, window=(31, 17, 300, 290))
     watcher.render.submit(request(scene, camera))

@@ -206,7 +206,7 @@ def test_sparse_files_stay_sparse(scene, tmp_path):
     ("empty", "'Plume': no grid has a name of"),
     ("no module", "'Plume': this Blender has no module openvdb, which reads volumes; the volume is left out"),
     ("no gas", "'Plume': volumes are not rendered without absorption or scattering in their material"),
-    ("no temperature", "'Plume': no temperature, using the ambient"),
+    ("no temperature", "'Plume': no temperature; the ambient"),
     ("apart", "'Plume': its grid 'temperature' does not lie as 'density' does, and is left out"),
     ("negative", "'Plume': its densities below 0 count as 0"),
 ])  # fmt: skip

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..solver.image.detector import STATED
 from ..solver.physics.correction import Correction
 from ..solver.physics.spectrum import apparent_temperature, sensor_radiance
 
@@ -87,3 +88,19 @@ def _gain(correction: Correction, sensor: Sensor) -> float:
     """By how much more the object's radiance changes than what is seen."""
     none, one = (correction.object_radiance(value, *sensor) for value in (0.0, 1.0))
     return float(one - none)
+
+
+def correction_inverted(temperature: np.ndarray, sensor: Sensor, correction: Correction) -> np.ndarray:
+    """What a sensor saw, W m-2 sr-1, where a correction gives these temperatures, K, of any shape."""
+    return correction.share * sensor_radiance(*sensor, temperature) + correction.other_radiance(*sensor)
+
+
+def detector_noise(radiance: np.ndarray, sensor: Sensor, netd: float, photon_noise: bool) -> np.ndarray:
+    """Standard deviation of a detector's pixels from frame to frame, W m-2 sr-1, where they see this radiance.
+
+    netd: K, in front of a blackbody at the temperature at which cameras state it. photon_noise: whether the noise grows
+    with the square root of the signal.
+    """
+    stated = sensor_radiance(*sensor, STATED)
+    noise = netd * sensor_radiance(*sensor, STATED, derivative=True) / STATED
+    return noise * np.sqrt(np.maximum(radiance, 0.0) / stated) if photon_noise else np.full(np.shape(radiance), noise)

@@ -24,6 +24,7 @@ import OpenEXR
 
 from ..solver.physics.spectrum import band_names
 from ..solver.system.files import replacing
+from .console import without_harmless_messages
 from .description import BAND_UNIT, describe
 from .frame import FrameImages, FurtherImage
 from .temperature_scale import TemperatureScale
@@ -114,5 +115,5 @@ def _write(
     compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.scanlineimage}
     file = OpenEXR.File(header | attributes, channels)
-    with replacing(path, "the band images") as unfinished:
+    with replacing(path, "the band images") as unfinished, without_harmless_messages():
         file.write(str(unfinished))

@@ -25,6 +25,7 @@ from ..solver.physics.layers import from_json, to_json
 from ..solver.physics.spectrum import band_names
 from ..solver.scene import SceneError, check_band_edges, check_temperature
 from ..solver.system.files import replacing
+from .console import without_harmless_messages
 from .description import BAND_UNIT, CORRECTION_FACTS, describe
 from .exr import channel_name, write_band_exr
 from .frame import FrameImages
@@ -49,7 +50,7 @@ def write_group_exr(path: str | os.PathLike, image: LayeredImage, metadata: Mapp
     for number, (layer, bands) in enumerate(zip(image.layers, image.excess, strict=True)):
         channels = {name: np.ascontiguousarray(band[::-1]) for name, band in zip(names, bands, strict=True)}
         parts.append(OpenEXR.Part(dict(header), channels, f"{number} {layer.name}"))
-    with replacing(path, WHAT) as unfinished:
+    with replacing(path, WHAT) as unfinished, without_harmless_messages():
         OpenEXR.File(parts).write(str(unfinished))
 
 

@@ -35,6 +35,15 @@ def is_number(value) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def number_hint(key: str, text: str) -> str:
+    """What to do where a text stands for a number: end of a message about that text; empty if it is no number."""
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return ""
+    return f"; {key} is a text: for a number set the property's type to Float, or write it without quotes"
+
+
 def driver_remark(id_block, key: str = "temperature", unit: str = "K") -> str:
     """What is wrong with the driver of a custom property, and which value counts; an empty text if nothing is.
 

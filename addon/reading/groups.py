@@ -11,6 +11,7 @@ from .surface_temperature import object_temperatures
 from .world import layer_world, world_temperature
 
 KEY = "temperature_group"
+UNGROUPED_LIGHT = "temperature groups are for surfaces; the light stays as it is"
 
 
 def read_group(id_block, owner: str) -> str:

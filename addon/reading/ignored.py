@@ -22,6 +22,23 @@ def ignored_scene_settings(scene, layer) -> Iterator[str]:
         yield f"View layer '{layer.name}': its {layer.samples} samples are ignored; all layers have the same passes"
 
 
+UNSUPPORTED = {
+    "CURVES": "hair curves",
+    "POINTCLOUD": "point clouds",
+    "GREASEPENCIL": "grease pencil",
+    "GPENCIL": "grease pencil",
+}
+
+
+def left_out(obj) -> str:
+    """What of an object is not rendered at all; an empty text if it is, or if there is nothing to render."""
+    if obj.type in UNSUPPORTED:
+        return f"{UNSUPPORTED[obj.type]} are not rendered"
+    settings = [system.settings for system in obj.particle_systems] if obj.type == "MESH" else []
+    strands = any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)
+    return "particle hair is not rendered, only its surface" if strands else ""
+
+
 def ignored_settings(obj, layer) -> Iterator[str]:
     """What an object asks for and the engine does not do, and what it does instead.
 

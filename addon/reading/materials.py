@@ -8,7 +8,7 @@ import numpy as np
 
 from ..solver.physics import library
 from ..solver.scene import Material, SceneError
-from .custom_properties import describe, is_number, read_choice, read_number
+from .custom_properties import describe, is_number, number_hint, read_choice, read_number
 
 _PLURAL = {"emissivity": "emissivities", "transmittance": "transmittances"}
 FRESNEL_LEFT_OUT = "fresnel is left out: a thin sheet with a transmittance is alike at all angles"
@@ -70,7 +70,7 @@ def _library_curve(name: str, quantity: str, owner: str) -> np.ndarray:
     try:
         known = library.get(name)
     except KeyError as error:
-        raise SceneError(f"{owner}: {error.args[0]}") from None
+        raise SceneError(f"{owner}: {error.args[0]}{number_hint(quantity, name)}") from None
     if quantity == "transmittance" and known.category != library.USER_CATEGORY:
         raise SceneError(
             f"{owner}: transmittance is '{known.name}', whose curve in the library is an emissivity; "

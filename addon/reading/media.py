@@ -9,7 +9,7 @@ from ..solver.geometry.closed import leak_place
 from ..solver.physics.aerosols import mix_in
 from ..solver.physics.gases import find_gas
 from ..solver.scene import ATMOSPHERE, Medium, SceneError
-from .custom_properties import describe, is_number, read_number
+from .custom_properties import describe, is_number, number_hint, read_number
 from .materials import pair_points
 from .warnings import Warnings
 from .world import unset_surroundings
@@ -52,7 +52,7 @@ def _contents(block, owner: str) -> dict[str, float]:
         try:
             return find_gas(value)
         except KeyError as error:
-            raise SceneError(f"{owner}: {error.args[0]}") from None
+            raise SceneError(f"{owner}: {error.args[0]}{number_hint('gas', value)}") from None
     fractions = value.to_dict() if hasattr(value, "to_dict") else {}
     if not fractions or not all(is_number(fraction) for fraction in fractions.values()):
         raise SceneError(

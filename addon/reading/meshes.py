@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .arrays import read_values, render_uv_map
-from .surface_temperature import DOMAINS, NAME, attribute_temperatures
+from .surface_temperature import DOMAINS, NAME, attribute_temperatures, usable_attribute
 from .warnings import Warnings
 
 UV_MAP = ""  # name of a layer, which no attribute has
@@ -112,6 +112,14 @@ def wrong_kind(attribute) -> str:
     return f"({kind}) is no float on points, corners or faces"
 
 
+def attribute_problem(mesh) -> str:
+    """That the mesh attribute `temperature` is of a kind that the engine does not read; an empty text if it is not."""
+    attribute = mesh.attributes.get(NAME)
+    if attribute is None or usable_attribute(mesh):
+        return ""
+    return f"the attribute '{NAME}' {wrong_kind(attribute)}; using the object's temperature"
+
+
 def _corner_normals(mesh, corners: np.ndarray) -> np.ndarray | None:
     """(m, 3, 3) float32 normals at corners of triangles as Blender shades them, by sharp edges and custom normals. None
     if all faces are flat."""
@@ -124,7 +132,7 @@ def _triangle_temperatures(mesh, elements: Elements, owner: str, warnings: Warni
     """The mesh attribute `temperature` per triangle (m,) or per triangle corner (m, 3), float32 K; None without one."""
     values, attribute = attribute_temperatures(mesh, owner), mesh.attributes.get(NAME)
     if values is None:
-        if attribute is not None:
-            warnings.add(owner, f"the attribute '{NAME}' {wrong_kind(attribute)}; using the object's temperature")
+        if problem := attribute_problem(mesh):
+            warnings.add(owner, problem)
         return None
     return _on_triangles(values, attribute.domain, elements)

@@ -16,8 +16,8 @@ from ..solver.scene import Scene, SceneError
 from .bands import read_band_edges
 from .camera import read_camera
 from .custom_properties import driver_remark
-from .groups import GroupReader, read_group
-from .ignored import ignored_scene_settings, ignored_settings
+from .groups import UNGROUPED_LIGHT, GroupReader, read_group
+from .ignored import ignored_scene_settings, ignored_settings, left_out
 from .lights import metres_per_unit, read_light
 from .sensor import read_response
 from .settings import read_defaults
@@ -25,13 +25,6 @@ from .shaders import read_shader, unseen_message
 from .surfaces import SurfaceReader
 from .warnings import Warnings
 from .world import layer_world, read_sky, world_temperature
-
-UNSUPPORTED = {
-    "CURVES": "hair curves",
-    "POINTCLOUD": "point clouds",
-    "GREASEPENCIL": "grease pencil",
-    "GPENCIL": "grease pencil",
-}
 
 
 def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) -> tuple[Scene, list[str]]:
@@ -79,6 +72,8 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
             known.add(obj.name_full)
             for message in ignored_settings(obj, layer):
                 warnings.add(obj.name, message)
+        if message := left_out(obj):
+            warnings.add(obj.name, message)
         if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
             surfaces.add(obj, matrix)
         elif obj.type == "VOLUME":
@@ -88,9 +83,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
             if remark := driver_remark(obj):
                 warnings.add(obj.name, remark)
             if surfaces.groups is not None and read_group(obj, f"Light '{obj.name}'"):
-                warnings.add(obj.name, "temperature groups are for surfaces; the light stays as it is")
-        elif obj.type in UNSUPPORTED:
-            warnings.add(obj.name, f"{UNSUPPORTED[obj.type]} are not rendered")
+                warnings.add(obj.name, UNGROUPED_LIGHT)
     check_faces(layer, bool(surfaces.triangles))
     world = layer_world(scene, layer)
     if world is not None and (remark := driver_remark(world)):

@@ -55,8 +55,6 @@ class SurfaceReader:
         if is_gas_domain(obj):
             self.add_volume(obj, matrix)
             return
-        if _has_particle_hair(obj):
-            self.warnings.add(obj.name, "particle hair is not rendered, only its surface")
         materials = self._slot_materials(obj)
         mesh = self._mesh(obj, self.textures.layers(obj, materials))
         if len(mesh.triangles) == 0:
@@ -196,7 +194,7 @@ class SurfaceReader:
             return mesh.temperature
         if not self.textures.covers(obj, mesh.layers):
             if obj.get("temperature") is None:
-                self.warnings.add(obj.name, f"no temperature, using the ambient {self.ambient_temperature:g} K")
+                self.warnings.add(obj.name, f"no temperature; the ambient {self.ambient_temperature:.5g} K counts")
             if remark := driver_remark(obj):
                 self.warnings.add(obj.name, remark)
         temperature = read_temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")
@@ -270,9 +268,3 @@ def _normals_in_world_space(normals: np.ndarray | None, matrix: np.ndarray) -> n
     np.divide(turned, length, out=turned, where=known)
     turned[~known.all(axis=(1, 2))] = 0.0
     return turned
-
-
-def _has_particle_hair(obj) -> bool:
-    """True if the object wears strands that would be rendered."""
-    settings = [system.settings for system in obj.particle_systems]
-    return any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)

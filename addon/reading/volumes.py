@@ -54,7 +54,7 @@ class VolumeReader:
         if grid is None or not (grid.fractions or self._is_gas(obj, material, "volumes are")):
             return None
         if grid.temperature is None and obj.get("temperature") is None:
-            self.warnings.add(obj.name, f"no temperature, using the ambient {ambient:g} K")
+            self.warnings.add(obj.name, f"no temperature; the ambient {ambient:.5g} K counts")
         return self._medium(obj, _moved(grid, matrix), material, kelvin, metres)
 
     def read_smoke(self, obj, matrix: np.ndarray, material, ambient: float, metres: float) -> Medium | None:

@@ -13,6 +13,7 @@ from ..reading.shown import as_shown, as_typed
 from ..solver.image.detector import Detector, check_range, expose
 from ..solver.physics.sensors import band_weights
 from ..solver.scene import Camera, SceneError
+from .render_passes import CAMERA_TEMPERATURE
 
 
 def read_detector(scene, camera) -> Detector | None:
@@ -71,7 +72,7 @@ class CameraEffects:
         signal, temperature, self.clipped = expose(
             bands, film.band_edges, film.weights, self.detector, self.camera, self.frame, film.correction
         )
-        return {"Camera Signal": signal, "Camera Temperature": temperature}
+        return {"Camera Signal": signal, CAMERA_TEMPERATURE: temperature}
 
     def warning(self) -> str:
         """How many pixels of the last images were clipped, in words; an empty text if none were."""

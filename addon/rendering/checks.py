@@ -16,8 +16,8 @@ import numpy as np
 from ..reading.bands import read_adaptive_bands, read_band_edges, read_band_range
 from ..reading.camera import read_camera
 from ..reading.custom_properties import driver_remark
-from ..reading.groups import read_group_temperatures
-from ..reading.ignored import ignored_scene_settings, ignored_settings
+from ..reading.groups import UNGROUPED_LIGHT, read_group_temperatures
+from ..reading.ignored import ignored_scene_settings, ignored_settings, left_out
 from ..reading.lights import read_light
 from ..reading.materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
 from ..reading.media import (
@@ -29,7 +29,7 @@ from ..reading.media import (
     read_pressure,
     read_world_medium,
 )
-from ..reading.meshes import layer_problem, read_mesh
+from ..reading.meshes import attribute_problem, layer_problem, read_mesh
 from ..reading.object_parameters import read_object_parameters
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
 from ..reading.openness import surely_open
@@ -231,7 +231,7 @@ def camera_checks(scene, view_layer) -> list[Check]:
 def object_checks(obj, infrared, view_layer) -> list[Check]:
     """Checks of an object in a view layer; none of one that has neither surfaces nor light."""
     found = _temperature_checks(obj, infrared, view_layer) + _texture_checks(obj, view_layer)
-    found += _ignored_checks(obj, view_layer)
+    found += _ignored_checks(obj, infrared, view_layer)
     return found + (_medium_checks(obj, infrared, view_layer) if holds_gas(obj, view_layer) else [])
 
 
@@ -286,11 +286,16 @@ def _bad_values(obj, view_layer) -> list[str]:
     return bad_values(str(path), (about.st_size, about.st_mtime_ns)) if about.st_size <= LARGEST_FILE else []
 
 
-def _ignored_checks(obj, view_layer) -> list[Check]:
-    if obj.type not in SURFACE_TYPES and obj.type != "LIGHT":
-        return []
-    messages = ignored_settings(obj, view_layer)
-    return [Check("WARNING", f"{_owner(obj)}: {message}") for message in messages]
+def _ignored_checks(obj, infrared, view_layer) -> list[Check]:
+    """Checks of what an object asks for and does not get."""
+    messages = [left_out(obj)]
+    if obj.type in SURFACE_TYPES or obj.type == "LIGHT":
+        messages += ignored_settings(obj, view_layer)
+    if obj.type == "LIGHT" and infrared.group_exr_path and obj.get("temperature_group"):
+        messages.append(UNGROUPED_LIGHT)
+    if obj.type == "MESH":
+        messages.append(attribute_problem(obj.evaluated_get(_evaluated(view_layer)).data))
+    return [Check("WARNING", f"{_owner(obj)}: {message}") for message in messages if message]
 
 
 def _owner(obj) -> str:

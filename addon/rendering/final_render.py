@@ -20,6 +20,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..compiling.watch import COMPILING, compiles_now
 from ..heat_settings import read_scale
 from ..output.description import how_rendered
 from ..output.formats import FORMATS
@@ -45,7 +46,15 @@ from ..solver.system.files import check_writable
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
 from .frame_tools import keep_frame, write_frames
-from .last_render import FinishedFrame, finished_frames, finished_groups, finished_layers, forget_last_render
+from .last_render import (
+    FinishedFrame,
+    finished_frames,
+    finished_groups,
+    finished_layers,
+    forget_last_render,
+    last_ends,
+    last_warnings,
+)
 from .painting import thermal_picture, working_primaries
 from .render_files import check_paths, checkpoint_path, file_path, film_path, group_path, layer_suffixes, write_layer
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
@@ -161,7 +170,7 @@ def render_view_layer(engine, depsgraph) -> None:
         _warn(engine, f"{layer}: {effects.warning()}")
     unset = unset_surroundings(layer_world(scene, view_layer))
     if images and unset and job.film.openness > LEAST_OPENNESS:
-        _warn(engine, f"{layer}: {unset}, and rays leave the scene: they see 0 K. Set it in {WHERE_TO_SET}")
+        _warn(engine, f"{layer}: {unset}, and the scene is open: rays that leave it see 0 K. Set it in {WHERE_TO_SET}")
     if kept and job.film is not None and job.film.passes:
         _keep_film(kept, job, layer, scene.frame_current)
     if images:
@@ -169,6 +178,7 @@ def render_view_layer(engine, depsgraph) -> None:
         finished = layer_images(job, images, further, facts)
         if shown:
             frame = finished_frame(scene, slot, solver_scene.camera, job.film)
+            last_ends[layer] = job.end()
             _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
         if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
             if shown and engine.is_animation:
@@ -203,10 +213,13 @@ def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) 
     frames = {name: each for name, each in finished_frames.items() if (each.scene, each.slot, each.size) == result}
     frames = {name: replace(each, composited=frame.composited) for name, each in frames.items()} | {layer: frame}
     layers, groups = finished_layers | {layer: images}, dict(finished_groups)
+    warnings, ends = dict(last_warnings), dict(last_ends)
     forget_last_render()
     finished_layers.update({name: layers[name] for name in order if name in frames and name in layers})
     finished_frames.update({name: frames[name] for name in order if name in frames})
     finished_groups.update({name: path for name, path in groups.items() if name in frames and name != layer})
+    last_warnings.update(warnings)
+    last_ends.update({name: end for name, end in ends.items() if name in frames})
 
 
 def _follow_tools(engine, scene, layer: str, images: dict, frame: FinishedFrame) -> None:
@@ -256,6 +269,7 @@ def images_beforehand(render, bands: int, copies: float) -> tuple[dict[str, floa
 
 
 def _warn(engine, message: str) -> None:
+    last_warnings[message] = None
     log.warning(message)
     engine.report({"WARNING"}, message)
 
@@ -459,10 +473,15 @@ class RenderJob(threading.Thread):
         by_time = (time.monotonic() - self._begin) / settings.time_limit if settings.time_limit else 0.0
         return min(1.0, max(by_passes, by_time))
 
+    def end(self) -> str:
+        """What users read of it afterwards."""
+        noise = "" if self._noise is None else f", noise {self._noise:.3g} K"
+        return f"{self._passes} pass{'es' * (self._passes != 1)}{noise}"
+
     def status(self) -> str:
         """What users read while they wait."""
         if self._passes == 0:
-            return "Preparing the scene and the first pass (kernels are compiled once, on first use)"
+            return "Preparing the scene and the first pass" + COMPILING * compiles_now()
         total = f"/{self.settings.passes}" if self.settings.passes else ""
         noise = "" if self._noise is None else f" | Noise {self._noise:.3g} K"
         memory = process_memory()

@@ -29,7 +29,10 @@ class FinishedFrame:
 finished_layers: dict[str, dict] = {}  # view layer -> its images and facts, see final_render.layer_images
 finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
 finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
-TABLES = (finished_layers, finished_frames, finished_groups)
+last_warnings: dict[str, None] = {}  # what it warned of, in order, each once
+last_ends: dict[str, str] = {}  # view layer -> how many passes it has, and what noise, in words
+last_failures: dict[str, str] = {}  # name of the scene -> why its render failed
+TABLES = (finished_layers, finished_frames, finished_groups, last_warnings, last_ends, last_failures)
 
 
 def forget_last_render() -> None:

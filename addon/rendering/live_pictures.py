@@ -21,6 +21,8 @@ class Picture:
     radiance, temperature, noise: (h, w) float32, W m-2 sr-1 through the sensor and K, row 0 at the bottom, without a
     correction for an assumed emissivity. sensor: that saw it. frame: left, bottom, width and height, in the region's
     pixels, of the frame of the camera that the view goes through; None in other views.
+    for_the_eye: radiance and temperature as they are drawn instead, where they are smoothed; readings know nothing of
+    that.
     """
 
     step: int
@@ -30,6 +32,7 @@ class Picture:
     noise: np.ndarray
     sensor: Sensor
     frame: tuple[float, float, float, float] | None = None
+    for_the_eye: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def place(self) -> tuple[int, int, int, int]:
@@ -45,6 +48,14 @@ class Picture:
         origin = (self.origin[0] - left) / self.step, (self.origin[1] - bottom) / self.step
         window = Window(size, origin, self.temperature.shape)
         return MeasuredPicture(self.radiance, self.temperature, self.noise, self.sensor, Correction(), window)
+
+    @property
+    def drawn(self) -> MeasuredPicture:
+        """The picture as it is drawn."""
+        if self.for_the_eye is None:
+            return self.measured
+        radiance, temperature = self.for_the_eye
+        return self.measured._replace(radiance=radiance, temperature=temperature)
 
     def pixel_at(self, x: int, y: int) -> tuple[int, int] | None:
         """(row, column) at a pixel of the region, or None outside."""

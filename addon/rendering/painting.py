@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 from mathutils import Color
 
@@ -28,3 +29,16 @@ def working_primaries() -> np.ndarray:
     """(3, 3) float32: the primaries of Rec.709 in the working space of the open file. On Blender's thread only."""
     primaries = [Color(primary).from_rec709_linear_to_scene_linear() for primary in np.eye(3)]
     return np.round(primaries, 4).astype(np.float32)  # Blender rounds alike: Rec.709 in Rec.709 is not quite itself
+
+
+def keep_picture(name: str, picture: np.ndarray):
+    """Keep a picture (h, w, 4) as an image of this name, which Blender's editors can show; returns the image."""
+    height, width, _ = picture.shape
+    shown = bpy.data.images.get(name)
+    if shown is None or tuple(shown.size) != (width, height):
+        if shown is not None:
+            bpy.data.images.remove(shown)
+        shown = bpy.data.images.new(name, width, height, float_buffer=True)
+    shown.pixels.foreach_set(np.ascontiguousarray(picture, np.float32).ravel())
+    shown.update()
+    return shown

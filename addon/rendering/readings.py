@@ -13,7 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..heat_settings import read_scale
-from ..measuring.correcting import Sensor, corrected, corrected_noise, effective
+from ..measuring.correcting import (
+    Sensor,
+    corrected,
+    corrected_noise,
+    correction_inverted,
+    detector_noise,
+    effective,
+)
 from ..measuring.regions import Region, Window, region_of
 from ..measuring.statistics import Measurement, measure_values
 from ..output.description import CORRECTION_FACTS
@@ -21,8 +28,10 @@ from ..output.temperature_scale import TemperatureScale, automatic_range
 from ..reading.object_parameters import read_object_parameters
 from ..reading.shown import as_typed
 from ..solver.physics.correction import Correction
+from ..solver.physics.spectrum import sensor_radiance
 from ..solver.scene import SceneError
 from .last_render import FinishedFrame
+from .render_passes import CAMERA_TEMPERATURE
 
 
 class _OfImage:
@@ -86,6 +95,25 @@ def finished_picture(images: dict, frame: FinishedFrame) -> MeasuredPicture:
         effective(frame.correction),
         Window(frame.size, frame.origin, images["radiance"].shape),
     )
+
+
+def camera_picture(images: dict, frame: FinishedFrame) -> MeasuredPicture:
+    """The same as the camera saw it, its pass Camera Temperature: the noise holds what the detector adds from frame to
+    frame, as its NETD says."""
+    return _camera_picture_of(images["further"][CAMERA_TEMPERATURE].image, images=images, frame=frame)
+
+
+def _camera_picture(kelvin: np.ndarray, images: dict, frame: FinishedFrame) -> MeasuredPicture:
+    plain, facts = finished_picture(images, frame), images["metadata"]
+    seen = correction_inverted(kelvin, plain.sensor, plain.correction)
+    added = detector_noise(seen, plain.sensor, facts["cameraNetd"], facts["cameraPhotonNoise"])
+    slope = plain.correction.share * sensor_radiance(*plain.sensor, kelvin, derivative=True)
+    with np.errstate(divide="ignore", invalid="ignore"):  # nothing is known of 0 K
+        error = np.hypot(plain.noise, added * kelvin / slope)
+    return plain._replace(radiance=seen.astype(np.float32), temperature=kelvin, noise=error.astype(np.float32))
+
+
+_camera_picture_of = _OfImage(_camera_picture)
 
 
 def correction_now(infrared, picture: MeasuredPicture) -> Correction:

@@ -17,7 +17,7 @@ from ..output.heat_picture import write_picture
 from ..reading.groups import read_group_temperatures
 from ..solver.image.recombine import read_series
 from ..solver.scene import SceneError
-from .painting import thermal_picture, working_primaries
+from .painting import keep_picture, thermal_picture, working_primaries
 
 log = logging.getLogger(__name__)
 
@@ -79,17 +79,5 @@ def recombine(context, groups: Path, target: str, source: str, series: str = "",
             write_picture(path.with_suffix(".png"), temperature, scale, unit)
         log.info("%s: %s", path, ", ".join(f"{name} {kelvin:g} K" for name, kelvin in temperatures.items()))
         paths.append(path)
-    _show(thermal_picture(temperature, scale, working_primaries()))
+    keep_picture(PICTURE, thermal_picture(temperature, scale, working_primaries()))
     return paths
-
-
-def _show(picture) -> None:
-    """Keep a picture (h, w, 4) as an image that Blender's editors can show."""
-    height, width, _ = picture.shape
-    shown = bpy.data.images.get(PICTURE)
-    if shown is None or tuple(shown.size) != (width, height):
-        if shown is not None:
-            bpy.data.images.remove(shown)
-        shown = bpy.data.images.new(PICTURE, width, height, float_buffer=True)
-    shown.pixels.foreach_set(picture.ravel())
-    shown.update()

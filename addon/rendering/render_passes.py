@@ -30,6 +30,7 @@ class RenderPass:
         return {"RGBA": "COLOR", "XYZ": "VECTOR"}.get(self.channels, "VALUE")
 
 
+CAMERA_TEMPERATURE = "Camera Temperature"
 # Names and channels are those of Cycles: Blender 5 renamed two.
 _OBJECT_INDEX, _MATERIAL_INDEX = (
     ("Object Index", "Material Index") if bpy.app.version >= (5, 0, 0) else ("IndexOB", "IndexMA")
@@ -84,7 +85,7 @@ def camera_passes(scene) -> list[RenderPass]:
     """The passes that `camera_effects.CameraEffects` fills, if they are asked for."""
     infrared = scene.infrared
     unit = "digital number" if infrared.detector_bits else "W m-2 sr-1"
-    passes = [RenderPass("Camera Signal", unit=unit), RenderPass("Camera Temperature", unit="K")]
+    passes = [RenderPass("Camera Signal", unit=unit), RenderPass(CAMERA_TEMPERATURE, unit="K")]
     return passes if infrared.use_detector else []
 
 

@@ -21,7 +21,7 @@ _PHOTONS_MAY_ERR = 1.0  # K
 
 def run_checks() -> Iterator[tuple[str, str]]:
     """(what was looked at, what is wrong with it or an empty text), one after the other."""
-    for check in (_libraries, _black, _photons, _file):
+    for check in CHECKS:
         yield check.__doc__, _problem(check)
 
 
@@ -40,7 +40,7 @@ def _libraries() -> str:
 
 
 def _black() -> str:
-    """A closed box at one temperature looks black"""
+    """A closed box at one temperature looks like a blackbody"""
     found = _render(subtract=True)
     error = float(np.max(np.abs(found - KELVIN)))
     return "" if error < 1e-3 else f"off by {error:.3g} K"  # nothing is random here
@@ -79,3 +79,6 @@ def _render(subtract: bool) -> np.ndarray:
     material = np.zeros(len(triangles), np.int32)
     scene = Scene(vertices, triangles, material, temperature, (Material("grey", 0.5),), camera, _BANDS)
     return render(scene, Settings(passes=8, photons_per_pass=20_000, reference_subtraction=subtract)).temperature()
+
+
+CHECKS = (_libraries, _black, _photons, _file)  # the docstring of each says what is looked at

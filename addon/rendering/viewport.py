@@ -13,11 +13,13 @@ import logging
 import os
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Callable
 
 import numpy as np
 
+from ..compiling.watch import COMPILING, compiles_now
 from ..heat_settings import read_scale
 from ..measuring.correcting import Sensor
 from ..output.temperature_scale import TemperatureScale
@@ -28,15 +30,20 @@ from ..reading.surfaces import SurfaceReader
 from ..reading.warnings import Warnings
 from ..solver import Camera, Correction, Film, Scene, SceneError, Settings, render
 from ..solver.geometry.surfaces import Geometry, build_geometry
+from ..solver.physics.spectrum import apparent_temperature
 from .coarse import coarser, hasty, steps
 from .gpu_pictures import draw_temperatures, temperature_texture
 from .live_pictures import Picture, viewports
 from .painting import working_primaries
 from .readings import fitted, temperature_now
+from .smoothing import may_be_smoothed, smoothed
 
 log = logging.getLogger(__name__)
 
+STATUS = "Infrared Photons status"  # name of the thread that tells of compiling
 THREAD = "Infrared Photons viewport"  # name of the background threads
+PREPARING = "Preparing the first picture"
+LOOK = 0.2  # s between two looks at whether kernels are compiled
 WAIT = 0.25  # s that a request waits for the one before it to end; then it starts beside it
 IMAGE_COPIES = 2  # of the images of a film, at most: the picture, and what it is computed with
 
@@ -70,6 +77,12 @@ def picture_of(film: Film, request: Request, step: int, origin: tuple[int, int])
     sensor = Sensor(film.band_edges, film.weights)
     fitted(TemperatureScale(), temperature)  # here, in the background: whoever draws it finds its range
     return Picture(step, origin, film.radiance(), temperature, noise, sensor, request.frame)
+
+
+def for_the_eye(picture: Picture, radiance: np.ndarray) -> Picture:
+    """A picture that is drawn with another radiance (h, w), W m-2 sr-1."""
+    temperature = apparent_temperature(radiance, *picture.sensor).astype(np.float32)
+    return dataclasses.replace(picture, for_the_eye=(radiance, temperature))
 
 
 def explain(error: Exception, known: str = "") -> str:
@@ -126,7 +139,8 @@ class ViewportRender:
             self._geometry = build_geometry(request.scene, self._geometry)
             self._refine(request, self._geometry)
         except Exception as error:  # the next request has its own thread
-            self._fail(request, explain(error))
+            if request is self._newest:  # of others nobody wants to know, least of all once the add-on is removed
+                self._fail(request, explain(error))
         finally:
             with self._changed:
                 self._working -= 1
@@ -136,7 +150,8 @@ class ViewportRender:
         """Render a request until it is complete or out of date."""
         shown = []
         if self.picture is None:
-            self._tell("Preparing the first picture (kernels are compiled once, on first use)")
+            self._tell(PREPARING)
+            threading.Thread(target=self._tell_of_compiling, args=(request,), name=STATUS, daemon=True).start()
 
         ended = False
 
@@ -159,8 +174,13 @@ class ViewportRender:
             def show(film, scene=scene, step=step, settings=settings) -> None:
                 if cancelled():
                     return
+                picture = picture_of(film, request, step, tuple(step * start for start in scene.camera.pixels[:2]))
+                if film.passes == 1 and may_be_smoothed(scene):
+                    seen = smoothed(picture.radiance, scene, picture.sensor, geometry, settings.workers, cancelled)
+                    if not cancelled():
+                        picture = for_the_eye(picture, seen)
                 shown.append(film.passes)
-                self.picture = picture_of(film, request, step, tuple(step * start for start in scene.camera.pixels[:2]))
+                self.picture = picture
                 total = f"/{settings.passes}" if settings.passes else ""
                 self._tell(f"Pass {film.passes}{total}" if step == 1 else f"1/{step} of the resolution")
 
@@ -168,8 +188,21 @@ class ViewportRender:
             if cancelled():
                 return
 
+    def _tell_of_compiling(self, request: Request) -> None:
+        """Until there is a picture: say so while it is compiling that takes so long."""
+        while self._newest is request and self.status.startswith(PREPARING):
+            status = PREPARING + COMPILING * compiles_now()
+            with self._changed:
+                changed = self.status != status and self.status.startswith(PREPARING)
+                if changed:
+                    self.status = status
+            if changed:
+                self._redraw()
+            time.sleep(LOOK)
+
     def _tell(self, status: str) -> None:
-        self.status = status
+        with self._changed:
+            self.status = status
         self._redraw()
 
     def _fail(self, request: Request, message: str) -> None:
@@ -219,10 +252,10 @@ class Viewport:
         if picture is None:
             return
         infrared = context.scene.infrared
-        temperature = temperature_now(picture.measured, infrared)
+        temperature = temperature_now(picture.drawn, infrared)
         if temperature is not self._drawn:
             self._drawn, self._texture = temperature, temperature_texture(temperature)
-        scale = fitted(read_scale(infrared), temperature)
+        scale = fitted(read_scale(infrared), temperature_now(picture.measured, infrared))  # that of the bar
         draw_temperatures(self._texture, scale, picture.place, working_primaries())
 
     def stop(self) -> None:

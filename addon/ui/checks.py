@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import textwrap
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import bpy
 from bpy.app.handlers import persistent
 from bpy.types import Panel
 
+from ..reading.world import layer_world, unset_surroundings
 from ..rendering.checks import LEVELS, Check, object_checks, scene_checks
+from ..rendering.last_render import last_warnings
 from .panel_base import InfraredPanel
 
 LISTED = 8  # messages of a level; more are counted
@@ -58,8 +60,24 @@ class INFRARED_PT_checks(InfraredPanel, Panel):
             draw_checks(self.layout, of_level[:LISTED], context.region)
             if len(of_level) > LISTED:
                 self.layout.label(text=f"and {len(of_level) - LISTED} more", icon=ICONS[level])
-        if not checks:
+        unset = unset_surroundings(layer_world(scene, layer))
+        if unset and layer_world(scene, layer):
+            self.layout.operator("infrared.clear_sky", text="Clear Sky from Weather...", icon="WORLD")
+        elif unset:
+            self.layout.operator("world.new", text="New World", icon="WORLD")
+        warned = new_warnings(last_warnings, checks)
+        if warned:
+            self.layout.label(text="The last render warned:")
+            draw_checks(self.layout, [Check("WARNING", text) for text in warned], context.region)
+        if not (checks or warned):
             self.layout.label(text="Nothing to report", icon="CHECKMARK")
+
+
+def new_warnings(warnings: Iterable[str], checks: list[Check]) -> list[str]:
+    """The warnings of a render that no check tells of. Renders name several objects in one warning, checks do not."""
+    texts = [check.text for check in checks]
+    told = [(warning, warning.rpartition("': ")[2]) for warning in warnings]
+    return [warning for warning, what in told if not any(what in text or text in warning for text in texts)]
 
 
 def draw_object_checks(layout, context) -> None:

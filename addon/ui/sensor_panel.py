@@ -15,11 +15,15 @@ from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 from bpy_extras.io_utils import ImportHelper
 
+from ..heat_settings import read_scale
 from ..properties import set_custom_property
 from ..reading import spectra
 from ..reading.bands import read_band_edges
 from ..reading.sensor import read_response
 from ..rendering.checks import detector_checks, sensor_checks
+from ..rendering.last_render import finished_layers
+from ..rendering.painting import keep_picture, thermal_picture, working_primaries
+from ..rendering.render_passes import CAMERA_TEMPERATURE as PASS
 from ..solver.scene import SceneError
 from .checks import draw_problems
 from .materials import curve_previews
@@ -47,6 +51,36 @@ class INFRARED_OT_sensor_import(Operator, ImportHelper):
         scene.update_tag()
         self.report({"INFO"}, f"Response of {len(points)} points, {points[0, 0]:g} to {points[-1, 0]:g} µm")
         return {"FINISHED"}
+
+
+class INFRARED_OT_show_camera_temperature(Operator):
+    """Show the last render as the camera saw it, its pass Camera Temperature in the colors of Heat Display"""
+
+    bl_idname = "infrared.show_camera_temperature"
+    bl_label = "Show Camera Temperature"
+
+    @classmethod
+    def poll(cls, _context):
+        if any(PASS in images["further"] for images in list(finished_layers.values())):
+            return True
+        cls.poll_message_set("Render with Camera Effects first")
+        return False
+
+    def execute(self, context):
+        layers = list(finished_layers.values())
+        kelvin = next(images["further"][PASS].image for images in layers if PASS in images["further"])
+        image = keep_picture(PASS, thermal_picture(kelvin, read_scale(context.scene.infrared), working_primaries()))
+        if not _image_editors(context):
+            bpy.ops.render.view_show("INVOKE_DEFAULT")
+        for area in _image_editors(context)[:1]:
+            area.spaces.active.image = image
+        return {"FINISHED"}
+
+
+def _image_editors(context) -> list:
+    """The areas that show images, of all windows."""
+    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
+    return [area for area in areas if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR"]
 
 
 class INFRARED_PT_sensor(RenderSettingsPanel, Panel):
@@ -87,6 +121,8 @@ class INFRARED_PT_detector(RenderSettingsPanel, Panel):
         limits.prop(infrared, "detector_low")
         limits.prop(infrared, "detector_high")
         draw_problems(column, detector_checks(infrared.id_data), bpy.context.region)
+        column.separator()
+        column.operator("infrared.show_camera_temperature", icon="IMAGE_DATA")
 
 
 def draw_response(column, infrared) -> None:
@@ -105,5 +141,5 @@ def draw_response(column, infrared) -> None:
 
 
 register, unregister = bpy.utils.register_classes_factory(
-    (INFRARED_OT_sensor_import, INFRARED_PT_sensor, INFRARED_PT_detector)
+    (INFRARED_OT_sensor_import, INFRARED_OT_show_camera_temperature, INFRARED_PT_sensor, INFRARED_PT_detector)
 )

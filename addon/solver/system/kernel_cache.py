@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import tempfile
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -19,6 +20,7 @@ from pathlib import Path
 FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep kernels, not beside the sources
 _PREFIX = "infrared-photons-"
 _SOLVER = Path(__file__).parents[1]
+_PROCESS = uuid.uuid4().hex[:8]  # of this process alone, see keep_apart
 
 
 @cache
@@ -54,3 +56,16 @@ def kept_kernels() -> Iterator[None]:
         yield
     finally:
         numba.config.CACHE_DIR = before
+
+
+def keep_apart(kernel) -> None:
+    """Let a kernel's files have names that no other process gives.
+
+    Numba numbers the files of a kernel's signatures, and looks at its index for the next number. Two processes that
+    compile one kernel for different types at the same time would take the same number, and one file would stand for
+    both: that is code for other types. With names of their own all that can be lost is an entry of the index, and what
+    is missing is compiled again.
+    """
+    file = getattr(kernel._cache, "_cache_file", None)  # None if it is not kept
+    if file is not None:
+        file._data_name_pattern = file._data_name_pattern.replace("{number", f"{_PROCESS}-{{number")

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numba
 
-from .kernel_cache import kept_kernels
+from .kernel_cache import keep_apart, kept_kernels
 
 
 def njit(**options) -> Callable:
@@ -24,7 +24,9 @@ def njit(**options) -> Callable:
 
     def decorate(function: Callable) -> Callable:
         with kept_kernels():
-            return numba.njit(**options)(function)
+            kernel = numba.njit(**options)(function)
+            keep_apart(kernel)
+            return kernel
 
     return decorate
 

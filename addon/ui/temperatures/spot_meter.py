@@ -15,7 +15,8 @@ from ...interface import ENGINE
 from ...output.temperature_scale import TemperatureUnit, reading
 from ...rendering.last_render import FinishedFrame, finished_frames, finished_layers, forget_last_render
 from ...rendering.live_pictures import Picture
-from ...rendering.readings import MeasuredPicture, finished_picture, pixel_now
+from ...rendering.readings import MeasuredPicture, camera_picture, finished_picture, pixel_now
+from ...rendering.render_passes import CAMERA_TEMPERATURE
 
 HELP = "Spot Meter    Esc: Leave"
 
@@ -24,7 +25,8 @@ HELP = "Spot Meter    Esc: Leave"
 
 
 class ShownLayer(NamedTuple):
-    """A finished view layer in an Image Editor, and whether what is seen of it is its Combined pass.
+    """A finished view layer in an Image Editor, and whether what is seen of it is its Combined pass, or its Camera
+    Temperature.
 
     images: see final_render.layer_images.
     """
@@ -32,11 +34,12 @@ class ShownLayer(NamedTuple):
     images: dict
     frame: FinishedFrame
     is_combined: bool
+    is_camera: bool = False
 
     @property
     def picture(self) -> MeasuredPicture:
         """The layer for measuring tools."""
-        return finished_picture(self.images, self.frame)
+        return (camera_picture if self.is_camera else finished_picture)(self.images, self.frame)
 
 
 def shown_layer(space, scene) -> ShownLayer | None:
@@ -55,7 +58,16 @@ def shown_layer(space, scene) -> ShownLayer | None:
     name, frame = next((item for i, item in enumerate(frames.items()) if i == max(index, 0)), ("", None))
     if name not in layers:
         return None
-    return ShownLayer(layers[name], frame, index >= 0 and space.image_user.multilayer_pass == 0)
+    images, shown = layers[name], space.image_user.multilayer_pass
+    return ShownLayer(images, frame, index >= 0 and shown == 0, index >= 0 and shown == camera_pass(images))
+
+
+def camera_pass(images: dict) -> int | None:
+    """The number of the pass Camera Temperature of a finished view layer, as `render_passes` lists them; None without
+    one. images: see final_render.layer_images."""
+    further = list(images["further"])
+    usual = 1 + len(images["bands"]) + 3  # Combined, the bands, Radiance, Temperature and Noise
+    return usual + further.index(CAMERA_TEMPERATURE) if CAMERA_TEMPERATURE in further else None
 
 
 def pixel_at(u: float, v: float, size, origin, shape: tuple[int, int]) -> tuple[int, int] | None:

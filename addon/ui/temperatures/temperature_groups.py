@@ -15,7 +15,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy.types import Operator, Panel
 
 from ...rendering.last_render import finished_groups
-from ...rendering.render_files import layer_suffixes
+from ...rendering.render_files import group_path, layer_suffixes
 from ...solver.physics.spectrum import LIBRARY_MISSING
 from ...solver.scene import SceneError
 from ..exporter import Exporter
@@ -63,6 +63,10 @@ class INFRARED_OT_recombine(Operator, Exporter):
     )
     pictures: BoolProperty(name="Pictures", description="Write a PNG in the colors of Heat Display, too", default=True)
 
+    def invoke(self, context, event):
+        first_choice(context.scene, self)
+        return super().invoke(context, event)
+
     def execute(self, context):
         files = {"": Path(bpy.path.abspath(self.groups))} if self.groups else dict(finished_groups)
         if not files:
@@ -77,6 +81,16 @@ class INFRARED_OT_recombine(Operator, Exporter):
             return {"CANCELLED"}
         self.report({"INFO"}, f"{len(paths)} images written, the last one to '{paths[-1]}'")
         return {"FINISHED"}
+
+
+def first_choice(scene, dialog) -> None:
+    """Let the dialog of INFRARED_OT_recombine begin with the file of groups that a scene writes, if no render of this
+    session has any, and with a name after it."""
+    written = scene.infrared.group_exr_path and group_path(scene, "", False)
+    if written and written.is_file() and not (dialog.groups or finished_groups):
+        dialog.groups = scene.infrared.group_exr_path
+    if written and not dialog.filepath:
+        dialog.filepath = str(written.with_name(f"{written.stem}_recombined{dialog.filename_ext}"))
 
 
 class INFRARED_PT_temperature_groups(RenderSettingsPanel, Panel):
