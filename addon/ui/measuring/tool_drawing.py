@@ -17,7 +17,7 @@ from .outlines import handles
 CHOSEN = (1.0, 0.75, 0.25, 1.0)
 HOT, COLD = (1.0, 0.25, 0.2, 1.0), (0.3, 0.65, 1.0, 1.0)
 NO_VALUE = "not rendered"
-SMALL = 35  # heights of the text: in narrower pictures tools have their numbers alone
+SMALL = 45  # heights of the text: in narrower pictures tools have their numbers alone
 
 
 def draw_tools(seen: Seen, region, scene) -> None:
