@@ -267,7 +267,7 @@ def live():
         space = area.spaces.active
         space.region_3d.view_perspective, space.shading.type = "CAMERA", "RENDERED"
         space.overlay.show_extras = False
-    yield 200.0  # for some passes, where others compute, too
+    yield 270.0  # for some passes, where others compute, too
     keep(screenshot(), "measure-viewport", *WHOLE)
 
 

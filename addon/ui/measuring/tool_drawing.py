@@ -17,7 +17,7 @@ from .outlines import handles
 CHOSEN = (1.0, 0.75, 0.25, 1.0)
 HOT, COLD = (1.0, 0.25, 0.2, 1.0), (0.3, 0.65, 1.0, 1.0)
 NO_VALUE = "not rendered"
-SMALL = 35  # heights of the text: in narrower pictures tools have their numbers alone
+SMALL = 45  # heights of the text: in narrower pictures tools have their numbers alone
 
 
 def draw_tools(seen: Seen, region, scene) -> None:
@@ -60,9 +60,13 @@ def draw_tool_label(seen: Seen, region, scene, index: int, tool) -> None:
     value = measured and reading(measured.mean, measured.error_of_mean, scene_unit(scene))
     own = f"  ε {tool.emissivity:.3g}" if tool.use_own_emissivity else ""
     label = f"{index + 1}:  {value or NO_VALUE}{own}" if seen.frame[2] > SMALL * text else f"{index + 1}"
-    mark = Mark(tool.kind, tuple(seen.in_region(position) for position in tool.places()), label)
-    place = label_place(mark, 1.6 * text, text_width(label, text) + text, (region.width, region.height))
-    draw_label(place[0] + 0.5 * text, place[1] + 0.5 * text, label, text)
+    left, bottom, width, height = seen.frame
+    x, y = max(left, 0.0), max(bottom, 0.0)  # labels stay in what is visible of the picture, off the bar beside it
+    visible = min(left + width, region.width) - x, min(bottom + height, region.height) - y
+    places = (seen.in_region(position) for position in tool.places())
+    mark = Mark(tool.kind, tuple((u - x, v - y) for u, v in places), label)
+    place = label_place(mark, 1.6 * text, text_width(label, text) + text, visible)
+    draw_label(x + place[0] + 0.5 * text, y + place[1] + 0.5 * text, label, text)
 
 
 def draw_extremes(seen: Seen, pixels, text: int) -> None:
