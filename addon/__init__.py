@@ -93,7 +93,7 @@ def _modules():
         object_panel,
         operators,
         panels,
-        render_header,
+        render_end,
         sensor_image,
         sensor_panel,
     )
@@ -140,7 +140,7 @@ def _modules():
         export_report,
         frame_tools,
         kernels,
-        render_header,
+        render_end,
         preferences,
         engine,
         commands,

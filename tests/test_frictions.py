@@ -19,7 +19,7 @@ from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.rendering.last_render import finished_layers, last_warnings  # noqa: E402
 from addon.rendering.render_passes import render_passes  # noqa: E402
 from addon.ui.checks import new_warnings  # noqa: E402
-from addon.ui.render_header import end_of_render  # noqa: E402
+from addon.ui.render_end import end_of_render  # noqa: E402
 from addon.ui.temperatures.spot_meter import camera_pass, reading_at, shown_layer  # noqa: E402
 from addon.ui.temperatures.temperature_groups import first_choice  # noqa: E402
 from tests.helpers.blender import link  # noqa: E402
@@ -148,7 +148,7 @@ def test_kernels_are_spoken_of_only_while_they_are_compiled():
     assert "once" in COMPILING
 
 
-def test_passes_and_noise_stay_in_the_header(untouched):
+def test_passes_and_noise_stay_over_the_picture(untouched):
     untouched.world["temperature"] = 280.0
     bpy.data.objects["Cube"]["temperature"] = 330.0
     bpy.ops.render.render()

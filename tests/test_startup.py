@@ -14,6 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 import numpy as np  # noqa: E402
 from numba.core import types  # noqa: E402
+from numba.core.caching import IndexDataCacheFile  # noqa: E402
 
 from addon.compiling import compilation, kernels  # noqa: E402
 from addon.compiling.compilation import Compilation, is_complete  # noqa: E402
@@ -189,18 +190,29 @@ def test_workers_end_with_blender(folder):
     worker.stdout.close()
 
 
-def test_files_of_a_kernel_have_names_of_their_own(folder):
-    """Two processes that compile one kernel for different types at the same time cannot take each other's file."""
-    script = (
-        "import numpy as np; from addon.solver.system.kernels import KERNEL, njit\n"
-        "from addon.solver.sampling import rng\n"
-        "print(rng.uniforms._cache._cache_file._data_name(1))"
-    )
-    names = {
-        subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-        for _ in range(2)
-    }
-    assert len(names) == 2
+SAVING = """
+import sys
+from types import SimpleNamespace
+from numba.core.caching import IndexDataCacheFile
+from addon.solver.system.kernel_cache import keep_apart
+file = IndexDataCacheFile(sys.argv[1], "kernel", "stamp")
+keep_apart(SimpleNamespace(_cache=SimpleNamespace(_cache_file=file)))
+for number in range(100):
+    file.save((sys.argv[2], number), (sys.argv[2], number))
+"""
+
+
+def test_processes_that_keep_one_kernel_at_the_same_time_lose_nothing(tmp_path):
+    """Of a hundred types each, every entry is there in the end, and is what its process compiled."""
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    command = [sys.executable, "-c", SAVING, folder]
+    working = [subprocess.Popen([*command, name], cwd=ROOT) for name in ("one", "other")]
+    assert [each.wait(LONG) for each in working] == [0, 0]
+    file = IndexDataCacheFile(str(folder), "kernel", "stamp")
+    keys = [(name, number) for name in ("one", "other") for number in range(100)]
+    assert [file.load(key) for key in keys] == keys
+    assert len(list(folder.glob("*.nbc"))) == len(keys)
 
 
 def test_kernels_that_nobody_can_keep_are_not_compiled_beforehand(folder, monkeypatch, tmp_path):

@@ -13,9 +13,16 @@ import shutil
 import tempfile
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # on Windows
+    import msvcrt
+
+    fcntl = None
 
 FOLDER_VARIABLE = "INFRARED_PHOTONS_KERNELS"  # environment variable: where to keep kernels, not beside the sources
 _PREFIX = "infrared-photons-"
@@ -59,13 +66,41 @@ def kept_kernels() -> Iterator[None]:
 
 
 def keep_apart(kernel) -> None:
-    """Let a kernel's files have names that no other process gives.
+    """Let several processes keep what they compile of a kernel at the same time.
 
-    Numba numbers the files of a kernel's signatures, and looks at its index for the next number. Two processes that
-    compile one kernel for different types at the same time would take the same number, and one file would stand for
-    both: that is code for other types. With names of their own all that can be lost is an entry of the index, and what
-    is missing is compiled again.
+    Numba reads a kernel's index, adds an entry with the next number for its file, and writes the index. Two processes
+    at once would take the same number, so that one file would stand for code of two types; and of the two entries one
+    would be lost. So one process at a time does that, and files have names that no other process gives, should a disk
+    know no locks.
     """
     file = getattr(kernel._cache, "_cache_file", None)  # None if it is not kept
-    if file is not None:
-        file._data_name_pattern = file._data_name_pattern.replace("{number", f"{_PROCESS}-{{number")
+    if file is None:
+        return
+    file._data_name_pattern = file._data_name_pattern.replace("{number", f"{_PROCESS}-{{number")
+    save = file.save
+
+    def save_alone(key, data):
+        with _alone(Path(file._cache_path)):
+            save(key, data)
+
+    file.save = save_alone
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """No other process is in this context for the same folder, which is made. The system ends it with the process."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "ab") as file:
+        with suppress(OSError):  # the disk knows no locks
+            if fcntl:
+                fcntl.flock(file, fcntl.LOCK_EX)
+            else:
+                file.seek(0)
+                msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+        try:
+            yield
+        finally:
+            if not fcntl:
+                with suppress(OSError):  # it was not locked
+                    file.seek(0)
+                    msvcrt.locking(file.fileno(), msvcrt.LK_UNLCK, 1)
