@@ -274,6 +274,8 @@ def test_graphs_show_the_values_and_the_isotherm():
     green = image[..., 1] - image[..., 0] > 0.1
     assert green[60:120].any() and not green[140:].any() and not green[:40].any()
     two = np.array([290.0] * 30 + [310.0] * 60, np.float32)
-    columns = graphs.histogram_image(two, TemperatureScale(low=280.0, high=320.0))[..., :3].max(axis=2) > 0.2
+    columns = (
+        graphs.histogram_image(two, TemperatureScale(low=280.0, high=320.0), (290.0, 310.0))[..., :3].max(axis=2) > 0.2
+    )
     heights = columns.sum(axis=0)
     assert heights[0] == pytest.approx(0.5 * heights[-1], abs=2) and heights[128] == 0

@@ -50,14 +50,19 @@ def measure_values(
     """As `measure`, of the values (n,) and errors (n,) in a region's pixels, K. pixels: of the whole image."""
     if values.size == 0:
         return None
-    squares = float(np.sum(np.square(errors, dtype=np.float64)))
-    known = not np.any((errors >= values) & (values > 0.0))
+    squares = float(np.sum(np.square(errors), dtype=np.float64))
+    unknown = errors >= values
+    known = not (unknown.any() and (values[unknown] > 0.0).any())
     low, high = int(np.argmin(values)), int(np.argmax(values))
+    mean = float(np.mean(values, dtype=np.float64))
+    shifted = values - values.dtype.type(mean)  # small numbers, whose squares the images' float32 holds well
+    variance = float(np.mean(np.square(shifted, out=shifted), dtype=np.float64))
+    variance -= (mean - float(values.dtype.type(mean))) ** 2
     return Measurement(
         minimum=float(values[low]),
         maximum=float(values[high]),
-        mean=float(np.mean(values, dtype=np.float64)),
-        deviation=float(np.std(values, dtype=np.float64)),
+        mean=mean,
+        deviation=math.sqrt(max(0.0, variance)),
         count=values.size,
         area=values.size / pixels,
         place_of_minimum=region.pixel(low),
@@ -92,10 +97,9 @@ class Histogram(NamedTuple):
     edges: np.ndarray
 
 
-def histogram(values: np.ndarray, bins: int = 64) -> Histogram:
-    """The Histogram of temperatures (n,), K, from the least to the largest, without those that are no numbers. Values
-    of one temperature fill one bin."""
-    values = values[np.isfinite(values)]
+def histogram(values: np.ndarray, bins: int = 64, ends: tuple[float, float] | None = None) -> Histogram:
+    """The Histogram of temperatures (n,), K, from the least to the largest, or between two ends; values of one
+    temperature fill one bin."""
     if values.size == 0:
         return Histogram(np.zeros(bins, int), np.linspace(0.0, 1.0, bins + 1))
-    return Histogram(*np.histogram(values, bins))
+    return Histogram(*np.histogram(values, bins, ends))

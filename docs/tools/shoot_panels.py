@@ -26,6 +26,8 @@ APART = {
     "detector": ("INFRARED_PT_sensor", "INFRARED_PT_detector"),
     "object-parameters": ("INFRARED_PT_object_parameters",),
 }
+# Closed in the sidebar, which would be longer than the window: the same panel is in the picture of the Render tab
+CLOSED = {"INFRARED_PT_image_object_parameters"}
 TOGETHER = (("render",), ("object", "world", "light"), ("material", "output"))  # columns of README's picture
 MARGIN = 6  # pixels around the panels in a picture
 WIDTH = 380  # pixels of the editors that are shot: enough for the longest name
@@ -56,7 +58,7 @@ def leave_only_our_panels():
     defined = bpy.types.Panel.__subclasses__()  # in the order in which the add-on registers them
     ours = sorted((cls for cls in panels if cls.__name__.startswith(OURS)), key=defined.index)
     apart = [cls for cls in ours if any(cls.__name__ in names for names in APART.values())]
-    show(ours, closed=apart)
+    show(ours, closed=[*apart, *(cls for cls in ours if cls.__name__ in CLOSED)])
     return ours, apart
 
 
@@ -133,6 +135,7 @@ def work():
         show(shown)
         yield from shoot(name, properties)
         hide(shown)
+    infrared.use_isotherm = False
     for kind, places in (("SPOT", [(0.5, 0.5)]), ("BOX", [(0.2, 0.3), (0.4, 0.6)])):
         points = [{"name": "", "position": place} for place in places]
         bpy.ops.infrared.tool_add(kind=kind, points=points)

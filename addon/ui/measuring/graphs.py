@@ -15,6 +15,7 @@ from ..materials.curve_previews import image_icon
 
 SIZE = 256, 256  # pixels
 MOST_BINS = 64
+MOST_VALUES = 100_000  # that a histogram is drawn of
 _MARGIN = 0.04  # share of the height, at both ends, as of a curve
 _SHADE = 0.25  # of the isotherm's colour over the background
 
@@ -39,11 +40,11 @@ def _shares(count: int) -> np.ndarray:
     return np.linspace(0.0, 1.0, count) if count > 1 else np.zeros(1)
 
 
-def histogram_image(values: np.ndarray, scale: TemperatureScale) -> np.ndarray:
-    """How many of the temperatures (n,), K, are how warm, the coldest at the left, each in its colour of a scale whose
-    ends are known: (h, w, 4) float32 sRGB, row 0 at the bottom."""
+def histogram_image(values: np.ndarray, scale: TemperatureScale, ends: tuple[float, float]) -> np.ndarray:
+    """How many of the temperatures (n,), K, are how warm, from the cold end at the left to the warm one, each in its
+    colour of a scale whose ends are known: (h, w, 4) float32 sRGB, row 0 at the bottom."""
     count = int(np.clip(2.0 * math.sqrt(values.size), 8, MOST_BINS))
-    counts, edges = histogram(values, count)
+    counts, edges = histogram(values, count, ends)
     width, height = SIZE
     image = np.empty((height, width, 4), np.float32)
     image[:] = BACKGROUND
@@ -65,5 +66,10 @@ def _ends(values: np.ndarray) -> tuple[float, float]:
 
 def graph_icon(kind: str, values: np.ndarray, scale: TemperatureScale) -> int:
     """The number of the icon of a tool's graph for a layout: of a line its profile, else its histogram."""
-    draw = profile_image if kind == "LINE" else histogram_image
-    return image_icon("graph of a measuring tool", (kind, values.tobytes(), scale), lambda: draw(values, scale))
+    name = "graph of a measuring tool"
+    if kind == "LINE":
+        return image_icon(name, (kind, values.tobytes(), scale), lambda: profile_image(values, scale))
+    values = values[np.isfinite(values)]
+    ends = _ends(values) if values.size else (0.0, 1.0)
+    some = values[:: max(1, values.size // MOST_VALUES)]  # a picture of 256 columns tells no difference
+    return image_icon(name, (kind, some.tobytes(), ends, scale), lambda: histogram_image(some, scale, ends))
