@@ -503,6 +503,15 @@ class InfraredSettings(HeatDisplaySettings, ObjectParameterSettings, MeasureSett
         subtype="FILE_PATH",
         options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    label_path: StringProperty(
+        name="Path",
+        description="Write a mask, boxes and temperatures of each instance that is seen to a file of this name, in "
+        "COCO's format: of objects with a custom property 'category', or in a collection with one. '//' starts at the "
+        "blend file, '####' is the frame number; empty writes nothing",
+        default="",
+        subtype="FILE_PATH",
+        options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
     film_path: StringProperty(
         name="Keep Film",
         description="Keep the passes of a render in this file, also when it is complete: it can be extended by further "

@@ -15,6 +15,7 @@ import numpy as np
 from ..solver.scene import Scene, SceneError
 from .bands import read_band_edges
 from .camera import read_camera
+from .categories import Categories
 from .custom_properties import driver_remark
 from .groups import UNGROUPED_LIGHT, GroupReader, read_group
 from .ignored import ignored_scene_settings, ignored_settings, left_out
@@ -52,9 +53,11 @@ def _tell_of_shaders(depsgraph, surfaces: SurfaceReader) -> None:
 
 
 def render_reader(depsgraph) -> SurfaceReader:
-    """A new reader for a final render: it keeps temperature groups apart if the scene asks for their layers."""
-    groups = GroupReader() if depsgraph.scene_eval.infrared.group_exr_path else None
-    return SurfaceReader(depsgraph, Warnings(), groups=groups)
+    """A new reader for a final render: it keeps temperature groups apart, and instances, if the scene asks for them."""
+    infrared, warnings = depsgraph.scene_eval.infrared, Warnings()
+    groups = GroupReader() if infrared.group_exr_path else None
+    categories = Categories(warnings) if infrared.label_path else None
+    return SurfaceReader(depsgraph, warnings, groups=groups, categories=categories)
 
 
 def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:

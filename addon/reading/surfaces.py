@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..output.coco import Labelled
 from ..solver.scene import Material, SceneError
+from .categories import Categories
 from .custom_properties import driver_remark, read_temperature
 from .groups import GroupReader, read_group
 from .materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
@@ -29,9 +31,10 @@ class SurfaceReader:
         kept: dict[tuple[str, int], MeshData] | None = None,
         groups: GroupReader | None = None,
         kept_images: dict[tuple, tuple] | None = None,
+        categories: Categories | None = None,
     ):
         """kept: meshes that did not change since an earlier reader kept them; None reads all.
-        groups: None if temperature groups do not matter. kept_images: see TextureReader.
+        groups, categories: None if temperature groups, or instances, do not matter. kept_images: see TextureReader.
         """
         self.ambient_temperature, self.default = 0.0, Material()  # where nothing is set; scene_reader sets them
         self.override, self.warnings = depsgraph.view_layer_eval.material_override, warnings
@@ -49,6 +52,7 @@ class SurfaceReader:
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
         self.vertex_count = 0
         self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
+        self.categories, self.instances = categories, []  # Labelled, of each object
 
     def add(self, obj, matrix: np.ndarray) -> None:
         """One object or instance; matrix: (4, 4) float64, object to world."""
@@ -84,6 +88,8 @@ class SurfaceReader:
         self.slots.append(self._materials(obj, materials, mesh.slot))
         self.temperatures.append(temperature)
         self.pass_indices["object_index"].append(obj.pass_index)
+        if self.categories is not None:
+            self.instances.append(Labelled(obj.name, self.categories.of(obj)))
         if self.groups is not None:
             self._check_group(obj, mesh)
             number = self.groups.number(obj, f"Object '{obj.name}'", temperature)
@@ -159,7 +165,9 @@ class SurfaceReader:
         return np.concatenate(flat)
 
     def labels(self, name: str) -> np.ndarray:
-        """(m,) int32 Blender's 'object_index' or 'material_index' of each triangle."""
+        """(m,) int32 Blender's 'object_index' or 'material_index' of each triangle, or its 'instance', from 1."""
+        if name == "instance":
+            return np.repeat(np.arange(1, len(self.triangles) + 1, dtype=np.int32), list(map(len, self.triangles)))
         indices = np.array(self.pass_indices[name], dtype=np.int32)
         if name == "object_index":
             return np.repeat(indices, [len(each) for each in self.triangles])

@@ -46,6 +46,7 @@ from ..solver.system.files import check_writable
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
 from .frame_tools import keep_frame, write_frames
+from .labels import write_labels
 from .last_render import (
     FinishedFrame,
     finished_frames,
@@ -56,7 +57,16 @@ from .last_render import (
     last_warnings,
 )
 from .painting import thermal_picture, working_primaries
-from .render_files import check_paths, checkpoint_path, file_path, film_path, group_path, layer_suffixes, write_layer
+from .render_files import (
+    check_paths,
+    checkpoint_path,
+    file_path,
+    film_path,
+    group_path,
+    label_path,
+    layer_suffixes,
+    write_layer,
+)
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
 
 try:
@@ -66,7 +76,7 @@ except ImportError:  # on Windows
 
 log = logging.getLogger(__name__)
 
-FILM = "the film"
+FILM, LABELS = "the film", "the labels"  # names, in messages, of files
 LEAST_STEP = 4  # pixels on each side of one of a first picture: finer ones take more than a sixteenth of a pass
 POLL = 0.05  # s between looks at Esc and at the solver
 LAST_WAIT = 30.0  # s, most that Blender waits at its end for passes to be saved
@@ -147,12 +157,14 @@ def render_view_layer(engine, depsgraph) -> None:
     if not (bpy.app.background or engine.is_animation):  # somebody is waiting for it
         solve = _solver_with_first_pictures(solve)
     fillers = [effects] if effects else []
-    data = data_passes(scene, view_layer)
-    if data:
-        data_images = {}
-        fillers.append(lambda film, images: data_images)
-        labels = {name: surfaces.labels(name) for name in surfaces.pass_indices if name in data}
-        solve = _solver_with_data_passes(solve, data, labels, data_images)
+    data, seen = data_passes(scene, view_layer), {}
+    labels = {name: surfaces.labels(name) for name in surfaces.pass_indices if name in data}
+    if scene.infrared.label_path:
+        labels["instance"] = surfaces.labels("instance")
+        check_writable(label_path(scene, suffix, engine.is_animation), LABELS)
+    if data or labels:
+        fillers.append(lambda film, images: {asked.name: seen[name] for name, asked in data.items()})
+        solve = _solver_with_data_passes(solve, data, labels, seen)
     if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
         solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
     else:
@@ -183,6 +195,11 @@ def render_view_layer(engine, depsgraph) -> None:
         if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
             if shown and engine.is_animation:
                 _follow_tools(engine, scene, layer, finished, frame)
+            if scene.infrared.label_path:
+                path = label_path(scene, suffix, engine.is_animation)
+                picture = file_path(scene, suffix, engine.is_animation) if scene.infrared.band_exr_path else path
+                found = seen["instance"], images["Temperature"]
+                write_labels(path, picture.with_suffix(".exr").name, scene, surfaces, solver_scene, found)
             groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
             if shown and groups:
                 finished_groups[layer] = groups
@@ -342,7 +359,7 @@ def _solver_with_first_pictures(solve: Callable) -> Callable:
 
 
 def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], labels: dict, images: dict) -> Callable:
-    """A function like `render` that first fills `images`, by pass name, with what the middle of each pixel sees.
+    """A function like `render` that first fills `images`, by quantity, with what the middle of each pixel sees.
 
     data: see data_passes. labels: (triangles,) for each quantity that the solver does not know.
     """
@@ -351,7 +368,7 @@ def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], label
         geometry = build_geometry(scene, geometry)
         names = [name for name in data if name not in labels]
         found = first_hit_images(scene, names, labels, geometry, settings.workers, cancelled)
-        images.update({data[name].name: image for name, image in found.items()})
+        images.update(found)
         return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
 
     return look_and_solve

@@ -15,13 +15,15 @@ from ..solver.scene import SceneError
 
 log = logging.getLogger(__name__)
 
+PATHS = "band_exr_path", "group_exr_path", "checkpoint_path", "film_path", "label_path"  # settings of a scene
+
 
 def check_paths(infrared) -> None:
     """Raise SceneError if a path starts at the folder of the blend file ('//'), but the blend file was never saved.
 
     Blender would then take the folder that it happened to be started in.
     """
-    for path in (infrared.band_exr_path, infrared.group_exr_path, infrared.checkpoint_path, infrared.film_path):
+    for path in (getattr(infrared, name) for name in PATHS):
         if path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"Save the file first: '{path}' starts at its folder")
 
@@ -54,6 +56,11 @@ def group_path(scene, suffix: str, animation: bool) -> Path:
 def checkpoint_path(scene, suffix: str, animation: bool) -> Path:
     """File of this frame's finished passes; suffix: of its view layer, see layer_suffixes."""
     return _output_path(scene, scene.infrared.checkpoint_path, ".npz", suffix, animation)
+
+
+def label_path(scene, suffix: str, animation: bool) -> Path:
+    """File of this frame's labels; suffix: of its view layer, see layer_suffixes."""
+    return _output_path(scene, scene.infrared.label_path, ".json", suffix, animation)
 
 
 def film_path(scene, suffix: str, animation: bool) -> Path:
