@@ -90,6 +90,15 @@ def _open() -> Scene:
     return replace(_larger(), **parts, sky=Sky(np.array([250.0, 290.0]), np.array([0.0, 90.0])))
 
 
+def _far() -> Scene:
+    """The box alone and far away: so few rays meet it that nothing of what the pilot finds is thinned out."""
+    room = _open()
+    parts = {name: getattr(room, name)[len(_FLOOR) :] for name in ("triangles", "material", "temperature")}
+    matrix = room.camera.matrix.copy()
+    matrix[:3, 3] += 6.0 * matrix[:3, 2]
+    return replace(room, **parts, camera=replace(room.camera, matrix=matrix))
+
+
 def _fresnel() -> Scene:
     """Surfaces that reflect by Fresnel's law, one of them a mirror."""
     gloss = Material("Gloss", 0.5, 1.0, 0.3, fresnel=True)
@@ -143,6 +152,7 @@ TINY_SCENES: dict[str, Callable[[], Scene]] = {
     "room": _larger,
     "small": _room,
     "open": _open,
+    "far": _far,
     "fresnel": _fresnel,
     "sheet": _sheet,
     "textures": _textures,

@@ -15,7 +15,7 @@ from ..rendering.last_render import finished_frames, last_ends, last_failures
 from .temperatures.bar import margins
 
 FONT, SIZE = 0, 11.0  # Blender's own, and its size in pixels at a scale of 1
-FROM_TOP, FROM_RIGHT = 14, 10  # pixels at a scale of 1, of the text's lower right corner
+FROM_TOP, FROM_RIGHT = 14, 44  # pixels at a scale of 1, of the text's lower right corner: beside the gizmos
 
 _handler = None
 
@@ -42,7 +42,7 @@ def draw_end() -> None:
     scale, region, taken = context.preferences.system.ui_scale, context.region, margins(context.area)
     blf.size(FONT, SIZE * scale)
     left = region.width - taken.right - FROM_RIGHT * scale - blf.dimensions(FONT, text)[0]
-    blf.position(FONT, max(left, taken.left + FROM_RIGHT * scale), region.height - taken.top - FROM_TOP * scale, 0)
+    blf.position(FONT, max(left, taken.left + FROM_TOP * scale), region.height - taken.top - FROM_TOP * scale, 0)
     blf.enable(FONT, blf.SHADOW)
     blf.shadow(FONT, 3, 0.0, 0.0, 0.0, 1.0)
     blf.color(FONT, 1.0, 1.0, 1.0, 1.0)
