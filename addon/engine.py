@@ -83,13 +83,13 @@ class InfraredPhotonsEngine(bpy.types.RenderEngine):
             self._viewport.draw(self, context, depsgraph)
 
     def _fail(self, scene: str, message: str, details: bool = False) -> None:
-        """Show the error: as a report, which a script that asked to render gets as an exception, and in the header.
+        """Show the error: in the log, as a report, which a script that asked to render gets as an exception, and in the
+        header.
 
-        Blender's own error_set would add the same text to the report. scene: its name. details: of the exception, for
-        the log.
+        Blender's own error_set would add the same text to the report. scene: its name. details: whether the log tells
+        of the exception.
         """
-        if details:
-            log.error("The render failed", exc_info=True)
+        log.error(message, exc_info=details)
         last_failures[scene] = message
         self.report({"ERROR"}, message)
 

@@ -446,6 +446,7 @@ def test_another_file_shows_nothing_of_the_last_render(tmp_path):
     render_to_exr(tmp_path)
     assert shown_layer(editor(), bpy.context.scene)
     final_render.finished_groups["ViewLayer"] = tmp_path / "groups.exr"
+    last_render.last_failures["Scene"] = "It failed once"
     assert all(TABLES)
     bpy.ops.wm.read_homefile(use_empty=True)
     assert shown_layer(editor(), bpy.context.scene) is None
@@ -454,7 +455,7 @@ def test_another_file_shows_nothing_of_the_last_render(tmp_path):
 
 
 def test_the_tables_of_the_last_render_are_all_there():
-    found = [table for name, table in vars(last_render).items() if name.startswith("finished_")]
+    found = [table for name, table in vars(last_render).items() if name.startswith(("finished_", "last_"))]
     assert list(map(id, found)) == list(map(id, TABLES))
 
 

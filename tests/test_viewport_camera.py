@@ -175,7 +175,7 @@ def test_a_panorama_out_of_sight_asks_for_nothing(eye):
     asked = []
     live = Viewport(Engine())
     live._render = SimpleNamespace(submit=asked.append)
-    live._wanted = Request(None, None, None, None, None)
+    live._wanted = Request(None, None, None)
     for moved in (projection, Matrix.Translation((3.0, 0.0, 0.0)) @ projection):
         view = SimpleNamespace(space_data=space(camera=eye), region=REGION, region_data=viewport(moved, "CAMERA"))
         live._ask(view, bpy.context.evaluated_depsgraph_get())

@@ -151,6 +151,15 @@ class INFRARED_PT_checkpoint(RenderSettingsPanel, Panel):
         column.prop(infrared, "film_path")
 
 
+class INFRARED_PT_labels(RenderSettingsPanel, Panel):
+    bl_label = "Labels"
+    bl_context = "output"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, column, infrared):
+        column.prop(infrared, "label_path")
+
+
 class INFRARED_PT_object(InfraredPanel, Panel):
     bl_label = "Thermal"
     bl_context = "object"
@@ -459,6 +468,7 @@ CLASSES = (
     INFRARED_PT_passes_data,
     INFRARED_PT_output,
     INFRARED_PT_checkpoint,
+    INFRARED_PT_labels,
     INFRARED_PT_object,
     INFRARED_PT_material,
     INFRARED_PT_world,
