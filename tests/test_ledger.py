@@ -110,8 +110,8 @@ def forced():
     chains = [*MIXED, *itertools.chain.from_iterable(map(pure, range(1, SHORT + 1)))]
     for way, (pattern, emitters, _) in WAYS.items():
         for case in cases([lobes for lobes in chains if re.search(pattern, lobes)], emitters, forced=True):
-            # what goes on from an end is the same whatever lies before: chains of two lobes tell it
-            is_long = way == "continued" and len(case.values[0]) == SHORT
+            # a way is the same whatever lies before: chains of one and two lobes tell it
+            is_long = len(case.values[0]) == SHORT
             yield pytest.param(way, *case.values, marks=pytest.mark.long if is_long else case.marks)
 
 

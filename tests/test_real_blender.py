@@ -254,6 +254,7 @@ def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
 # From a repository of extensions --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long  # all kernels are compiled once more, for minutes
 def test_blender_takes_its_zip_from_the_repository_compiles_by_itself_and_the_first_picture_is_there_at_once(
     installed, capsys
 ):

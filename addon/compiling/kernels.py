@@ -18,6 +18,7 @@ from numba.core import types
 from numba.core.caching import NullCache
 from numba.core.dispatcher import Dispatcher
 
+from ..solver.system.kernel_cache import source_digest
 from .scenes import TINY_SCENES, render_tiny_scene
 
 SOLVER = __package__.rpartition(".")[0] + ".solver"
@@ -93,7 +94,8 @@ def write_list(path: Path) -> int:
             place = [kernel.py_func.__module__.removeprefix(SOLVER), kernel.py_func.__qualname__]
             arguments = compiled.signature.args
             listed[kernel, arguments] = [*place, [table.number(kind) for kind in arguments]]
-    path.write_text(json.dumps({"types": table.rows, "kernels": list(listed.values())}), encoding="utf-8")
+    content = {"sources": source_digest(), "types": table.rows, "kernels": list(listed.values())}
+    path.write_text(json.dumps(content), encoding="utf-8")
     return len(listed)
 
 
