@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from addon.solver.geometry.interaction import Interaction
 from addon.solver.photons.cells import no_cells
-from addon.solver.photons.wave import empty_wave, stored_share
+from addon.solver.photons.wave import FORWARDS, empty_wave, stored_share
 from addon.solver.physics.lobes import diffuse_density, sample_diffuse
 from addon.solver.planning.lamps import Lamps, share_of_ray
 from addon.solver.sampling.heuristics import TYPICAL_RAYS, balance
@@ -53,7 +53,7 @@ def test_rays_and_photons_leave_as_much_to_shadow_rays(distance, at_lamp, at_flo
     density = float(lamps.density[1, 1])
     by_rays = share_of_ray(TYPICAL_RAYS * at_floor / math.pi, lamps, met(distance, at_lamp))
     wave = empty_wave(1, 1, False)
-    wave.aimed[0] = density / at_lamp
+    wave.aimed[0], wave.arrival[0] = density / at_lamp, FORWARDS
     by_photons = stored_share(wave, 0, met(distance, at_floor))
     expected = 1.0 / (1.0 + (math.pi * density * distance**2 / (TYPICAL_RAYS * at_floor * at_lamp)) ** 2)
     assert by_rays == pytest.approx(expected, rel=1e-6)

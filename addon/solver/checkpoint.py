@@ -92,7 +92,8 @@ def read(path: Path) -> StoredFilm:
     """The film in a file. Raises CheckpointError if the file is damaged."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            marks, about = (json.loads(str(stored[name])) for name in ("fingerprint", "about"))
+            marks = json.loads(str(stored["fingerprint"]))
+            about = json.loads(str(stored["about"])) if "about" in stored.files else {}
             film = Film.from_state({name: stored[name] for name in stored.files})
         return StoredFilm(film, dict(marks), dict(about))
     except Exception as error:  # whatever the readers of archives, arrays and text meet in a damaged file
