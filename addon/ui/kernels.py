@@ -94,8 +94,11 @@ def _look() -> float | None:
 
 def _redraw() -> None:
     redraw("PREFERENCES")
-    for workspace in bpy.data.workspaces:
-        workspace.status_text_set_internal(None)  # nothing else has the status bar drawn again
+    for window in bpy.context.window_manager.windows:
+        # Nothing else has the status bar drawn again. A timer may run without a window, as after a file was opened, and
+        # then Blender would crash.
+        with bpy.context.temp_override(window=window):
+            window.workspace.status_text_set_internal(None)
 
 
 def _begin_by_itself() -> None:

@@ -35,11 +35,11 @@ def watch():
     from bl_ext.user_default.infrared_photons.engine import InfraredPhotonsEngine as Engine
     from bl_ext.user_default.infrared_photons.rendering import coarse, viewport
 
-    def texture_of(pixels, original=viewport._texture_of):
-        (pictures if pixels.size <= 4 * coarse.FIRST_PIXELS else finer).append(time.monotonic())
-        return original(pixels)
+    def texture_of(temperature, original=viewport.temperature_texture):
+        (pictures if temperature.size <= coarse.FIRST_PIXELS else finer).append(time.monotonic())
+        return original(temperature)
 
-    viewport._texture_of = texture_of
+    viewport.temperature_texture = texture_of
 
     def timed(original):
         def call(self, context, depsgraph):
