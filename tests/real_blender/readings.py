@@ -22,6 +22,7 @@ SCREENSHOTS = sys.argv[1:]
 PATIENCE = 300.0  # s: kernels may have to be compiled
 PLACES = 3000  # pixels of the screen that are looked at for each zoom
 BORDER = 10  # pixels of the screen at an editor's frame, where tabs open its hidden toolbar and sidebar
+TOLD = 40  # at its top, where stands how the render ended
 SHADES = 6  # of 255: 4 as 8 bits hold the dark ones by another curve, 2 for a neighbour in the table of the palette
 
 
@@ -109,7 +110,7 @@ def in_image_editor():
             yield 0.5
             screen, read, other = shown(region, f"zoom {zoom} {pan[0]}"), 0, 0
             corners = np.array([region.view2d.view_to_region(share, share, clip=False) for share in (0.0, 1.0)])
-            low, high = np.clip(corners, BORDER, (region.width - BORDER - 1, region.height - BORDER - 1))
+            low, high = np.clip(corners, BORDER, (region.width - BORDER - 1, region.height - TOLD - 1))
             for x, y in np.random.default_rng(3).integers(low, high + 1, (PLACES, 2)).tolist():
                 pixel = pixel_at(x, y)
                 # Blender draws an outline over the last column and row of the screen, or over those before them
