@@ -15,11 +15,11 @@ from .spectrum import band_radiance
 
 _ROWS = 720  # of a table by zenith angle: a quarter of a degree, between which radiance is linear
 _PARTS = 32  # of a band, in each of which a spectral sky has one apparent temperature
-# Mean square of the radiance over the square of its mean, from which on directions are chosen by the sky. In
-# tests/benchmarks/hot_sky.py 1 / (noise^2 x time) is then, over that without, in a scene of diffuse surfaces and in one
-# with a rough wall: 346 and 183 for a spot of 1.5 degrees radius (1346), 32 and 7 for 6 degrees (227), 17 and 5 for a
-# less hot one (71), 3.8 and 1.0 for 12 degrees (53), .55 and .34 for 20 degrees (20).
-_CONCENTRATED = 64.0
+# Mean square of the radiance over the square of its mean, from which on directions are chosen by the sky. By
+# tests/benchmarks/hot_sky.py 1 / (noise^2 x time) is then, over that without, among diffuse surfaces and with a rough
+# wall: 157 and 132 for a spot of 1.5 degrees radius (2375), 97 and 38 for 3 degrees (830), 7.3 and 4.5 for 6 degrees
+# (275), 7.5 and 2.8 for a less hot one (125), 1.2 and .57 for 12 degrees (66), .14 and .16 for 20 degrees (25).
+_CONCENTRATED = 100.0
 _NODES = 4096  # temperatures at which an image's radiance is worked out; between them it is linear, to 1e-6
 
 
