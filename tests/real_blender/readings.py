@@ -22,7 +22,7 @@ SCREENSHOTS = sys.argv[1:]
 PATIENCE = 300.0  # s: kernels may have to be compiled
 PLACES = 3000  # pixels of the screen that are looked at for each zoom
 BORDER = 10  # pixels of the screen at an editor's frame, where tabs open its hidden toolbar and sidebar
-TOLD = 40  # at its top, where stands how the render ended
+TOLD = 60  # at its top, where stands how the render ended
 SHADES = 6  # of 255: 4 as 8 bits hold the dark ones by another curve, 2 for a neighbour in the table of the palette
 
 
