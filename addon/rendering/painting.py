@@ -31,14 +31,20 @@ def working_primaries() -> np.ndarray:
     return np.round(primaries, 4).astype(np.float32)  # Blender rounds alike: Rec.709 in Rec.709 is not quite itself
 
 
+_OURS = "infrared_picture"  # custom property of images that keep_picture makes: those of the user stay as they are
+
+
 def keep_picture(name: str, picture: np.ndarray):
-    """Keep a picture (h, w, 4) as an image of this name, which Blender's editors can show; returns the image."""
+    """Keep a picture (h, w, 4) as an image of this name, which Blender's editors can show; returns the image. One that
+    was made so before is replaced."""
     height, width, _ = picture.shape
-    shown = bpy.data.images.get(name)
-    if shown is None or tuple(shown.size) != (width, height):
-        if shown is not None:
-            bpy.data.images.remove(shown)
+    shown = next((image for image in bpy.data.images if image.get(_OURS) == name), None)
+    if shown is not None and tuple(shown.size) != (width, height):
+        bpy.data.images.remove(shown)
+        shown = None
+    if shown is None:
         shown = bpy.data.images.new(name, width, height, float_buffer=True)
+        shown[_OURS] = name
     shown.pixels.foreach_set(np.ascontiguousarray(picture, np.float32).ravel())
     shown.update()
     return shown
