@@ -9,6 +9,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty
 
 from .interface import redraw, temperature_property
+from .output.palette import spread
 from .output.temperature_scale import KELVIN, UNITS, Isotherm, TemperatureScale, TemperatureUnit
 
 PICTURE_EDITORS = ("IMAGE_EDITOR", "VIEW_3D")  # types of the areas that show pictures of this engine
@@ -122,6 +123,12 @@ def read_scale(infrared) -> TemperatureScale:
     return TemperatureScale(infrared.palette, *ends, isotherm)
 
 
+def fix_range(infrared, low: float, high: float) -> None:
+    """Show temperatures from low to high, K, with all colours."""
+    infrared.range_mode = "FIXED"
+    infrared.range_low, infrared.range_high = spread(low, high)
+
+
 def scene_unit(scene) -> TemperatureUnit:
     """The TemperatureUnit that Blender shows this scene's temperatures in."""
     units = scene.unit_settings
@@ -132,8 +139,7 @@ def scene_unit(scene) -> TemperatureUnit:
 
 def in_scene_unit(kelvin: float, scene) -> str:
     """A temperature in words, in the unit that the scene shows."""
-    unit = scene_unit(scene)
-    return f"{unit.of_kelvin(kelvin):.2f} {unit.symbol}"
+    return scene_unit(scene).text(kelvin)
 
 
 def view_problem(scene) -> str:

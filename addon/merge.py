@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import glob
 import math
+import re
 import sys
 from collections.abc import Sequence
 from functools import reduce
@@ -144,12 +145,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images) -> int:
     """Write the images of one frame and view layer; returns how many more passes they need."""
     (frame, layer), several = key, len({frame for frame, _ in images}) > 1
-    suffix = f"_{layer}" if len({layer for _, layer in images}) > 1 else ""
+    # a file name cannot have all that the name of a view layer can
+    suffix = "_" + re.sub(r"[^\w-]", "_", layer) if len({layer for _, layer in images}) > 1 else ""
     stored, name = merged(films, options.passes, options.partial), f"Frame {frame}" + (f", {layer}" if layer else "")
 
     def path_of(text: str, ending: str) -> Path:
-        path = numbered(without_extension(text, {Path(ending).suffix, ending}), ending, frame, several)
-        return path.with_name(f"{path.name.removesuffix(ending)}{suffix}{ending}")
+        return numbered(without_extension(text, {Path(ending).suffix, ending}), ending, frame, several, suffix)
 
     if options.output:
         write_file(options.format, path_of(options.output, FORMATS[options.format].ending), images_of(stored))

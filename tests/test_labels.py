@@ -28,11 +28,12 @@ KINDS = ("person", "car", "tree")
 def test_run_lengths_are_cocos(shape):
     for share in (0.0, 0.2, 0.9, 1.0):
         mask = np.random.default_rng(3).random(shape) < share
-        lengths = {"size": list(shape), "counts": run_lengths(mask)}
+        pixels = np.flatnonzero(mask.ravel(order="F"))
+        lengths = {"size": list(shape), "counts": run_lengths(pixels, mask.size)}
         np.testing.assert_array_equal(coco_mask.decode(coco_mask.frPyObjects(lengths, *shape)), mask)
         if mask.any():
             encoded = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))
-            assert box_of(mask) == coco_mask.toBbox(encoded).tolist()
+            assert box_of(pixels, shape[0]) == coco_mask.toBbox(encoded).tolist()
 
 
 def scene_of(count, width=120, height=90):
@@ -89,7 +90,8 @@ def test_labels_of_200_objects(tmp_path):
         mask = index == number
         np.testing.assert_array_equal(coco.annToMask(each), mask)
         assert coco.loadCats(each["category_id"])[0]["name"] == kind
-        assert each["area"] == mask.sum() and each["bbox"] == box_of(mask)
+        encoded = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))
+        assert each["area"] == mask.sum() and each["bbox"] == coco_mask.toBbox(encoded).tolist()
         assert each["temperature"]["maximum"] == temperature[mask].max()
         assert each["temperature"]["mean"] == pytest.approx(temperature[mask].mean(), rel=1e-6)
 

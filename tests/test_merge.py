@@ -107,14 +107,14 @@ def test_films_of_other_renders_are_refused(parts, tmp_path, capsys):
 
 
 def test_frames_and_layers_are_apart(parts, tmp_path):
-    for frame, layer in ((7, "Other"), (8, "ViewLayer")):
+    for frame, layer in ((7, "A/B"), (8, "ViewLayer")):
         for part in parts:
             stored = read(part)
-            path = tmp_path / f"{frame} {layer} {part.name}"
+            path = tmp_path / f"{frame} {layer[0]} {part.name}"
             save(path, stored.film, stored.marks, {**stored.about, "frame": frame, "layer": layer})
     assert merge.main([str(tmp_path / "*.npz"), *map(str, parts), "--output", str(tmp_path / "out.exr")]) == 0
     names = {path.name for path in tmp_path.glob("*.exr")}
-    assert names == {"out0007_ViewLayer.exr", "out0007_Other.exr", "out0008_ViewLayer.exr"}
+    assert names == {"out0007_ViewLayer.exr", "out0007_A_B.exr", "out0008_ViewLayer.exr"}
 
 
 def test_how_many_passes_a_target_needs(parts, whole, tmp_path, capsys):

@@ -14,21 +14,12 @@ from addon.rendering.checks import object_parameter_checks, scene_checks  # noqa
 from addon.rendering.last_render import finished_layers  # noqa: E402
 from addon.solver.physics.spectrum import uniform_edges  # noqa: E402
 from addon.solver.scene import SceneError  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, render_to_exr  # noqa: E402
+from tests.helpers.blender import grey_plate, render_to_exr  # noqa: E402
 
 
 @pytest.fixture
 def infrared(reset_blender):
-    """A grey plate at 320 K that fills the picture, under a sky of 260 K."""
-    camera(width=4, height=3)
-    mesh = cube_mesh()
-    mesh.materials.append(material(emissivity=0.8))
-    link("Cube", mesh, temperature=320.0).scale = (20.0, 20.0, 1.0)
-    bpy.context.scene.world = bpy.data.worlds.new("World")
-    bpy.context.scene.world["temperature"] = 260.0
-    infrared = bpy.context.scene.infrared
-    infrared.passes, infrared.photons_per_pass, infrared.threads, infrared.band_count = 4, 1000, 1, 4
-    return infrared
+    return grey_plate()
 
 
 def test_the_defaults_are_those_of_the_class_and_correct_nothing(infrared):

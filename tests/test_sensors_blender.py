@@ -24,7 +24,7 @@ from addon.solver.physics.spectrum import (  # noqa: E402
 )
 from addon.solver.scene import SceneError  # noqa: E402
 from addon.ui.sensor_panel import INFRARED_PT_sensor  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, read, render_to_exr  # noqa: E402
+from tests.helpers.blender import grey_plate, read, render_to_exr  # noqa: E402
 
 TABLE = "wavelength (um), response\n7, 0\n10, 4\n13, 1\n"
 POINTS = [7.0, 0.0, 10.0, 4.0, 13.0, 1.0]
@@ -32,15 +32,7 @@ POINTS = [7.0, 0.0, 10.0, 4.0, 13.0, 1.0]
 
 @pytest.fixture
 def infrared(reset_blender):
-    camera(width=4, height=3)
-    mesh = cube_mesh()
-    mesh.materials.append(material(emissivity=0.8))
-    link("Cube", mesh, temperature=320.0).scale = (20.0, 20.0, 1.0)
-    bpy.context.scene.world = bpy.data.worlds.new("World")
-    bpy.context.scene.world["temperature"] = 260.0
-    infrared = bpy.context.scene.infrared
-    infrared.passes, infrared.photons_per_pass, infrared.threads, infrared.band_count = 4, 1000, 1, 4
-    return infrared
+    return grey_plate()
 
 
 def test_the_menu_chooses_the_response(infrared):

@@ -29,20 +29,20 @@ class Labelled:
     category: str
 
 
-def run_lengths(mask: np.ndarray) -> list[int]:
-    """COCO's uncompressed run lengths of a mask (h, w), bool, row 0 at the top: of pixels outside, inside and so on,
-    column by column, beginning outside."""
-    flat = mask.ravel(order="F")
-    ends = np.flatnonzero(np.diff(flat)) + 1
-    lengths = np.diff(np.concatenate(([0], ends, [flat.size])))
-    return ([0] if flat.size and flat[0] else []) + [int(length) for length in lengths if length]
+def run_lengths(pixels: np.ndarray, count: int) -> list[int]:
+    """COCO's uncompressed run lengths: of pixels outside, inside and so on, beginning outside. pixels: (n,) ascending
+    numbers of those inside, of `count`, column by column."""
+    starts = pixels[np.diff(pixels, prepend=-2) > 1]
+    stops = pixels[np.diff(pixels, append=count + 1) > 1] + 1
+    *lengths, rest = np.diff([0, *np.column_stack((starts, stops)).ravel(), count]).tolist()
+    return [*lengths, rest] if rest else lengths
 
 
-def box_of(mask: np.ndarray) -> list[int]:
-    """[x, y, width, height] of a mask (h, w), bool, with at least one pixel, row 0 at the top."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    x, y = int(columns[0]), int(rows[0])
-    return [x, y, int(columns[-1]) - x + 1, int(rows[-1]) - y + 1]
+def box_of(pixels: np.ndarray, height: int) -> list[int]:
+    """[x, y, width, height] of at least one pixel of a picture of this height; pixels: see run_lengths."""
+    columns, rows = np.divmod(pixels, height)
+    x, y = int(columns.min()), int(rows.min())
+    return [x, y, int(columns.max()) - x + 1, int(rows.max()) - y + 1]
 
 
 def amodal_boxes(camera: Camera, corners: np.ndarray, instance: np.ndarray, count: int) -> np.ndarray | None:
@@ -108,22 +108,24 @@ def annotations(
     image: (h, w) number of the instance that each pixel sees, from 1, 0 for none; temperature: (h, w) K; row 0 at the
     bottom of both. boxes: see amodal_boxes. categories: numbers by name.
     """
-    image, temperature = np.asarray(image)[::-1].astype(np.int64), np.asarray(temperature)[::-1]
-    found = []
-    for number in np.unique(image[image > 0]).tolist():
-        instance, mask = instances[number - 1], image == number
-        if not instance.category:
+    shape, found = image.shape, []
+    seen, kelvins = (np.asarray(each)[::-1].ravel(order="F") for each in (image, temperature))
+    order = np.argsort(seen, kind="stable")
+    numbers, starts = np.unique(seen[order], return_index=True)
+    for number, pixels in zip(numbers.astype(int).tolist(), np.split(order, starts[1:]), strict=True):
+        instance = instances[number - 1] if number else None
+        if instance is None or not instance.category:
             continue
-        kelvin = temperature[mask]
+        kelvin = kelvins[pixels]
         found.append(
             {
                 "id": len(found) + 1,
                 "image_id": 1,
                 "category_id": categories[instance.category],
                 "name": instance.name,
-                "segmentation": {"size": list(mask.shape), "counts": run_lengths(mask)},
-                "area": int(mask.sum()),
-                "bbox": box_of(mask),
+                "segmentation": {"size": list(shape), "counts": run_lengths(pixels, seen.size)},
+                "area": len(pixels),
+                "bbox": box_of(pixels, shape[0]),
                 "amodal_bbox": None if boxes is None else [round(float(side), 3) for side in boxes[number - 1]],
                 "temperature": {
                     "minimum": float(kelvin.min()), "mean": float(kelvin.mean(dtype=np.float64)),

@@ -77,16 +77,17 @@ def without_extension(path: str, extensions: Collection[str] = EXTENSIONS) -> st
     return stem if extension.lower() in extensions else path
 
 
-def numbered(path: str, extension: str, frame: int, several: bool) -> Path:
-    """File of a frame: '####' becomes its number, and the extension ends the name.
+def numbered(path: str, extension: str, frame: int, several: bool, suffix: str = "") -> Path:
+    """File of a frame: '####' becomes its number, and suffix and extension end the name.
 
-    several: whether there are other frames; then the number is added where the path has no '#'.
+    several: whether there are other frames; then the number is added where the path has no '#'. suffix: that of a view
+    layer.
     """
     stem = path[: -len(extension)] if path.lower().endswith(extension) else path
     if several and "#" not in Path(stem).name:
         stem += "####"
     name = re.sub("#+", lambda digits: f"{frame:0{len(digits[0])}d}", Path(stem).name)
-    return Path(stem).parent / f"{name}{extension}"
+    return Path(stem).parent / f"{name}{suffix}{extension}"
 
 
 def write_file(file_format: str, path: Path, images: Mapping) -> None:

@@ -85,7 +85,7 @@ def _draw_label_panels(picture: np.ndarray, marks: Sequence[Mark], size: int) ->
     """Darken a picture (h, w, 3) behind the labels of marks; returns these."""
     texts, (height, width, _) = [], picture.shape
     for mark in marks:
-        long = _text_width(mark.label, size)
+        long = text_width(mark.label, size)
         x, y = label_place(mark, size, long, (width, height))
         left, low = max(0, round(x - 0.3 * size)), max(0, round(y - 0.35 * size))
         part = picture[low : round(y + 1.05 * size), left : round(x + long + 0.3 * size)]
@@ -99,7 +99,7 @@ def _table(rows: Sequence[Sequence[str]], size: int) -> tuple[list[Text], int, i
     if not rows:
         return [], 0, 0
     gap, step = COLUMN_GAP * size, LINE * size
-    widths = [max(_text_width(cell, size) for cell in column) for column in zip(*rows, strict=True)]
+    widths = [max(text_width(cell, size) for cell in column) for column in zip(*rows, strict=True)]
     starts = np.cumsum([size, *(width + gap for width in widths)])
     height = int(step * len(rows) + size)
     texts = [
@@ -111,7 +111,7 @@ def _table(rows: Sequence[Sequence[str]], size: int) -> tuple[list[Text], int, i
     return texts, int(starts[-1] - gap + size), height
 
 
-def _text_width(text: str, size: int) -> float:
+def text_width(text: str, size: int) -> float:
     """In pixels, of a line of text of this height."""
     blf.size(FONT, size)
     return blf.dimensions(FONT, text)[0]

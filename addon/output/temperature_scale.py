@@ -30,6 +30,10 @@ class TemperatureUnit:
         """A temperature (number or array) of this unit in K."""
         return (value - self.offset) / self.scale
 
+    def text(self, kelvin: float) -> str:
+        """A temperature (K) in this unit with two decimals, such as '31.42 °C'."""
+        return f"{self.of_kelvin(kelvin):.2f} {self.symbol}"
+
 
 KELVIN = TemperatureUnit("K")
 CELSIUS = TemperatureUnit("°C", 1.0, -273.15)

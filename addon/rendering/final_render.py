@@ -334,10 +334,9 @@ def _saved_passes(engine, path: Path, solver_scene, settings) -> Film | None:
 
 def _keep_film(path: Path, job: RenderJob, layer: str, frame: int) -> None:
     """Write the film of a view layer, with what its images are called and how they are rendered. Raises OSError."""
-    film, settings, response = job.film, job.settings, job.scene.response
+    film, settings = job.film, job.settings
     with film.lock:
-        facts = {"sensor": response.name if response else "Ideal", **how_rendered(film, settings)}
-        about = {"layer": layer, "frame": frame, "facts": facts, "correction": settings.correction._asdict()}
+        about = {"layer": layer, "frame": frame, "facts": job.facts(), "correction": settings.correction._asdict()}
         save(path, film, fingerprint(job.scene, settings), about, FILM)
     log.info("%s: %d passes kept in %s", layer, film.passes, path)
 
@@ -483,6 +482,11 @@ class RenderJob(threading.Thread):
             raise self._error
         return self._snapshot(self.film) if self.film is not None else None
 
+    def facts(self) -> dict[str, object]:
+        """How the film was rendered, by the names that files give that."""
+        response = self.scene.response
+        return {"sensor": response.name if response else "Ideal", **how_rendered(self.film, self.settings)}
+
     def progress(self) -> float:
         """Share of the render that is done, by the stop condition that is nearest, 0..1."""
         settings = self.settings
@@ -548,14 +552,14 @@ def layer_images(
 
     further: the passes that not every render has. facts: more facts, by the names that files give them.
     """
-    film, response = job.film, job.scene.response
+    film = job.film
     return {
         "bands": [images[name] for name in film.band_names],
         "band_edges": film.band_edges,
         "radiance": images["Radiance"],
         "temperature": images["Temperature"],
         "noise": images["Noise"],
-        "metadata": {"sensor": response.name if response else "Ideal", **how_rendered(film, job.settings), **facts},
+        "metadata": {**job.facts(), **facts},
         "further": {each.name: FurtherImage(images[each.name], each.channels, each.unit) for each in further},
     }
 

@@ -70,8 +70,7 @@ def film_path(scene, suffix: str, animation: bool) -> Path:
 
 def _output_path(scene, path: str, ending: str, suffix: str, animation: bool) -> Path:
     """File of this frame: the path with '//' and '####' resolved, then the view layer's suffix, then the ending."""
-    file = numbered(bpy.path.abspath(path), ending, scene.frame_current, animation)
-    return file.with_name(f"{file.name.removesuffix(ending)}{suffix}{ending}")
+    return numbered(bpy.path.abspath(path), ending, scene.frame_current, animation, suffix)
 
 
 def write_layer(path: Path, layer: str, images: dict, file_format: str) -> None:

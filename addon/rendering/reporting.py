@@ -130,9 +130,6 @@ def _picture_facts(scene, images: dict, scale, unit: TemperatureUnit) -> dict[st
     """What is told of a picture by heading and name."""
     infrared, facts = scene.infrared, images["metadata"]
 
-    def kelvin(value) -> str:
-        return f"{unit.of_kelvin(float(value)):.2f} {unit.symbol}"
-
     edges, noise = images["band_edges"], images["noise"]
     height, width = noise.shape
     known = noise[np.isfinite(noise)]
@@ -141,6 +138,8 @@ def _picture_facts(scene, images: dict, scale, unit: TemperatureUnit) -> dict[st
         middle, most = (unit.scale * float(each) for each in np.percentile(known, (50, 95)))
         error = f"{middle:.3g} {unit.symbol} in the middle, below {most:.3g} {unit.symbol} in 95 % of the pixels"
     air = {"FORMULA": ["object_distance", "relative_humidity"], "WORLD": ["object_distance"]}
+    ends = scale.isotherm
+    isotherm = {"Isotherm": f"{unit.text(ends.low)} to {unit.text(ends.high)}"} if ends else {}
     properties = infrared.bl_rna.properties
     ways = {
         properties[name].name: f"{getattr(infrared, name):.6g}{' %' if name == 'relative_humidity' else ''}"
@@ -149,22 +148,20 @@ def _picture_facts(scene, images: dict, scale, unit: TemperatureUnit) -> dict[st
     return {
         "Object parameters": {
             "Emissivity": f"{float(facts['assumedEmissivity']):.4g}",
-            "Reflected temperature": kelvin(facts["reflectedTemperature"]),
+            "Reflected temperature": unit.text(facts["reflectedTemperature"]),
             **ways,
             "Air transmission": f"{float(facts['airTransmission']):.4g}",
-            "Air temperature": kelvin(facts["airTemperature"]),
+            "Air temperature": unit.text(facts["airTemperature"]),
             "Optics transmission": f"{float(facts['opticsTransmission']):.4g}",
-            "Optics temperature": kelvin(facts["opticsTemperature"]),
+            "Optics temperature": unit.text(facts["opticsTemperature"]),
         },
         "Picture": {
             "Size": f"{width} x {height} pixels",
             "Camera": scene.camera.name if scene.camera else "none",
             "Noise": error,
             "Palette": properties["palette"].enum_items[scale.palette].name,
-            "Range": f"{kelvin(scale.low)} to {kelvin(scale.high)}",
-            **(
-                {"Isotherm": f"{kelvin(scale.isotherm.low)} to {kelvin(scale.isotherm.high)}"} if scale.isotherm else {}
-            ),
+            "Range": f"{unit.text(scale.low)} to {unit.text(scale.high)}",
+            **isotherm,
             "Sensor": str(facts["sensor"]),
             "Bands": f"{len(edges) - 1}, {edges[0]:.6g} to {edges[-1]:.6g} µm: "
             + ", ".join(f"{edge:.6g}" for edge in edges),

@@ -12,8 +12,8 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..output.colour_bar import BACKGROUND, INK
+from ..output.heat_picture import FONT, text_width
 
-FONT = 0  # Blender's own
 TEXT = 13  # pixels at a scale of 1: height of the text
 PANEL_OPACITY = 0.9
 LIGHT, DARK = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0)
@@ -57,12 +57,6 @@ def draw_line(points: Sequence[Sequence[float]], width: float, colour, closed: b
     gpu.state.blend_set("ALPHA")
     batch_for_shader(shader, "LINE_STRIP", {"pos": places + places[:1] if closed else places}).draw(shader)
     gpu.state.blend_set("NONE")
-
-
-def text_width(text: str, size: int) -> float:
-    """In pixels, of a line of text of this height."""
-    blf.size(FONT, size)
-    return blf.dimensions(FONT, text)[0]
 
 
 def draw_text(x: float, y: float, text: str, size: int) -> None:

@@ -46,6 +46,20 @@ def camera(location=(0.0, 0.0, 5.0), width=16, height=12):
     return obj
 
 
+def grey_plate():
+    """A grey plate at 320 K that fills a small picture, under a sky of 260 K; returns scene.infrared."""
+    camera(width=4, height=3)
+    mesh = cube_mesh()
+    mesh.materials.append(material(emissivity=0.8))
+    link("Cube", mesh, temperature=320.0).scale = (20.0, 20.0, 1.0)
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("World")
+    scene.world["temperature"] = 260.0
+    infrared = scene.infrared
+    infrared.passes, infrared.photons_per_pass, infrared.threads, infrared.band_count = 4, 1000, 1, 4
+    return infrared
+
+
 def read_as_rendered():
     """What the reader makes of the current scene in a real render: {view layer: (Scene, warnings) or the error}.
 

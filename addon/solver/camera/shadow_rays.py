@@ -75,10 +75,10 @@ class LampPoints(NamedTuple):
 
     position, normal: (n, 3) float64, m; for suns and the sky position is _FAR times the direction towards them, from
     wherever it is seen; normal is zero for suns and for point lights without a radius. entry: (n,) int32, of Lamps. u,
-    v: (n,) float64, barycentric coordinates on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights.
+    v: (n,) float64, barycentric coordinates on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights,
+    but of the sky on each m2 of a sphere with the radius _FAR.
     brightness: (n,) float64, what the point emits over the mean of its triangle, where that varies by textures, or of
-    the sky, else 1. strength: (n,) float64, W, of the entry
-    times the brightness, over the chance of the point.
+    the sky, else 1. strength: (n,) float64, W, of the entry times the brightness, over the chance of the point.
     """
 
     position: np.ndarray

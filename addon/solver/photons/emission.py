@@ -55,9 +55,9 @@ class Surroundings(NamedTuple):
     columns, b) float64, that of such a sky, see build_sky_table; else (0, 0, b). sent: (b,) float64, radiance with
     which photons start; 1 where there are media, as only their segment tells what photons bring; (0,) of a sky, whose
     photons bring what it has in their direction. cells: directions in which shadow rays and photons look for a sky of
-    which a small part is bright. flux: W m-2, what typically arrives on a surface from directions in
-    which it sees surroundings. layer: of the image, to which this radiance adds (see layers). open: (t, 2) bool, sides
-    from which shadow rays are sent to the surroundings, so that photons that come from there are not stored there.
+    which a small part is bright. flux: W m-2, what typically arrives on a surface from directions in which it sees
+    surroundings. layer: of the image, to which this radiance adds (see layers). open: (t, 2) bool, sides from which
+    shadow rays are sent to the surroundings, so that photons that come from there are not stored there.
     """
 
     radiance: np.ndarray

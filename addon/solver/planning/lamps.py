@@ -52,10 +52,10 @@ class Lamps(NamedTuple):
     cumulative: (e + 1,) float64, from 0 to 1. side_id: (n,) int32 of entries 0..n-1. lights: entries from n on, see
     LightTable. strength: (e,) float64, W, power of the entries, lowered for those that are often hidden. density: (t,
     2) float32, m-2, lamp points that compete for a shadow ray, on each m2 of a side, in the mean over its points; cells
-    tell how they lie on sides that emit unevenly. afar: the same for the sky, in all directions together; cells of the
-    Surroundings tell how they lie. found: (t,) float32, share of a
-    triangle's direct light that is left to rays of final gathers, in the mean. caustic: (t, 2) bool, sides whose light
-    in specular lobes photons find, see choose_caustic_lamps.
+    tell how they lie on sides that emit unevenly. afar: points that compete in all directions of the sky together;
+    cells of the Surroundings tell how they lie. found: (t,) float32, share of a triangle's direct light that is left to
+    rays of final gathers, in the mean. caustic: (t, 2) bool, sides whose light in specular lobes photons find, see
+    choose_caustic_lamps.
     """
 
     cumulative: np.ndarray

@@ -9,10 +9,9 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty
 from bpy.types import Operator
 
-from ...heat_settings import redraw_pictures
+from ...heat_settings import fix_range, redraw_pictures
 from ...measure_settings import KIND_ITEMS, InfraredToolPoint, add_tool
 from ...measuring.regions import FEWEST_POINTS, region_of
-from ...output.palette import spread
 from ...rendering.readings import read_tool, temperature_now
 from ..temperatures.seen import Seen, seen_in
 from ..temperatures.spot_meter import picture_at
@@ -234,13 +233,6 @@ class INFRARED_OT_range_from_tool(Operator):
             return {"CANCELLED"}
         fix_range(infrared, measured.minimum, measured.maximum)
         return {"FINISHED"}
-
-
-def fix_range(infrared, low: float, high: float) -> None:
-    """Show temperatures from low to high, K, with all colours."""
-    infrared.range_mode = "FIXED"
-    infrared.range_low, infrared.range_high = spread(low, high)
-    redraw_pictures()
 
 
 class INFRARED_OT_range_from_region(Operator):

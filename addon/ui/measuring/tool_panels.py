@@ -102,9 +102,8 @@ def draw_chosen(layout, context, tool) -> None:
         values, scale = tool_values(tool, seen.picture, infrared), seen.scale(infrared)
         layout.template_icon(graph_icon(tool.kind, values, scale), scale=GRAPH_SCALE)
         row = layout.row()
-        low, high = (f"{unit.of_kelvin(kelvin):.2f} {unit.symbol}" for kelvin in (measured.minimum, measured.maximum))
-        row.label(text=f"{'bottom' if tool.kind == 'LINE' else 'left'} {low}")
-        row.label(text=f"{'top' if tool.kind == 'LINE' else 'right'} {high}")
+        row.label(text=f"{'bottom' if tool.kind == 'LINE' else 'left'} {unit.text(measured.minimum)}")
+        row.label(text=f"{'top' if tool.kind == 'LINE' else 'right'} {unit.text(measured.maximum)}")
 
 
 def reading_rows(measured, unit: TemperatureUnit) -> list[tuple[str, str]]:

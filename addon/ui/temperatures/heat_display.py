@@ -12,10 +12,9 @@ import gpu
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator, Panel
 
-from ...heat_settings import read_scale, scene_unit, use_true_colours, view_problem
+from ...heat_settings import fix_range, read_scale, scene_unit, use_true_colours, view_problem
 from ...interface import ENGINE
 from ...output.heat_picture import write_picture
-from ...output.palette import spread
 from ...output.temperature_scale import automatic_range
 from ...rendering.gpu_pictures import draw_temperatures, forget_textures, temperature_texture
 from ...rendering.last_render import finished_frames, finished_layers
@@ -173,8 +172,7 @@ class INFRARED_OT_range_from_render(AfterRender, Operator):
         pictures = [finished_picture(layers[name], frame) for name, frame in finished_frames.items() if name in layers]
         ranges = [automatic_range(temperature_now(picture, infrared)) for picture in pictures]
         warm = [each for each in ranges if each[1] > 0.0] or ranges  # a layer may show nothing but a 0 K background
-        low, high = spread(min(low for low, _ in warm), max(high for _, high in warm))
-        infrared.range_mode, infrared.range_low, infrared.range_high = "FIXED", low, high
+        fix_range(infrared, min(low for low, _ in warm), max(high for _, high in warm))
         return {"FINISHED"}
 
 
