@@ -215,7 +215,6 @@ def draw_scale_settings(column, scene) -> None:
         column.label(text="Colors are changed by", icon="ERROR")
         column.label(text=problem, icon="BLANK1")
         column.operator("infrared.true_colours", icon="COLOR")
-    column.operator("infrared.export_picture", text="Export Picture...", icon="EXPORT")
 
 
 class INFRARED_PT_heat_display(RenderSettingsPanel, Panel):
@@ -223,6 +222,7 @@ class INFRARED_PT_heat_display(RenderSettingsPanel, Panel):
 
     def draw_settings(self, column, infrared):
         draw_scale_settings(column, infrared.id_data)
+        column.operator("infrared.export_picture", text="Export Picture...", icon="EXPORT")
 
 
 class ImageSidebarPanel:
