@@ -30,7 +30,7 @@ ROOMS = (
     ("rendering",),
     ("reading",),
     ("properties", "heat_settings", "measure_settings", "object_settings", "interface"),
-    ("measuring", "merge"),
+    ("measuring", "merge", "convert"),
     ("output", "compiling"),
     ("pass_ranges", "version", "solver", "presets"),
 )
