@@ -93,7 +93,7 @@ def test_a_background_render_of_the_file_interpolates(tmp_path):
         (tmp_path / name).unlink()
     code = f"import addon, bpy; addon.register(); bpy.ops.wm.open_mainfile(filepath={str(tmp_path / 'scene.blend')!r});"
     code += f"bpy.context.scene.render.filepath = {str(tmp_path / 'picture')!r}; bpy.ops.render.render(animation=True)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=run.ROOT, capture_output=True, text=True, timeout=300)
+    done = subprocess.run([sys.executable, "-c", code], cwd=run.ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     import OpenEXR
 

@@ -15,6 +15,7 @@ from .render_passes import cryptomatte_kinds, cryptomatte_passes
 
 SAMPLES = 16  # rays through a pixel
 _STRIP = 1 << 18  # pixels whose samples are held at once
+_PIECE = 1 << 14  # pixels that are ranked at once
 
 
 class Mattes:
@@ -53,7 +54,9 @@ class Mattes:
             for kind in self.names:
                 samples = np.stack([images[kind].ravel() for images in seen]).astype(np.int32)
                 of_kind = [self.images[each.name] for each in self.passes if each.name.startswith(kind)]
-                strip = ranked(samples, ids[kind], 2 * len(of_kind)).reshape(end - start, x1 - x0, -1)
+                pieces = (samples[:, i : i + _PIECE] for i in range(0, samples.shape[1], _PIECE))
+                strip = np.concatenate([ranked(piece, ids[kind], 2 * len(of_kind)) for piece in pieces])
+                strip = strip.reshape(end - start, x1 - x0, -1)
                 for level, image in enumerate(of_kind):
                     image[start - y0 : end - y0] = strip[..., 4 * level : 4 * level + 4]
 

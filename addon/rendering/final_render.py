@@ -182,7 +182,8 @@ def render_view_layer(engine, depsgraph) -> None:
     if path:
         _saving[path] = job
     images = _render(engine, job, layer)
-    mattes.stamp(engine.get_result())
+    if mattes.passes:
+        mattes.stamp(engine.get_result())
     log.info("%s: %s", layer, job.status())
     if effects and effects.warning():
         _warn(engine, f"{layer}: {effects.warning()}")

@@ -98,8 +98,8 @@ def build(folder: Path) -> bpy.types.Scene:
     scene.world["temperature"] = AMBIENT - 5.0
     eye = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(eye)
-    scene.camera, eye.data.lens = eye, 60.0
-    eye.location, eye.rotation_euler = (2.4, -2.0, 1.6), (math.radians(61.0), 0.0, math.radians(37.0))
+    scene.camera, eye.data.lens = eye, 46.0
+    eye.location, eye.rotation_euler = (2.4, -2.0, 1.6), (math.radians(63.0), 0.0, math.radians(38.0))
     scene.render.resolution_x, scene.render.resolution_y = 640, 480
     scene.infrared.passes, scene.infrared.photons_per_pass, scene.infrared.band_count = 4, 50_000, 2
     return scene
