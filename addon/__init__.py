@@ -107,6 +107,7 @@ def _modules():
         heat_map,
         surface_image,
         temperature_groups,
+        temperature_series,
         temperature_tools,
     )
 
@@ -117,6 +118,7 @@ def _modules():
         sensor_image,
         temperature_tools,
         surface_image,
+        temperature_series,
         clear_sky,
         heat_map,
         curve_previews,

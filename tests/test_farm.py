@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Templates of jobs for a farm, run by the reference implementation of Open Job Description on this machine."""
+"""Templates of jobs for a farm, run by the reference implementation of Open Job Description on this machine; and the
+script of a job type for Flamenco, run by a stand-in for its manager and its workers."""
 
+import json
 import shlex
 import subprocess
 import sys
@@ -9,10 +11,12 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+import quickjs
 
 bpy = pytest.importorskip("bpy")
 
 import run  # noqa: E402
+from addon.pass_ranges import read_passes  # noqa: E402
 from addon.rendering.last_render import finished_layers  # noqa: E402
 from addon.solver.checkpoint import read  # noqa: E402
 from tests.helpers.faults_blender import build_scene  # noqa: E402
@@ -84,3 +88,99 @@ def test_templates_are_valid(name):
     command = [Path(sys.executable).with_name("openjd"), "check", TEMPLATES / f"{name}.yaml"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+# Flamenco -------------------------------------------------------------------------------------------------------------
+
+# What Flamenco's manager gives a script, as in its internal/manager/job_compilers: a job keeps copies of its tasks, so
+# what a task gets later is lost.
+MANAGER = """
+"use strict";
+const path = { join: (...parts) => parts.join("/") };
+const author = {
+    Task: (name, type) => ({
+        name, type, commands: [], dependencies: [],
+        addCommand(command) { this.commands.push(command); },
+        addDependency(task) { this.dependencies.push(task.name); },
+    }),
+    Command: (name, parameters) => ({ name, parameters }),
+};
+function compiled(name, settings) {
+    const job = { name, settings, tasks: [], addTask(task) { this.tasks.push(JSON.parse(JSON.stringify(task))); } };
+    compileJob(job);
+    return JSON.stringify(job.tasks);
+}
+"""
+# of a setting, in flamenco-openapi.yaml
+KEYS = {
+    "key", "type", "subtype", "choices", "propargs", "description", "label", "default", "eval", "evalInfo", "visible",
+    "required", "editable",
+}  # fmt: skip
+KINDS = {"string": str, "int32": int, "float": float, "bool": bool}
+SUBTYPES = {"file_path", "dir_path", "file_name", "hashed_file_path"}
+
+
+@pytest.fixture
+def flamenco():
+    """Flamenco's script in a JavaScript engine."""
+    context = quickjs.Context()
+    context.eval(MANAGER + (TEMPLATES / "infrared_passes.js").read_text(encoding="utf-8"))
+    return context
+
+
+def compile_job(flamenco, name, **settings):
+    """The tasks that the script makes of a job."""
+    return json.loads(flamenco.eval(f"compiled({json.dumps(name)}, {json.dumps(settings)})"))
+
+
+def test_settings_of_the_job_type_are_such_as_flamenco_knows(flamenco):
+    """And Blender's add-on of Flamenco can work out those that are evaluated."""
+    build_scene().passes = PASSES
+    settings = json.loads(flamenco.eval("JSON.stringify(JOB_TYPE.settings)"))
+    names = {"C": bpy.context, "bpy": bpy, "max": max}
+    for each in settings:
+        assert each.keys() <= KEYS and each["type"] in KINDS and each["description"]
+        assert each.get("subtype", "dir_path") in SUBTYPES
+        assert each.get("visible", "visible") in {"visible", "hidden", "submission", "web"}
+        if "eval" in each:
+            assert isinstance(eval(each["eval"], names), KINDS[each["type"]])
+    found = {each["key"]: each for each in settings}
+    assert eval(found["last_pass"]["eval"], names) == PASSES - 1
+    assert found["blendfile"]["required"] and "eval" not in found["blendfile"]  # Flamenco's add-on fills this one in
+
+
+@pytest.mark.parametrize("last, most, expected", [(24, 10, "0-7 8-15 16-24"), (0, 8, "0-0"), (7, 8, "0-7"), (3, 1, "")])
+def test_every_pass_is_in_one_task(flamenco, last, most, expected):
+    common = {"frame": 7, "target_noise": 0, "output_folder": "/out", "blendfile": "/a.blend"}
+    *tasks, merge = compile_job(flamenco, "my job/[1]", last_pass=last, passes_per_task=most, **common)
+    ranges = [task["name"].removeprefix("passes-") for task in tasks]
+    assert not expected or ranges == expected.split()
+    passes = [i for each in ranges for i in read_passes(each)]
+    assert passes == list(range(last + 1)) and max(len(read_passes(each)) for each in ranges) <= most
+    assert merge["dependencies"] == [task["name"] for task in tasks] and {task["type"] for task in tasks} == {"blender"}
+    (command,) = merge["commands"]
+    films = command["parameters"]["args"][2 : 2 + len(tasks)]
+    assert films == [f"/out/my_job__1__frame7_{each}.npz" for each in ranges]
+
+
+@pytest.mark.parametrize("settings", [{"last_pass": -1, "passes_per_task": 1}, {"last_pass": 3, "passes_per_task": 0}])
+def test_a_job_without_passes_is_refused(flamenco, settings):
+    with pytest.raises(quickjs.JSException, match="expected 0 or more"):
+        compile_job(flamenco, "job", frame=1, output_folder="/out", blendfile="/a.blend", **settings)
+
+
+def test_the_tasks_of_flamenco_render_the_frame(flamenco, job):
+    """Each as a worker runs it: program, arguments of the manager, the file if there is one, those of the script."""
+    folder, _, program = job
+    settings = {"frame": 1, "last_pass": PASSES - 1, "passes_per_task": 13, "target_noise": 0}
+    settings |= {"output_folder": str(folder), "blendfile": str(folder / "scene.blend")}
+    for task in compile_job(flamenco, "merged", **settings):
+        (command,) = task["commands"]
+        given = command["parameters"]
+        assert command["name"] == "blender-render" and given["exe"] == "{blender}"
+        assert given["exeArgs"] == "{blenderArgs}"
+        line = [program, "-b", *given["argsBefore"], *filter(None, [given["blendfile"]]), *given["args"]]
+        done = subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+    (folder / "merged_0001.exr").rename(folder / "merged.exr")
+    assert_merged(job)

@@ -48,7 +48,7 @@ def write_band_exr(path: str | os.PathLike, images: FrameImages, compressed: boo
     names = [channel_name(name) for name in band_names(images.band_edges)]
     channels = dict(zip(names, images.bands, strict=True)) | _other_channels(images)
     facts = describe(f"bands: {BAND_UNIT}; {_units(images.further)}", images.band_edges, images.metadata)
-    _write(path, channels, facts, compressed)
+    _write(path, channels, {**facts, **images.attributes}, compressed)
 
 
 def write_spectral_exr(path: str | os.PathLike, images: FrameImages) -> None:
@@ -66,7 +66,8 @@ def write_spectral_exr(path: str | os.PathLike, images: FrameImages) -> None:
     layout = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1", "EV": 0.0}  # names and units are fixed
     edges = [np.format_float_positional(1000.0 * edge, precision=9, trim="-") for edge in images.band_edges]
     boxes = (f"{low}nm:1;{high}nm:1;" for low, high in zip(edges[:-1], edges[1:], strict=True))
-    _write(path, channels, facts | layout | dict(zip(names, boxes, strict=True)))
+    about = {**facts, **layout, **images.attributes, **dict(zip(names, boxes, strict=True))}
+    _write(path, channels, about)
 
 
 def spectral_channel_names(band_edges: np.ndarray) -> list[str]:

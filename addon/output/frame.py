@@ -27,7 +27,7 @@ class FrameImages:
     bands: an image for each band, spectral radiance averaged over the band, W m-2 sr-1 um-1. band_edges: (b + 1,) um.
     radiance: through the sensor, W m-2 sr-1. temperature: apparent, K. noise: its standard error, K; None if unknown.
     metadata: facts by name, which are written as text, see `description.how_rendered`.
-    further: more images, by the name of their pass.
+    further: more images, by the name of their pass. attributes: what OpenEXR files say about those, text by name.
     """
 
     bands: Iterable[np.ndarray]
@@ -37,3 +37,4 @@ class FrameImages:
     noise: np.ndarray | None = None
     metadata: Mapping[str, object] = field(default_factory=dict)
     further: Mapping[str, FurtherImage] = field(default_factory=dict)
+    attributes: Mapping[str, str] = field(default_factory=dict)

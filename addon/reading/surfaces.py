@@ -20,6 +20,8 @@ from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
 from .world import air_temperature, read_sky, world_temperature
 
+WITHOUT_MATERIAL = "default_surface"  # name of the material, in mattes, of faces that have none, as Cycles has it
+
 
 class SurfaceReader:
     """Gathers the triangles of all objects and their instances in world space."""
@@ -52,6 +54,7 @@ class SurfaceReader:
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
         self.vertex_count = 0
         self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
+        self.matte_names = {"CryptoObject": [], "CryptoAsset": [], "CryptoMaterial": []}  # likewise
         self.categories, self.instances = categories, []  # Labelled, of each object
 
     def add(self, obj, matrix: np.ndarray) -> None:
@@ -88,6 +91,8 @@ class SurfaceReader:
         self.slots.append(self._materials(obj, materials, mesh.slot))
         self.temperatures.append(temperature)
         self.pass_indices["object_index"].append(obj.pass_index)
+        self.matte_names["CryptoObject"].append(obj.name)
+        self.matte_names["CryptoAsset"].append(_top_parent(obj).name)
         if self.categories is not None:
             self.instances.append(Labelled(obj.name, self.categories.of(obj)))
         if self.groups is not None:
@@ -168,10 +173,19 @@ class SurfaceReader:
         """(m,) int32 Blender's 'object_index' or 'material_index' of each triangle, or its 'instance', from 1."""
         if name == "instance":
             return np.repeat(np.arange(1, len(self.triangles) + 1, dtype=np.int32), list(map(len, self.triangles)))
-        indices = np.array(self.pass_indices[name], dtype=np.int32)
-        if name == "object_index":
-            return np.repeat(indices, [len(each) for each in self.triangles])
-        return indices[np.concatenate(self.slots)]
+        return self._on_triangles(np.array(self.pass_indices[name], dtype=np.int32), name == "material_index")
+
+    def mattes(self, kind: str) -> tuple[list[str], np.ndarray]:
+        """The names of a kind of mattes, "CryptoObject", "CryptoAsset" (the topmost parents of objects) or
+        "CryptoMaterial", and (m,) int32 which of them each triangle has, from 1."""
+        names, number = np.unique(self.matte_names[kind], return_inverse=True)
+        return names.tolist(), self._on_triangles(1 + number.astype(np.int32), kind == "CryptoMaterial")
+
+    def _on_triangles(self, values: np.ndarray, of_materials: bool) -> np.ndarray:
+        """Values of materials, or of objects, on the triangles that have them."""
+        if of_materials:
+            return values[np.concatenate(self.slots)]
+        return np.repeat(values, [len(each) for each in self.triangles])
 
     def _media(self, world) -> dict:
         """The arguments of Scene that describe gases, if there are any."""
@@ -241,6 +255,7 @@ class SurfaceReader:
             self.indices[key] = len(self.materials)
             self.materials.append(self.default if material is None else self._read_material(material))
             self.pass_indices["material_index"].append(0 if material is None else material.pass_index)
+            self.matte_names["CryptoMaterial"].append(WITHOUT_MATERIAL if material is None else material.name)
         return self.indices[key]
 
     def _read_material(self, material) -> Material:
@@ -248,6 +263,13 @@ class SurfaceReader:
         if leaves_fresnel_out(material, read):
             self.warnings.add(material.name, FRESNEL_LEFT_OUT)
         return read
+
+
+def _top_parent(obj):
+    """The topmost parent of an object, itself without one."""
+    while obj.parent is not None:
+        obj = obj.parent
+    return obj
 
 
 def _known_slots(slot: np.ndarray, materials: list) -> np.ndarray:

@@ -45,6 +45,7 @@ from ..solver.memory import check_memory, memory_beforehand, memory_of_images
 from ..solver.system.files import check_writable
 from .camera_effects import CameraEffects, read_detector
 from .coarse import coarser, enlarged, hasty, steps
+from .cryptomatte import Mattes
 from .frame_tools import keep_frame, write_frames
 from .labels import write_labels
 from .last_render import (
@@ -165,6 +166,10 @@ def render_view_layer(engine, depsgraph) -> None:
     if data or labels:
         fillers.append(lambda film, images: {asked.name: seen[name] for name, asked in data.items()})
         solve = _solver_with_data_passes(solve, data, labels, seen)
+    mattes = Mattes(view_layer, surfaces)
+    if mattes.passes:
+        fillers.append(lambda film, images: mattes.images)
+        solve = mattes.before(solve)
     if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
         solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
     else:
@@ -177,6 +182,8 @@ def render_view_layer(engine, depsgraph) -> None:
     if path:
         _saving[path] = job
     images = _render(engine, job, layer)
+    if mattes.passes:
+        mattes.stamp(engine.get_result())
     log.info("%s: %s", layer, job.status())
     if effects and effects.warning():
         _warn(engine, f"{layer}: {effects.warning()}")
@@ -187,7 +194,7 @@ def render_view_layer(engine, depsgraph) -> None:
         _keep_film(kept, job, layer, scene.frame_current)
     if images:
         facts = {"frame": scene.frame_current, **(effects.facts() if effects else {})}
-        finished = layer_images(job, images, further, facts)
+        finished = layer_images(job, images, further, facts) | {"attributes": mattes.attributes()}
         if shown:
             frame = finished_frame(scene, slot, solver_scene.camera, job.film)
             last_ends[layer] = job.end()

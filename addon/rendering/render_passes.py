@@ -27,7 +27,7 @@ class RenderPass:
     @property
     def kind(self) -> str:
         """What the compositor makes of it."""
-        return {"RGBA": "COLOR", "XYZ": "VECTOR"}.get(self.channels, "VALUE")
+        return {"RGBA": "COLOR", "XYZ": "VECTOR"}.get(self.channels.upper(), "VALUE")
 
 
 CAMERA_TEMPERATURE = "Camera Temperature"
@@ -48,6 +48,12 @@ SCENE_SWITCHES = {
     "surface_temperature": ("use_surface_temperature", RenderPass("Surface Temperature", unit="K")),
     "emissivity": ("use_emissivity", RenderPass("Emissivity")),
     "transmittance": ("use_transmittance", RenderPass("Transmittance")),
+}
+# Cryptomatte: what the names of its passes begin with -> its switch in a view layer. Channels are those of Cycles.
+CRYPTOMATTE_SWITCHES = {
+    "CryptoObject": "use_pass_cryptomatte_object",
+    "CryptoMaterial": "use_pass_cryptomatte_material",
+    "CryptoAsset": "use_pass_cryptomatte_asset",
 }
 
 
@@ -78,7 +84,11 @@ def further_passes(scene, view_layer) -> list[RenderPass]:
 
     What fills them is given to `final_render.RenderJob`; files take them as `frame.FurtherImage`.
     """
-    return [*data_passes(scene, view_layer).values(), *camera_passes(scene)]
+    return [
+        *data_passes(scene, view_layer).values(),
+        *cryptomatte_passes(view_layer),
+        *camera_passes(scene),
+    ]
 
 
 def camera_passes(scene) -> list[RenderPass]:
@@ -87,6 +97,17 @@ def camera_passes(scene) -> list[RenderPass]:
     unit = "digital number" if infrared.detector_bits else "W m-2 sr-1"
     passes = [RenderPass("Camera Signal", unit=unit), RenderPass(CAMERA_TEMPERATURE, unit="K")]
     return passes if infrared.use_detector else []
+
+
+def cryptomatte_kinds(view_layer) -> list[str]:
+    """The keys of CRYPTOMATTE_SWITCHES that the user asks for."""
+    return [kind for kind, switch in CRYPTOMATTE_SWITCHES.items() if getattr(view_layer, switch)]
+
+
+def cryptomatte_passes(view_layer) -> list[RenderPass]:
+    """The passes that `cryptomatte.Mattes` fills: for each kind so many that its levels fit, two in each."""
+    count = (view_layer.pass_cryptomatte_depth + 1) // 2
+    return [RenderPass(f"{kind}{i:02d}", "rgba") for kind in cryptomatte_kinds(view_layer) for i in range(count)]
 
 
 def data_passes(scene, view_layer) -> dict[str, RenderPass]:

@@ -16,7 +16,7 @@ from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
 from ..reading.world import SKY_KEYS
 from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, settings_checks
-from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
+from ..rendering.render_passes import CRYPTOMATTE_SWITCHES, LAYER_SWITCHES, SCENE_SWITCHES
 from .band_presets import INFRARED_PT_band_presets
 from .checks import draw_object_checks, draw_problems, kept
 from .image_lookup import lookup_text
@@ -135,6 +135,22 @@ class INFRARED_PT_passes_data(InfraredPanel, Panel):
         for owner, switches in ((context.scene.infrared, SCENE_SWITCHES), (context.view_layer, LAYER_SWITCHES)):
             for switch, _ in switches.values():
                 column.prop(owner, switch)
+
+
+class INFRARED_PT_passes_cryptomatte(InfraredPanel, Panel):
+    bl_label = "Cryptomatte"
+    bl_context = "view_layer"
+    bl_parent_id = "INFRARED_PT_passes"
+
+    def draw(self, context):
+        self.layout.use_property_decorate = False
+        self.layout.use_property_split = True
+        column, layer = self.layout.column(heading="Include", align=True), context.view_layer
+        for kind, switch in CRYPTOMATTE_SWITCHES.items():
+            column.prop(layer, switch, text=kind.removeprefix("Crypto"))
+        column = self.layout.column()
+        column.active = any(getattr(layer, switch) for switch in CRYPTOMATTE_SWITCHES.values())
+        column.prop(layer, "pass_cryptomatte_depth", text="Levels")
 
 
 class INFRARED_PT_checkpoint(RenderSettingsPanel, Panel):
@@ -466,6 +482,7 @@ CLASSES = (
     INFRARED_PT_defaults,
     INFRARED_PT_passes,
     INFRARED_PT_passes_data,
+    INFRARED_PT_passes_cryptomatte,
     INFRARED_PT_output,
     INFRARED_PT_checkpoint,
     INFRARED_PT_labels,
