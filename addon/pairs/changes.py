@@ -111,13 +111,14 @@ def _of_objects(rule: Rule, scene, layer) -> Iterator[Change]:
 
 
 def _selected_objects(rule: Rule, scene) -> list:
-    wanted = rule.selectors
-    categories = Categories(Warnings())
-    objects = [obj for obj in sorted(_all_objects(scene), key=lambda obj: obj.name_full)
-               if fnmatchcase(obj.name, wanted.get("name", "*"))
-               and wanted.get("category", "") in ("", categories.of(obj))]  # fmt: skip
+    objects, categories = sorted(_all_objects(scene), key=lambda obj: obj.name_full), Categories(Warnings())
+    names, kinds = (rule.selectors.get(key) for key in ("name", "category"))
+    if names:
+        objects = [obj for obj in objects if _fits(obj.name, names)]
+    if kinds:
+        objects = [obj for obj in objects if categories.of(obj) in kinds]
     if not objects:
-        raise SceneError(f"{rule.where}: no object has {_told(wanted)}")
+        raise SceneError(f"{rule.where}: no object has {_told(rule.selectors)}")
     return objects
 
 
@@ -126,8 +127,12 @@ def _all_objects(scene) -> dict:
     return dict.fromkeys([*scene.objects, *rendered_objects(scene.objects)])
 
 
-def _told(selectors: Mapping[str, str]) -> str:
-    return " and ".join(f"{key} '{text}'" for key, text in selectors.items())
+def _fits(name: str, patterns: Iterable[str]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
+def _told(selectors: Mapping[str, Sequence[str]]) -> str:
+    return " and ".join(key + " " + " or ".join(map(repr, texts)) for key, texts in selectors.items())
 
 
 def _check_heat(where: str, obj, key: str, span: tuple[float, float]) -> None:
@@ -204,8 +209,7 @@ _POSES = {"location": _place, "move": _move, "rotation": _rotate, "turn": partia
 
 
 def _of_materials(rule: Rule, scene, layer) -> Iterator[Change]:
-    pattern = rule.selectors["name"]
-    materials = [each for each in bpy.data.materials if fnmatchcase(each.name, pattern)]
+    materials = [each for each in bpy.data.materials if _fits(each.name, rule.selectors["name"])]
     if not materials:
         raise SceneError(f"{rule.where}: no material has {_told(rule.selectors)}")
     for material in materials:

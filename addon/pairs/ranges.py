@@ -56,14 +56,14 @@ SELECTORS = {"objects": ("name", "category"), "materials": ("name",), "world": (
 class Rule:
     """What is drawn of some things. where: its place in the file, for messages. section: of the file.
 
-    selectors: "name" and "category", those that are given. ranges: low and high of each part by key; the only part of a
-    number is "". visible: probability; None if it is not drawn. together: name of what shares its draws; empty if each
-    thing has its own.
+    selectors: patterns of "name" and texts of "category", those that are given. ranges: low and high of each part by
+    key; the only part of a number is "". visible: probability; None if it is not drawn. together: name of what shares
+    its draws; empty if each thing has its own.
     """
 
     where: str
     section: str
-    selectors: Mapping[str, str] = field(default_factory=dict)
+    selectors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     ranges: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     visible: float | None = None
     together: str = ""
@@ -123,12 +123,11 @@ def _rules(content) -> list[Rule]:
 def _rule(section: str, where: str, value) -> Rule:
     kinds, selecting = SECTIONS[section], SELECTORS[section]
     _check_keys(value, (*selecting, *kinds, "together"), where)
-    texts = {key: value[key] for key in (*selecting, "together") if key in value}
-    for key, text in texts.items():
-        if not isinstance(text, str) or not text:
-            raise SceneError(f"{where}.{key} is {_shown(text)}, expected a text")
-    together = texts.pop("together", "")
-    if selecting and not texts:
+    selectors = {key: _texts(f"{where}.{key}", value[key]) for key in selecting if key in value}
+    together = value.get("together", "")
+    if not isinstance(together, str):
+        raise SceneError(f"{where}.together is {_shown(together)}, expected a text")
+    if selecting and not selectors:
         raise SceneError(f"{where} says of nothing what it draws, expected {' or '.join(selecting)}")
     drawn = [key for key in value if key in kinds]
     if not drawn:
@@ -140,7 +139,14 @@ def _rule(section: str, where: str, value) -> Rule:
             raise SceneError(f"{where}.visible is {_shown(visible)}, expected a probability from 0 to 1")
         drawn.remove("visible")
     ranges = {key: _ranges(f"{where}.{key}", kinds[key], value[key]) for key in drawn}
-    return Rule(where, section, texts, ranges, visible, together)
+    return Rule(where, section, selectors, ranges, visible, together)
+
+
+def _texts(where: str, value) -> tuple[str, ...]:
+    texts = value if isinstance(value, list) else [value]
+    if not texts or not all(isinstance(text, str) and text for text in texts):
+        raise SceneError(f"{where} is {_shown(value)}, expected a text, or a list of texts")
+    return tuple(texts)
 
 
 def _ranges(where: str, kind: Kind, value) -> dict[str, tuple[float, float]]:
