@@ -73,7 +73,7 @@ class Kept:
                 block.pop(key, None)
             else:
                 set_custom_property(block, key, value)
-                with suppress(TypeError, ValueError):  # not every kind of value is shown in some way
+                if shown != _shown(block, key):
                     block.id_properties_ui(key).update(**shown)
                 if overridable:
                     block.property_overridable_library_set(f'["{key}"]', True)
@@ -88,10 +88,14 @@ def _present(block, key: str) -> tuple[object, dict, bool]:
     """A custom property's value, None without one, how Blender shows it, and whether overrides may change it."""
     if key not in block:
         return None, {}, False
-    shown = {}
+    return _plain(block[key]), _shown(block, key), block.is_property_overridable_library(f'["{key}"]')
+
+
+def _shown(block, key: str) -> dict:
+    """How Blender shows a custom property; not every kind of value is shown in some way."""
     with suppress(TypeError):
-        shown = block.id_properties_ui(key).as_dict()
-    return _plain(block[key]), shown, block.is_property_overridable_library(f'["{key}"]')
+        return block.id_properties_ui(key).as_dict()
+    return {}
 
 
 def _plain(value):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from addon.properties import add_custom_property
 from docs.examples import car
 from docs.examples.modelling import (
     FOLDER,
@@ -52,7 +53,7 @@ FORWARD_ARM = [
 ]
 COATS = ((0.35, 0.04, 0.04), (0.04, 0.08, 0.25), (0.3, 0.26, 0.2), (0.03, 0.12, 0.06), (0.05, 0.05, 0.05))
 PAINTS = ((0.4, 0.02, 0.02), (0.05, 0.1, 0.3), (0.55, 0.55, 0.57), (0.03, 0.03, 0.03))
-CARS = ((1.6, 16.0, -90), (1.6, 38.0, -90), (-1.6, 21.0, 90), (-1.6, 46.0, 90))  # m, m, degrees: x, y, turn
+CARS = ((1.6, 19.0, -90), (1.6, 38.0, -90), (-1.6, 21.0, 90), (-1.6, 46.0, 90))  # m, m, degrees: x, y, turn
 PEOPLE = (  # m, m, degrees: on both pavements, and two who cross the street before the cars
     (-4.4, 9.0, 0), (-4.6, 15.0, 180), (-4.3, 21.5, 0), (-4.6, 29.0, 180), (4.5, 11.5, 180), (4.3, 17.5, 0),
     (4.6, 24.5, 180), (4.4, 33.0, 0), (-1.2, 7.5, 90), (1.6, 9.0, -90),
@@ -80,7 +81,8 @@ def build() -> None:
         surface(f"Car paint {i}", "Paint, lacquer on aluminium", 0.57, 0.04, each, fresnel=True)
         for i, each in enumerate(PAINTS)
     ]
-    of_parts = materials | {"clothes": coats[0], "paint": surface("Door paint", "Paint, lacquer on aluminium", colour=(0.06, 0.09, 0.08))}
+    doors = surface("Door paint", "Paint, lacquer on aluminium", colour=(0.06, 0.09, 0.08))
+    of_parts = materials | {"clothes": coats[0], "paint": doors}
     add_ground(of_parts)
     add_houses(of_parts)
     add_lamps(of_parts)
@@ -91,7 +93,7 @@ def build() -> None:
     add_clear_sky("Clear day", AIR, humidity=60.0).color = (0.35, 0.5, 0.8)
     add_sun()
     add_camera((-0.4, 0.0, 2.1), (0.1, 30.0, 1.6), lens=32.0)
-    choose_settings((8.0, 14.0, 4), "WHITE_HOT", (268.15, 308.15), passes=8, time_limit=0.0)
+    choose_settings((8.0, 14.0, 3), "WHITE_HOT", (268.15, 308.15), passes=6, time_limit=0.0)
     choose_data_set_settings()
 
 
@@ -104,7 +106,7 @@ def choose_data_set_settings() -> None:
     infrared.sensor, infrared.use_detector, infrared.detector_pitch = "MICROBOLOMETER", True, 17.0
     infrared.detector_low, infrared.detector_high = 203.15, 403.15  # K, also of the sky
     infrared.photons_per_pass = 20_000
-    scene.cycles.samples, scene.cycles.use_denoising = 48, True
+    scene.cycles.samples, scene.cycles.use_denoising = 24, True
 
 
 def add_shader(material) -> None:
@@ -117,9 +119,10 @@ def add_shader(material) -> None:
 
 
 def add_sun() -> None:
-    """The sun of the RGB pictures; so weak, in W/m2, it warms nothing."""
+    """The sun of the RGB pictures. A light of 0 K has no part in the thermal ones."""
     sun = link("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.data.energy, sun.data.angle = 3.0, np.radians(2.0)
+    add_custom_property(sun, "temperature", 0.0)
     sun.rotation_euler = np.radians((50, 12, 25))
 
 
