@@ -23,7 +23,7 @@ from addon.pairs.changes import bind  # noqa: E402
 from addon.pairs.kept import Kept  # noqa: E402
 from addon.pairs.ranges import read_rules, uniform  # noqa: E402
 from addon.solver.scene import SceneError  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, custom_properties, link, material  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, custom_properties, link, material, read  # noqa: E402
 
 pytestmark = [
     pytest.mark.usefixtures("reset_blender"),
@@ -238,6 +238,22 @@ def test_ranges_of_frames_are_the_whole(scene, tmp_path, ranges_file):
     assert_same(tmp_path / "parts", tmp_path / "whole")
 
 
+def test_the_picture_of_16_bits_is_the_cameras(scene, tmp_path):
+    """With Camera Effects it shows what the camera delivers, with its noise; the EXR has both. A light of 0 K, for the
+    RGB picture alone, is in none."""
+    infrared = scene.infrared
+    infrared.use_detector, infrared.detector_netd, infrared.detector_bits = True, 2.0, 0
+    bpy.ops.wm.save_mainfile()
+    folder = tmp_path / "pairs"
+    assert run(folder, "--frames", "1") == 0
+    assert json.loads((folder / "pairs.json").read_text())["scale"]["pass"] == "Camera Temperature"
+    with OpenEXR.File(str(folder / "thermal" / "frame_0001.exr"), separate_channels=True) as file:
+        seen, told = (file.channels()[f"{name}.V"].pixels for name in ("Temperature", "Camera Temperature"))
+    np.testing.assert_allclose(pixels(folder / "thermal" / "frame_0001.png") * 0.01, told, atol=0.005 + 3e-5)
+    assert (told - seen).std() > 0.5
+    assert read()[0].lights == ()
+
+
 def test_other_options_in_a_folder_are_refused_by_name(scene, tmp_path, ranges_file, capsys):
     folder = tmp_path / "pairs"
     assert run(folder, "--frames", "1") == 0
@@ -366,6 +382,8 @@ def test_a_sky_is_drawn_from_the_weather(scene, tmp_path):
         ({"objects": [{"temperature": [1, 2]}]}, "objects[0] says of nothing"),
         ({"objects": [{"name": "Anna"}]}, "objects[0] draws nothing"),
         ({"objects": [{"name": 3, "warmer": [1, 2]}]}, "objects[0].name is 3, expected a text"),
+        ({"objects": [{"name": [], "warmer": [1, 2]}]}, "objects[0].name is [], expected a text"),
+        ({"world": {"warmer": [1, 2], "together": 1}}, "world.together is 1, expected a text"),
         ({"objects": [{"name": "Anna", "temperature": [310, 300]}]}, "objects[0].temperature is [310, 300], an empty"),
         ({"objects": [{"name": "Anna", "temperature": [-1, 300]}]}, "objects[0].temperature is [-1, 300], expected"),
         ({"objects": [{"name": "Anna", "temperature": 300}]}, "is 300, expected a range [low, high]"),

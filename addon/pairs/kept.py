@@ -46,7 +46,7 @@ class Kept:
         if value is None:
             block.pop(key, None)
         else:
-            set_custom_property(block, key, value)
+            _assign(block, key, value)
             self._latest[block.as_pointer(), key] = block, f'["{key}"]', _plain(block[key])
         block.update_tag()
 
@@ -72,7 +72,7 @@ class Kept:
             if value is None:
                 block.pop(key, None)
             else:
-                set_custom_property(block, key, value)
+                _assign(block, key, value)
                 if shown != _shown(block, key):
                     block.id_properties_ui(key).update(**shown)
                 if overridable:
@@ -82,6 +82,13 @@ class Kept:
             bpy.data.meshes.remove(mesh)
         for table in (self._attributes, self._properties, self._latest, self._copies):
             table.clear()
+
+
+def _assign(block, key: str, value) -> None:
+    """Set a custom property. One of another type is removed first: how Blender showed it would else stay in memory."""
+    if type(_plain(block.get(key))) is not type(value):
+        block.pop(key, None)
+    set_custom_property(block, key, value)
 
 
 def _present(block, key: str) -> tuple[object, dict, bool]:
