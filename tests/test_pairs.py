@@ -23,6 +23,7 @@ from addon.pairs.changes import bind  # noqa: E402
 from addon.pairs.kept import Kept  # noqa: E402
 from addon.pairs.ranges import read_rules, uniform  # noqa: E402
 from addon.solver.scene import SceneError  # noqa: E402
+from docs.tools import plot_pairs  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, custom_properties, link, material, read  # noqa: E402
 
 pytestmark = [
@@ -236,6 +237,7 @@ def test_ranges_of_frames_are_the_whole(scene, tmp_path, ranges_file):
     for some in ("2-3", "1"):
         assert run(tmp_path / "parts", "--frames", some, "--randomize", ranges_file) == 0
     assert_same(tmp_path / "parts", tmp_path / "whole")
+    assert plot_pairs.draw(tmp_path / "whole").size == (2 * WIDTH, len(plot_pairs.FRAMES) * HEIGHT)
 
 
 def test_the_picture_of_16_bits_is_the_cameras(scene, tmp_path):
