@@ -466,4 +466,5 @@ def test_how_much_of_a_box_is_cut_off():
     assert truncation([10, 10, 20, 10], 40, 30) == 0.0
     assert truncation([-10, 10, 20, 10], 40, 30) == 0.5
     assert truncation([30, 25, 20, 10], 40, 30) == 0.75
+    assert str(truncation([3.1, 4.7, 5.3, 6.9], 40, 30)) == "0.0"  # not -0.0 by rounding
     assert truncation(None, 40, 30) == -1.0

@@ -27,7 +27,7 @@ def truncation(box: Sequence[float] | None, width: int, height: int) -> float:
         return -1.0
     x, y, w, h = box
     inside = max(0.0, min(x + w, width) - max(x, 0.0)) * max(0.0, min(y + h, height) - max(y, 0.0))
-    return 1.0 - inside / (w * h)
+    return max(0.0, 1.0 - inside / (w * h))
 
 
 def _line(name: str, annotation: Mapping, picture: Mapping) -> str:
