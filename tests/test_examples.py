@@ -8,9 +8,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from addon.pairs.changes import bind  # noqa: E402
+from addon.pairs.ranges import read_rules  # noqa: E402
 from addon.properties import CUSTOM_PROPERTIES  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
-from docs.examples import car, engine, facade, modelling, people, plume, steam, street  # noqa: E402
+from docs.examples import car, engine, facade, modelling, people, plume, steam, street, traffic  # noqa: E402
 from docs.tools import make_template, plot_tutorial  # noqa: E402
 from docs.tools.paths import DOCS, TEMPLATE  # noqa: E402
 from tests.helpers.blender import describe, read, render_to_exr  # noqa: E402
@@ -24,10 +26,11 @@ SCENES = {  # the script and its file
     "plume": (plume, DOCS / "examples" / "plume.blend"),
     "steam": (steam, DOCS / "examples" / "steam.blend"),
     "street": (street, DOCS / "examples" / "street.blend"),
+    "traffic": (traffic, DOCS / "examples" / "traffic.blend"),
     "template": (make_template, TEMPLATE),
 }
 every_scene = pytest.mark.parametrize("name", SCENES)
-LONG = "plume", "steam", "street", "car"  # renders that one Python is enough for
+LONG = "plume", "steam", "street", "car", "traffic"  # renders that one Python is enough for
 
 
 def open_scene(name):
@@ -52,6 +55,16 @@ def test_checks_and_reader_have_nothing_to_say(name):
     solver_scene, warnings = read()
     assert warnings == []
     assert len(solver_scene.triangles) < 200_000
+
+
+def test_what_a_data_set_draws_fits_its_scene():
+    """All that traffic.json names is there; people and cars are told apart by their category."""
+    scene = open_scene("traffic")
+    changes = bind(read_rules(DOCS / "examples" / "traffic.json"), scene, scene.view_layers[0])
+    shown = [change.thing for change in changes if change.key == "visible"]
+    assert len(shown) == len(traffic.PEOPLE) + len(traffic.CARS)
+    kinds = {obj["category"] for obj in scene.objects if "category" in obj}
+    assert kinds == {"person", "car"}
 
 
 def test_step_10_of_the_tutorial_works_in_a_new_file():

@@ -9,7 +9,7 @@ boxes are [x, y, width, height] in pixels from there. What is not COCO's own is 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -148,5 +148,27 @@ def write_coco(path: Path, picture: Mapping[str, object], found: list[dict], cat
         "categories": [{"id": number, "name": name} for name, number in categories.items()],
         "annotations": found,
     }
+    write_content(path, content)
+
+
+def write_content(path: Path, content: Mapping[str, object]) -> None:
+    """Write what a file in COCO's format holds, as write_coco does. Raises OSError naming the path."""
     with replacing(path, "the labels") as unfinished:
         unfinished.write_text(json.dumps(content, allow_nan=False), encoding="utf-8")
+
+
+def united(contents: Iterable[Mapping]) -> dict[str, object]:
+    """The labels of many pictures as one, from those of each, whose categories are the same. Pictures keep their
+    numbers, which have to differ; annotations get new ones."""
+    images, found, first = [], [], {}
+    for content in contents:
+        first = first or content
+        images += content["images"]
+        for annotation in content["annotations"]:
+            found.append({**annotation, "id": len(found) + 1, "image_id": content["images"][0]["id"]})
+    return {
+        "info": first.get("info", {}),
+        "images": images,
+        "categories": first.get("categories", []),
+        "annotations": found,
+    }

@@ -44,7 +44,7 @@ def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
         raise SceneError(f"{owner}: its position or scale is not finite")
     if light.energy < 0 or not np.isfinite(light.energy):
         raise SceneError(f"{owner}: energy {light.energy:g} {'W/m2' if sun else 'W'}; lights radiate 0 or more")
-    if light.energy == 0:
+    if light.energy == 0 or temperature == 0:  # a blackbody of 0 K radiates in no band
         return []
     common = {"temperature": temperature, "name": obj.name}
     if sun:

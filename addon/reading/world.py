@@ -78,6 +78,11 @@ def _sky_of_table(table, owner: str) -> Sky:
     return _named(owner, kelvin.reshape(zenith.size, wavelength.size), zenith, wavelength)
 
 
+def sky_table(zenith: np.ndarray, wavelength: np.ndarray, kelvin: np.ndarray) -> dict[str, list[float]]:
+    """The custom property `temperature_table` of a sky: (n,) degrees, (m,) um and (n, m) K."""
+    return {"zenith": zenith.tolist(), "wavelength": wavelength.tolist(), "kelvin": kelvin.ravel().tolist()}
+
+
 def _named(owner: str, *arguments) -> Sky:
     """The Sky. Its messages begin with this owner."""
     try:

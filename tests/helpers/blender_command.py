@@ -9,7 +9,11 @@ import bpy
 import addon
 from addon import commands
 
-COMMANDS = {"infrared_passes": commands.render_passes, "infrared_merge": commands.merge}
+COMMANDS = {
+    "infrared_passes": commands.render_passes,
+    "infrared_merge": commands.merge,
+    "infrared_pairs": commands.pairs,
+}
 
 
 def main(arguments):

@@ -14,7 +14,7 @@ from ...interface import redraw, temperature_property
 from ...properties import CUSTOM_PROPERTIES, ROOM_TEMPERATURE, set_custom_property
 from ...reading.bands import read_band_range
 from ...reading.custom_properties import describe, is_number
-from ...reading.world import SKY_KEYS, layer_world, read_sky
+from ...reading.world import SKY_KEYS, layer_world, read_sky, sky_table
 from ...solver.physics.clear_sky import band_temperatures, check_weather, clear_sky, sky_emissivity
 from ...solver.physics.humidity import FREEZING, dew_point
 from ...solver.scene import SceneError
@@ -135,11 +135,9 @@ class INFRARED_OT_clear_sky(Operator):
         except SceneError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        zenith, wavelength, temperatures = sky
         for key in SKY_VALUES:
             world.pop(key, None)
-        table = {"zenith": zenith.tolist(), "wavelength": wavelength.tolist(), "kelvin": temperatures.ravel().tolist()}
-        set_custom_property(world, "temperature_table", table)
+        set_custom_property(world, "temperature_table", sky_table(*sky))
         kelvin = band_temperatures(sky, *bands)
         world.update_tag()
         redraw("PROPERTIES")
