@@ -13,7 +13,7 @@ from addon.solver.moments import at_moment, moment_of, moment_times, step_of, we
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 EDGES = np.array([8.0, 10.0, 12.0])
-WIDTH, HEIGHT, SHARP = 32, 24, 64
+WIDTH, HEIGHT, SHARP = 24, 18, 64
 QUICK = Settings(passes=32, photons_per_pass=2000, threads=2)
 CAMERA = look((0.0, -4.0, 1.0), (0.0, 0.0, 1.0), WIDTH, HEIGHT)
 
@@ -22,11 +22,16 @@ def floor():
     return (*quad((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0)), 295.0, 0)
 
 
+def pictured(mesh, materials):
+    """A scene of vertices, triangles, temperatures and materials under a sky of 285 K."""
+    return make_scene(*mesh[:3], materials, CAMERA, EDGES, mesh[3], world_temperature=285.0)
+
+
 def hot_sphere(time, temperature=400.0):
     """A hot sphere that flies by over a floor that reflects half of it, at a time from 0 to 1."""
     points, triangles = sphere(2, 0.35)
     mesh = join((points + (1.6 * time - 0.8, 0.0, 0.8), triangles, temperature, 1), floor())
-    return make_scene(*mesh[:3], (Material("floor", 0.5), Material("paint", 0.9)), CAMERA, EDGES, mesh[3])
+    return pictured(mesh, (Material("floor", 0.5), Material("paint", 0.9)))
 
 
 def fan(time):
@@ -38,7 +43,7 @@ def fan(time):
         blades.append((*quad(np.array([0.0, 0.0, 1.0]) + 0.5 * along, 0.35 * along, 0.12 * across), 340.0, 1))
     wall = (*quad((0.0, 1.0, 1.0), (3.0, 0.0, 0.0), (0.0, 0.0, 2.0)), 290.0, 0)
     mesh = join(*blades, wall)
-    return make_scene(*mesh[:3], (Material("wall", 0.8), Material("blade", 0.95)), CAMERA, EDGES, mesh[3])
+    return pictured(mesh, (Material("wall", 0.8), Material("blade", 0.95)))
 
 
 def moving(at, times, middle=0.5):
@@ -181,7 +186,7 @@ def test_an_object_appears_and_another_topology():
     def at(time):
         thing = (points + (-0.25, -0.25, 0.75), triangles, 350.0, 0)
         mesh = join(*([thing] if time > 0.75 else []), wall)
-        return make_scene(*mesh[:3], (Material("black", 1.0),), CAMERA, EDGES, mesh[3])
+        return pictured(mesh, (Material("black", 1.0),))
 
     film = render(moving(at, shutter(8), 0.0), dataclasses.replace(QUICK, passes=8))
     expected = 0.75 * _blackbody(np.array([290.0])) + 0.25 * _blackbody(np.array([350.0]))
@@ -253,7 +258,7 @@ def test_the_trail_of_a_plate_is_an_exponential():
         plate = (*quad((centre, 0.0, 1.0), (0.5 * length, 0.0, 0.0), (0.0, 0.0, 3.0)), 350.0, 0)
         wall = (*quad((0.0, 1.0, 1.0), (60.0, 0.0, 0.0), (0.0, 0.0, 3.0)), 290.0, 0)
         mesh = join(plate, wall)
-        return make_scene(*mesh[:3], (Material("black", 1.0),), camera, EDGES, mesh[3])
+        return dataclasses.replace(pictured(mesh, (Material("black", 1.0),)), camera=camera)
 
     scene = moving(at, moment_times(0.0, 0.0, lag, 64), 0.0)
     film = render(scene, dataclasses.replace(QUICK, passes=64))

@@ -15,7 +15,7 @@ from ..reading.media import is_medium
 from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
 from ..reading.world import SKY_KEYS
-from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, settings_checks
+from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, motion_checks, settings_checks
 from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
 from .band_presets import INFRARED_PT_band_presets
 from .checks import draw_object_checks, draw_problems, kept
@@ -63,6 +63,27 @@ class INFRARED_PT_photons_advanced(RenderSettingsPanel, Panel):
         column.prop(infrared, "reference_subtraction")
         column.prop(infrared, "shrink")
         column.prop(infrared, "roulette")
+
+
+class INFRARED_PT_motion_blur(RenderSettingsPanel, Panel):
+    """Blender's own panel of this name is EEVEE's, with EEVEE's settings in it."""
+
+    bl_label = "Motion Blur"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw_settings(self, column, infrared):
+        render = infrared.id_data.render
+        shutter = column.column()
+        shutter.active = render.use_motion_blur
+        shutter.prop(render, "motion_blur_position", text="Position")
+        shutter.prop(render, "motion_blur_shutter")
+        steps = column.row()
+        steps.active = render.use_motion_blur or infrared.sensor_lag > 0.0
+        steps.prop(infrared, "motion_steps")
+        draw_problems(column, motion_checks(infrared.id_data), bpy.context.region)
 
 
 class INFRARED_PT_spectrum(RenderSettingsPanel, Panel):
@@ -462,6 +483,7 @@ def draw_chosen_bands(column, infrared) -> None:
 CLASSES = (
     INFRARED_PT_photons,
     INFRARED_PT_photons_advanced,
+    INFRARED_PT_motion_blur,
     INFRARED_PT_spectrum,
     INFRARED_PT_defaults,
     INFRARED_PT_passes,

@@ -75,7 +75,8 @@ class Model:
     signal. hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays under way at once, in
     the tile where they are most. openness: share of the rays that leave the scene, of those from the camera or of those
     from what the image depends on, whichever is larger. molecular: media whose coefficients each pass draws, None if
-    there are none. diameter: of the scene, in its units. survey: what the moments of the scene need of it; None if it
+    there are none. diameter: of the scene, in its units. worth: how many rays a shadow ray counts as. survey: what the
+    moments of the scene need of it; None if it
     has none.
     """
 
@@ -101,6 +102,7 @@ class Model:
     openness: float
     molecular: MolecularMedia | None
     diameter: float
+    worth: float
     survey: Survey | None
 
 
@@ -114,8 +116,8 @@ def prepare(
     """The Model of a scene, with nothing that this scene does not need; the log says what is needed. None if cancelled.
 
     geometry: of an earlier scene, reused if it is the same.
-    planned: of a scene of which this one is a moment. Its camera rays and what it knows of the pixels count, as all
-    passes share one sequence of camera rays, and as the survey takes most of the time.
+    planned: of a scene of which this one is a moment. Its camera rays and what it knows of the pixels and of shadow
+    rays count, as all passes share one sequence of camera rays, and as to find out takes most of the time.
     """
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
@@ -147,7 +149,8 @@ def prepare(
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
-    lamps = build_lamps(stage, tracer, pilot, emission, (lights, surroundings), caustic)
+    worth = None if planned is None else planned.worth
+    lamps, worth = build_lamps(stage, tracer, pilot, emission, (lights, surroundings), caustic, worth)
     molecular = None
     if scene.media:
         radiometry = stage.radiometry
@@ -214,6 +217,7 @@ def prepare(
         openness=max(pilot.openness, pilot.background),
         molecular=molecular,
         diameter=2.0 * radius,
+        worth=worth,
         survey=survey if scene.moments else None,
     )
 
