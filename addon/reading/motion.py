@@ -11,15 +11,13 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..solver.moments import bytes_of_moments, moment_of, moment_times
 from ..solver.memory import check_memory
+from ..solver.moments import moment_of, moment_times
 from ..solver.scene import Moment, Scene, SceneError
 from .camera import read_camera
 from .scene_reader import read_contents, read_scene, render_reader
 from .sensor import read_lag
 from .surfaces import SurfaceReader
-
-NO_SHUTTER = "Motion blur: the shutter is open for 0 frames, so everything stands still"
 
 
 class Exposure(NamedTuple):
@@ -51,7 +49,7 @@ def read_exposure(scene) -> Exposure:
     return Exposure(opened, closed, lag, tuple(times))
 
 
-class Cancelled(Exception):
+class CancelledError(Exception):
     """Esc ended the reading of a scene."""
 
 
@@ -60,14 +58,12 @@ def read_moving_scene(engine, depsgraph) -> tuple[Scene, list[str], SurfaceReade
     is in the middle.
 
     engine: the RenderEngine, whose depsgraph goes from time to time, and in the end is back. Raises SceneError as
-    read_scene does, and Cancelled.
+    read_scene does, and CancelledError.
     """
     exposure, frame = read_exposure(depsgraph.scene_eval), depsgraph.scene_eval.frame_current_final
     if not exposure.times:
         surfaces = render_reader(depsgraph)
-        scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
-        blind = [NO_SHUTTER] if depsgraph.scene_eval.render.use_motion_blur else []
-        return scene, warnings + blind, surfaces
+        return *read_scene(depsgraph, engine.camera_override, surfaces), surfaces
     try:
         _go_to(engine, exposure.middle)
         surfaces = render_reader(depsgraph)
@@ -75,7 +71,7 @@ def read_moving_scene(engine, depsgraph) -> tuple[Scene, list[str], SurfaceReade
         moments: list[Moment] = []
         for number, time in enumerate(exposure.times, 1):
             if engine.test_break():
-                raise Cancelled
+                raise CancelledError
             engine.update_stats("", f"Reading the scene at time {number} of {len(exposure.times)}")
             _go_to(engine, time)
             try:
@@ -84,10 +80,8 @@ def read_moving_scene(engine, depsgraph) -> tuple[Scene, list[str], SurfaceReade
                 raise SceneError(f"At frame {time:.6g}, which the picture sees too: {error}") from error
             moments.append(moment)
             warnings += [message for message in further if message not in warnings]
-            if number == 1:
-                check_memory(
-                    {"moments": float(bytes_of_moments(replace(scene, moments=(moment,)))) * len(exposure.times)}
-                )
+            if number == 1:  # those that follow will not differ from it much in size
+                check_memory({"moments": len(exposure.times) * bytes_of(moment)})
     finally:
         _go_to(engine, frame)
     return replace(scene, moments=tuple(moments) if any(moments) else ()), warnings, surfaces

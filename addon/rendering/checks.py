@@ -34,7 +34,6 @@ from ..reading.object_parameters import read_object_parameters
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
 from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
-from ..reading.motion import NO_SHUTTER
 from ..reading.sensor import read_lag, read_response
 from ..reading.settings import read_defaults, read_settings
 from ..reading.shaders import changes_shapes, read_shader, unseen_message
@@ -195,12 +194,6 @@ def sensor_checks(infrared) -> list[Check]:
         f"Sensor '{response.name}': {lost:.0%} of its signal at {infrared.ambient_temperature:.5g} K lies outside the "
     )
     return [Check("WARNING", text + f"bands from {low:.4g} to {high:.4g} µm, which act as a filter")]
-
-
-def motion_checks(scene) -> list[Check]:
-    """Checks of the shutter."""
-    shut = scene.render.use_motion_blur and scene.render.motion_blur_shutter == 0.0 and scene.infrared.sensor_lag == 0.0
-    return [Check("WARNING", NO_SHUTTER)] if shut else []
 
 
 def object_parameter_checks(infrared) -> list[Check]:
@@ -407,7 +400,6 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += problems(read_defaults, infrared)
     found += problems(render_passes, scene, view_layer)
     found += sensor_checks(infrared)
-    found += motion_checks(scene)
     found += object_parameter_checks(infrared)
     found += detector_checks(scene)
     found += camera_checks(scene, view_layer)

@@ -27,7 +27,7 @@ from ..output.formats import FORMATS
 from ..output.frame import FurtherImage
 from ..reading.bands import read_band_edges
 from ..reading.camera import render_size, rendered_size
-from ..reading.motion import Cancelled, read_exposure, read_moving_scene
+from ..reading.motion import CancelledError, read_exposure, read_moving_scene
 from ..reading.settings import read_settings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
 from ..solver import Film, first_hit_images, layered_image, render
@@ -132,7 +132,7 @@ def render_view_layer(engine, depsgraph) -> None:
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
     try:
         solver_scene, warnings, surfaces = read_moving_scene(engine, depsgraph)
-    except Cancelled:
+    except CancelledError:
         return
     scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval  # evaluated anew, if the scene moves
     needed = foreseen | memory_beforehand(solver_scene, copies)

@@ -93,10 +93,10 @@ def at_moment(base: Scene, moment: Moment) -> Scene:
     return replace(base, moments=(), **{each.part: _changed(getattr(base, each.part), each) for each in moment})
 
 
-def bytes_of_moments(scene: Scene) -> int:
-    """Bytes that the arrays of a scene's moments take."""
-    parts = (part for moment in scene.moments for change in moment for part in (change.rows, change.values))
-    return sum(part.nbytes for part in parts if isinstance(part, np.ndarray))
+def bytes_of(moment: Moment) -> float:
+    """Bytes that the arrays of a moment take."""
+    arrays = (array for change in moment for array in (change.rows, change.values) if isinstance(array, np.ndarray))
+    return float(sum(array.nbytes for array in arrays))
 
 
 def _change(part: str, value, before) -> Change:

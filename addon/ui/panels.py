@@ -15,7 +15,7 @@ from ..reading.media import is_medium
 from ..reading.objects import SURFACE_TYPES
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
 from ..reading.world import SKY_KEYS
-from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, motion_checks, settings_checks
+from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, settings_checks
 from ..rendering.render_passes import LAYER_SWITCHES, SCENE_SWITCHES
 from .band_presets import INFRARED_PT_band_presets
 from .checks import draw_object_checks, draw_problems, kept
@@ -83,7 +83,6 @@ class INFRARED_PT_motion_blur(RenderSettingsPanel, Panel):
         steps = column.row()
         steps.active = render.use_motion_blur or infrared.sensor_lag > 0.0
         steps.prop(infrared, "motion_steps")
-        draw_problems(column, motion_checks(infrared.id_data), bpy.context.region)
 
 
 class INFRARED_PT_spectrum(RenderSettingsPanel, Panel):
