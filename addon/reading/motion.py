@@ -12,12 +12,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ..solver.memory import check_memory
-from ..solver.moments import moment_of, moment_times
+from ..solver.moments import bytes_of, moment_of, moment_times
 from ..solver.scene import Moment, Scene, SceneError
 from .camera import read_camera
 from .scene_reader import read_contents, read_scene, render_reader
 from .sensor import read_lag
 from .surfaces import SurfaceReader
+
+
+LAST_FRAME = 1_048_574  # of Blender, and the first one below 0
 
 
 class Exposure(NamedTuple):
@@ -46,6 +49,11 @@ def read_exposure(scene) -> Exposure:
     lag = read_lag(infrared) * render.fps / render.fps_base
     moves = closed > opened or lag > 0.0
     times = moment_times(opened, closed, lag, infrared.motion_steps).tolist() if moves else ()
+    if moves and not -LAST_FRAME <= times[0] <= times[-1] <= LAST_FRAME:
+        raise SceneError(
+            f"Motion blur: the picture sees frames from {times[0]:g} to {times[-1]:g}; Blender has none beyond "
+            f"{LAST_FRAME:,}. Lower the shutter or the sensor's time constant"
+        )
     return Exposure(opened, closed, lag, tuple(times))
 
 
