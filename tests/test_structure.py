@@ -38,6 +38,7 @@ SOLVERS_ROOMS = (
     ("",),
     ("checkpoint",),
     ("passes",),
+    ("moments",),
     ("memory",),
     ("camera",),
     ("planning",),
