@@ -2,7 +2,7 @@
 """What motion costs: processor time of passes at as many times against passes at one time, for scenes in which some
 triangles move, and so all is prepared again for each pass; and how long it takes to read a scene at one time.
 
-python -m tests.benchmarks.motion_cost [--passes N] [--width PIXELS] [--triangles N]
+python -m tests.benchmarks.motion_cost [--scenes NAME ...] [--passes N] [--width PIXELS] [--triangles N]
 
 Processor time, as other work on the machine does not count in it. A render of one pass without motion comes before and
 does not count: it loads compiled code.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import bpy
@@ -45,16 +46,16 @@ def cost(scene: Scene, settings: Settings) -> float:
     return time.process_time() - begin
 
 
-def table_of_scenes(passes: int, width: int) -> None:
+def table_of_scenes(names: Sequence[str], passes: int, width: int) -> None:
     settings, rows = Settings(passes=passes, threads=2), []
-    for name in NAMES:
+    for name in names:
         scene = SCENES[name]()
         scene = replace(scene, camera=replace(scene.camera, width=width, height=3 * width // 4))
         cost(in_motion(scene, 1), replace(settings, passes=1))
         still, moving = cost(scene, settings), cost(in_motion(scene, passes), settings)
         rows.append((name, f"{len(scene.triangles):,}", f"{still:.1f} s", f"{moving:.1f} s", f"{moving / still:.2f}"))
     print(f"{passes} passes, {width} x {3 * width // 4} pixels, processor time\n")
-    print(table(("scene", "triangles", "sharp", "moving", "ratio"), *rows))
+    print(table(("scene", "triangles", "sharp", "moving", "ratio"), *rows), flush=True)
 
 
 def time_of_reading(triangles: int) -> float:
@@ -90,11 +91,12 @@ def time_of_reading(triangles: int) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", nargs="+", default=NAMES, choices=SCENES)
     parser.add_argument("--passes", type=int, default=16)
     parser.add_argument("--width", type=int, default=160)
     parser.add_argument("--triangles", type=int, default=100_000, help="of the scene that is read")
     options = parser.parse_args()
-    table_of_scenes(options.passes, options.width)
+    table_of_scenes(options.scenes, options.passes, options.width)
     with registered():
         seconds = time_of_reading(options.triangles)
     print(f"\n{options.triangles:,} triangles that move are read in {seconds:.2g} s at each time")
