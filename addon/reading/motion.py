@@ -19,7 +19,6 @@ from .scene_reader import read_contents, read_scene, render_reader
 from .sensor import read_lag
 from .surfaces import SurfaceReader
 
-
 LAST_FRAME = 1_048_574  # of Blender, and the first one below 0
 
 
