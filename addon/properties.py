@@ -330,6 +330,23 @@ class InfraredSettings(HeatDisplaySettings, ObjectParameterSettings, MeasureSett
         items=SENSORS,
         default="BOX",
     )
+    sensor_lag: FloatProperty(
+        name="Time Constant (ms)",
+        description="Time in milliseconds in which the sensor follows a change of what it sees to 63 %, as a "
+        "microbolometer does in 7 to 12 ms: pictures show an exponentially weighted mean of the past; 0 is at once",
+        default=0.0,
+        soft_min=0.0,
+        soft_max=100.0,
+        precision=2,
+    )
+    motion_steps: IntProperty(
+        name="Steps",
+        description="Number of times between which passes are shared out when things move: the scene is read at each "
+        "of them before the first pass. Few steps show as copies of what moves fast",
+        default=32,
+        min=1,
+        soft_max=256,
+    )
     use_detector: BoolProperty(
         name="Camera Effects",
         description="Deliver the passes Camera Signal and Camera Temperature, with what a real camera's optics and "

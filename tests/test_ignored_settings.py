@@ -85,7 +85,6 @@ def test_light_linking_is_named(cube, owner, kind):
     ("name", "message"),
     [
         ("use_multiview", "Stereoscopy is not supported: all views show"),
-        ("use_motion_blur", "Motion blur is ignored: everything stands still"),
         ("film_transparent", "A transparent film is ignored: "),
     ],
 )

@@ -39,6 +39,7 @@ SOLVERS_ROOMS = (
     ("",),
     ("checkpoint",),
     ("passes",),
+    ("moments",),
     ("memory",),
     ("camera",),
     ("planning",),

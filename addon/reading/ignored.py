@@ -14,8 +14,8 @@ def ignored_scene_settings(scene, layer) -> Iterator[str]:
     """What the settings of a scene and a view layer ask for and the engine does not do, and what it does instead."""
     if scene.render.use_multiview:
         yield "Stereoscopy is not supported: all views show the active camera's picture"
-    if scene.render.use_motion_blur:
-        yield "Motion blur is ignored: everything stands still in a picture"
+    if scene.render.use_motion_blur and scene.render.motion_blur_shutter == 0.0:
+        yield "Motion blur: the shutter is open for 0 frames, so it blurs nothing"
     if scene.render.film_transparent:
         yield "A transparent film is ignored: what is behind the objects is seen at the temperature of the surroundings"
     if layer.samples != 0:

@@ -52,12 +52,15 @@ def _tell_of_shaders(depsgraph, surfaces: SurfaceReader) -> None:
             surfaces.warnings.add(material.name, message)
 
 
-def render_reader(depsgraph) -> SurfaceReader:
-    """A new reader for a final render: it keeps temperature groups apart, and instances, if the scene asks for them."""
+def render_reader(depsgraph, kept_images: dict[tuple, tuple] | None = None) -> SurfaceReader:
+    """A new reader for a final render: it keeps temperature groups apart, and instances, if the scene asks for them.
+
+    kept_images: of an earlier reader, see TextureReader.
+    """
     infrared, warnings = depsgraph.scene_eval.infrared, Warnings()
     groups = GroupReader() if infrared.group_exr_path else None
     categories = Categories(warnings) if infrared.label_path else None
-    return SurfaceReader(depsgraph, warnings, groups=groups, categories=categories)
+    return SurfaceReader(depsgraph, warnings, groups=groups, kept_images=kept_images, categories=categories)
 
 
 def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The spectral response of the sensor that scene.infrared chooses."""
+"""The spectral response of the sensor that scene.infrared chooses, and how slowly it follows what it sees."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -29,3 +31,11 @@ def read_response(infrared, sensor: str | None = None) -> Response | None:
     if len(value) % 2:
         raise SceneError(f"Sensor: sensor_response has {len(value)} numbers, expected pairs of um and response")
     return Response("Custom", np.array(value.to_list(), dtype=np.float64).reshape(-1, 2))
+
+
+def read_lag(infrared) -> float:
+    """Time constant of the sensor, s. Raises SceneError if it is none."""
+    milliseconds = infrared.sensor_lag
+    if not 0.0 <= milliseconds < math.inf:
+        raise SceneError(f"Sensor: the time constant is {milliseconds:g} ms, expected a finite number of 0 or more")
+    return 1e-3 * milliseconds

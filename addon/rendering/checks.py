@@ -34,7 +34,7 @@ from ..reading.object_parameters import read_object_parameters
 from ..reading.objects import SURFACE_TYPES, layer_objects, may_have_faces, rendered_objects
 from ..reading.openness import surely_open
 from ..reading.scene_reader import check_faces
-from ..reading.sensor import read_response
+from ..reading.sensor import read_lag, read_response
 from ..reading.settings import read_defaults, read_settings
 from ..reading.shaders import changes_shapes, read_shader, unseen_message
 from ..reading.surface_temperature import temperature_source, temperatures_without_image
@@ -182,6 +182,7 @@ def sensor_checks(infrared) -> list[Check]:
     except SceneError:
         return []  # reported for the bands
     try:
+        read_lag(infrared)
         response = read_response(infrared)
         check_response(response, (low, high))
     except SceneError as error:

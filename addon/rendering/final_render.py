@@ -27,7 +27,7 @@ from ..output.formats import FORMATS
 from ..output.frame import FurtherImage
 from ..reading.bands import read_band_edges
 from ..reading.camera import render_size, rendered_size
-from ..reading.scene_reader import read_scene, render_reader
+from ..reading.motion import CancelledError, read_exposure, read_moving_scene
 from ..reading.settings import read_settings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
 from ..solver import Film, first_hit_images, layered_image, render
@@ -131,8 +131,11 @@ def render_view_layer(engine, depsgraph) -> None:
     foreseen, name = images_beforehand(scene.render, len(edges) - 1, copies)
     check_memory(foreseen, name)  # before the scene is read, which may take long
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
-    surfaces = render_reader(depsgraph)
-    solver_scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
+    try:
+        solver_scene, warnings, surfaces = read_moving_scene(engine, depsgraph)
+    except CancelledError:
+        return
+    scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval  # evaluated anew, if the scene moves
     needed = foreseen | memory_beforehand(solver_scene, copies)
     check_memory(needed, name, solver_scene.media)  # before Blender takes room for the images
     detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
@@ -193,7 +196,7 @@ def render_view_layer(engine, depsgraph) -> None:
     if kept and job.film is not None and job.film.passes:
         _keep_film(kept, job, layer, scene.frame_current)
     if images:
-        facts = {"frame": scene.frame_current, **(effects.facts() if effects else {})}
+        facts = {"frame": scene.frame_current, **_motion_facts(scene), **(effects.facts() if effects else {})}
         finished = layer_images(job, images, further, facts) | {"attributes": mattes.attributes()}
         if shown:
             frame = finished_frame(scene, slot, solver_scene.camera, job.film)
@@ -210,6 +213,15 @@ def render_view_layer(engine, depsgraph) -> None:
             groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
             if shown and groups:
                 finished_groups[layer] = groups
+
+
+def _motion_facts(scene) -> dict[str, object]:
+    """When a picture saw its scene, by the names that files give it; nothing if it was at one time."""
+    exposure = read_exposure(scene)
+    if not exposure.times:
+        return {}
+    frames = {"shutterOpen": exposure.opened, "shutterClose": exposure.closed}
+    return {**frames, "sensorLag": scene.infrared.sensor_lag, "motionSteps": len(exposure.times)}
 
 
 def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
@@ -357,7 +369,7 @@ def _solver_with_first_pictures(solve: Callable) -> Callable:
     def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
         for step in takewhile(lambda step: step >= LEAST_STEP, steps(scene.camera)):
             geometry = build_geometry(scene, geometry)
-            coarse = replace(scene, camera=coarser(scene.camera, step))
+            coarse = replace(scene, camera=coarser(scene.camera, step), moments=())
             render(coarse, hasty(settings, step), partial(on_pass, step=step), cancelled, geometry=geometry)
         return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
 

@@ -25,6 +25,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                                               leave, coordinates
     grids      max(20, 8 + 8 c) v + 4 p       of v cells with c components, in p places for leaves (see geometry.grids)
     sky        8 b n                          of n pixels of an image, or 720 zenith angles
+    moments    all from geometry on a second time, if the scene moves: as it is planned by, and as a pass sees it
 
 Trial photons tell how many hits a photon stores (see preparation): 1 / (1 - rho) in a closed room of reflectance rho,
 and far fewer where photons leave the scene, or come from lamps, whose first hits are not stored.
@@ -61,6 +62,7 @@ _PARTS = {
     "textures": ("the images over surfaces", "the resolution of the images"),
     "grids": ("the cells of volumes", "the resolution of the volumes"),
     "sky": ("the radiance of the sky", "the resolution of its image or the number of bands"),
+    "moments": ("what moves, at all times of the picture,", "the motion steps"),
 }
 
 
@@ -82,13 +84,15 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     """
     temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1), scene.images_of_temperature)
     rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
-    return _images_of(scene, copies) | {
+    parts = {
         "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
         "textures": bytes_of_textures(scene.textures),
         "grids": sum(memory_of_grids(scene.media).values()),
         "sky": float(sky_size(scene.sky, scene.band_count)),
     }
+    again = {"moments": sum(parts.values())} if scene.moments else {}
+    return _images_of(scene, copies) | parts | again
 
 
 def memory_of_passes(

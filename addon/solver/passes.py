@@ -3,6 +3,7 @@
 
 prepare the scene: what the image can depend on, reference temperature, tables, emitters  (planning.preparation)
 for every pass:
+    if the scene moves, prepare it as it is at the time of the pass                         (moments)
     draw what molecules absorb                           (physics.molecules)
     emit photons, trace them, store their hits           (photons.emission, photons.transport)
     sort them into a photon map                          (photons.photon_map)
@@ -18,6 +19,7 @@ import math
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,11 +27,12 @@ import numpy as np
 from .camera.eye_paths import CameraPass, render_pixels
 from .camera.rays import Estimate
 from .camera.shadow_rays import Lighting, direct_irradiance, lamp_closeness, lamp_points
-from .geometry.surfaces import Geometry
+from .geometry.surfaces import Geometry, build_geometry
 from .image.film import Film
 from .image.tiles import tiles
 from .image.trend import shrink_factor
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
+from .moments import at_moment, step_of
 from .photons.emission import Batch
 from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
@@ -68,6 +71,8 @@ def render(
     of this render.
     """
     check_memory(memory_beforehand(scene, image_copies), media=scene.media)
+    if scene.moments:
+        geometry = build_geometry(scene, geometry)  # for the moments at which nothing but temperatures differs
     model = prepare(scene, settings, geometry, cancelled)
     x0, y0, x1, y1 = scene.camera.pixels
     size, numbers = (x1 - x0, y1 - y0), (settings.seed, settings.pass_offset)
@@ -80,12 +85,15 @@ def render(
         empty.follow_draws(molecular.exact_probes(*probed))
     if model.optics.keep_caustic:
         empty.follow_disks()
+    empty.moments = len(scene.moments)
     if film is None:
         film = empty
     film.check_same_kind(empty)
     if len(film.ranges) > 1 or film.ranges[0][:2] != empty.ranges[0][:2]:
         raise ValueError("The film does not hold the first passes of this render")
     film.correction, film.openness, film.estimated = settings.correction, model.openness, model.estimated
+    if scene.moments:  # at another time other pixels may show what has to be estimated
+        film.estimated = np.ones_like(model.estimated)
     image = np.empty(((x1 - x0) * (y1 - y0), empty.layer_weights.size), np.float32)
     seen, missed = np.empty((2, len(image)), np.float32)
     store = photon_store(scene.band_count, model.optics)
@@ -93,11 +101,15 @@ def render(
     started = time.monotonic()
     with ThreadPoolExecutor(settings.workers) as pool:
         while not (_is_complete(film, settings, time.monotonic() - started) or cancelled()):
-            work, index = Work(store, pool, cancelled), settings.pass_offset + film.passes
-            if not render_pass(model, settings, index, work, (image, seen, missed)):
+            index = settings.pass_offset + film.passes
+            present = model_of_pass(scene, settings, (model, geometry), index, cancelled)
+            if present is None:
+                break
+            room = store if present is model else photon_store(scene.band_count, present.optics)
+            if not render_pass(present, settings, index, Work(room, pool, cancelled), (image, seen, missed)):
                 break
             drawn = None if molecular is None else molecular.probes(np.array([index]), *probed)[0]
-            film.add_pass(image, seen, model.photons_per_pass, missed, drawn, disk_area(settings, index))
+            film.add_pass(image, seen, present.photons_per_pass, missed, drawn, disk_area(settings, index))
             if on_pass:
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
@@ -105,6 +117,23 @@ def render(
     if model.molecular is not None and film.passes and not cancelled():
         _log_quadrature(scene, model, film)
     return film
+
+
+def model_of_pass(
+    scene: Scene,
+    settings: Settings,
+    planned: tuple[Model, Geometry | None],
+    index: int,
+    cancelled: Callable[[], bool],
+) -> Model | None:
+    """The Model of the scene at the time of pass `index`: that by which was planned if nothing differs. None if
+    cancelled. planned: this model and its geometry."""
+    model, geometry = planned
+    moment = scene.moments[step_of(index, settings.seed, len(scene.moments))] if scene.moments else ()
+    if not moment:
+        return model
+    same_reference = replace(settings, reference_temperature=model.reference_temperature)
+    return prepare(at_moment(scene, moment), same_reference, geometry, cancelled, model)
 
 
 def _log_check(film: Film) -> None:

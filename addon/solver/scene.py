@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -706,6 +707,18 @@ class Camera:
         return (0, 0, self.width, self.height) if self.window is None else self.window
 
 
+class Change(NamedTuple):
+    """What of a scene is otherwise at another time. part: name of the Scene's field. rows: (k,) int64, which rows of an
+    array; None for the whole field. values: the rows, or the field."""
+
+    part: str
+    rows: np.ndarray | None
+    values: object
+
+
+Moment = tuple[Change, ...]
+
+
 @dataclass(frozen=True)
 class Scene:
     """Everything a render needs. Arrays are not copied: do not write to them afterwards.
@@ -727,6 +740,8 @@ class Scene:
     textures: what varies over triangles, by images or from corner to corner; None if nothing does but `temperature`.
     corner_normals: (m, 3, 3) float32, normals at the corners of triangles, on their front side, of a surface that is
         shaded smooth; zero, or the triangle's own, where it is flat. None if all are.
+    moments: what is otherwise at the times that passes see, in the order of time (see moments); all else is planned by
+        the scene as it is here. Nothing if all passes see it so.
 
     Raises SceneError if a value cannot be rendered.
     """
@@ -749,6 +764,7 @@ class Scene:
     corner_normals: np.ndarray | None = None
     sky: Sky | None = None
     textures: Textures | None = None
+    moments: tuple[Moment, ...] = ()
 
     def __post_init__(self):
         check_band_edges(self.band_edges)

@@ -65,6 +65,26 @@ class INFRARED_PT_photons_advanced(RenderSettingsPanel, Panel):
         column.prop(infrared, "roulette")
 
 
+class INFRARED_PT_motion_blur(RenderSettingsPanel, Panel):
+    """Blender's own panel of this name is EEVEE's, with EEVEE's settings in it."""
+
+    bl_label = "Motion Blur"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw_settings(self, column, infrared):
+        render = infrared.id_data.render
+        shutter = column.column()
+        shutter.active = render.use_motion_blur
+        shutter.prop(render, "motion_blur_position", text="Position")
+        shutter.prop(render, "motion_blur_shutter")
+        steps = column.row()
+        steps.active = render.use_motion_blur or infrared.sensor_lag > 0.0
+        steps.prop(infrared, "motion_steps")
+
+
 class INFRARED_PT_spectrum(RenderSettingsPanel, Panel):
     bl_label = "Spectrum"
 
@@ -478,6 +498,7 @@ def draw_chosen_bands(column, infrared) -> None:
 CLASSES = (
     INFRARED_PT_photons,
     INFRARED_PT_photons_advanced,
+    INFRARED_PT_motion_blur,
     INFRARED_PT_spectrum,
     INFRARED_PT_defaults,
     INFRARED_PT_passes,

@@ -92,6 +92,7 @@ class INFRARED_PT_sensor(RenderSettingsPanel, Panel):
         column.prop(infrared, "sensor")
         if infrared.sensor != "BOX":
             draw_response(column, infrared)
+        column.prop(infrared, "sensor_lag")
         column.operator("infrared.sensor_import", text="Import...", icon="IMPORT")
         draw_problems(column, sensor_checks(infrared), bpy.context.region)
 

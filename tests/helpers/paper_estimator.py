@@ -37,26 +37,28 @@ def rays_everywhere(stage, estimate, pixels, bounce, gathers, *rest):
 
 def no_lamps(*arguments):
     """Nothing that shadow rays are sent to: rays and photons count all that they find."""
-    lamps = build_lamps(*arguments)
-    return lamps._replace(
+    lamps, worth = build_lamps(*arguments)
+    lamps = lamps._replace(
         cumulative=np.zeros_like(lamps.cumulative),
         density=np.zeros_like(lamps.density),
         found=np.ones_like(lamps.found),
         caustic=np.zeros_like(lamps.caustic),
     )
+    return lamps, worth
 
 
 def lights_alone(*arguments):
     """Shadow rays are sent to lights alone: rays and photons count all that they find of surfaces."""
-    lamps = build_lamps(*arguments)
+    lamps, worth = build_lamps(*arguments)
     chance = np.diff(lamps.cumulative)
     chance[: len(lamps.side_id)] = 0.0
     cumulative = np.append(0.0, np.cumsum(chance))
-    return lamps._replace(
+    lamps = lamps._replace(
         cumulative=cumulative / (cumulative[-1] or 1.0),
         density=np.zeros_like(lamps.density),
         found=np.ones_like(lamps.found),
     )
+    return lamps, worth
 
 
 def emit_all(emitters, stage, batch, wave):

@@ -15,12 +15,12 @@ from ..physics.radiometry import reference_radiance
 from ..physics.spectrum import apparent_temperature, band_names
 from ..scene import check_band_edges
 from ..system.kernels import KERNEL, njit
-from .pooling import pooled_variance
+from .pooling import REACH, pooled_variance, sum_around
 from .regression import Regression
 from .self_check import GRID, region_means, regions, significant, spread_out
 from .trend import blur
 
-_VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons")
+_VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons", "moments")
 _ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")  # by pixel
 _CHECKS = ("_missed", "_missed_squares")  # by region of the image
 _FOLLOWED = ("seen", "rest", "blur")  # what a film may hold a Regression of, see follow_draws and follow_disks
@@ -37,6 +37,7 @@ class Film:
     openness: share of the rays that leave the scene and see its surroundings, as far as the pilot knows.
     estimated: (height * width,) bool, pixels whose reflected light is estimated, which may have missed something; the
     others are exact but for edges.
+    moments: number of times over which the passes are spread; 0 if the scene stands still.
     layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
     seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
     passes. passes: number of finished passes. photons: emitted in these passes.
@@ -60,6 +61,7 @@ class Film:
         self.weights = np.ones(self.band_count) if weights is None else np.asarray(weights, dtype=np.float64)
         self.correction = Correction()
         self.openness = 0.0
+        self.moments = 0
         self.estimated = np.ones(height * width, np.bool_)
         self.layers = layers
         self._factors = layer_factors(layers, self.band_edges, reference_temperature)
@@ -105,7 +107,8 @@ class Film:
         missing = {*_VALUES, "ranges", "layers", *_ARRAYS, *_CHECKS} - set(state)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
-        width, height, passes, photons = (int(state[name]) for name in ("width", "height", "passes", "photons"))
+        counts = "width", "height", "passes", "photons", "moments"
+        width, height, passes, photons, moments = (int(state[name]) for name in counts)
         edges = np.asarray(state["band_edges"], np.float64)
         check_band_edges(edges)
         layers = from_json(str(state["layers"]))
@@ -126,7 +129,7 @@ class Film:
             raise ValueError(f"ranges {ranges.tolist()} are not those of {passes} passes")
         film = cls(width, height, edges, float(state["reference_temperature"]), weights=weights, layers=layers)
         film.ranges = [tuple(row) for row in ranges.tolist()]
-        film.passes, film.photons = passes, photons
+        film.passes, film.photons, film.moments = passes, photons, moments
         for name in shapes:
             setattr(film, name, state[name])
         for part in (each for each in _FOLLOWED if f"{each}_exact" in state):
@@ -197,6 +200,8 @@ class Film:
             raise ValueError("Films of sensors with different responses cannot be merged")
         if self._followed.keys() != other._followed.keys():
             raise ValueError("Films of scenes with and without molecules or caustics cannot be merged")
+        if self.moments != other.moments:
+            raise ValueError("Films of scenes that move otherwise cannot be merged")
         if to_json(self.layers) != to_json(other.layers):
             raise ValueError("Films with different temperature groups cannot be merged")
 
@@ -209,7 +214,7 @@ class Film:
         self.check_same_kind(other)
         options = {"weights": self.weights, "layers": self.layers}
         total = Film(self.width, self.height, self.band_edges, self.reference_temperature, **options)
-        total.correction, total.estimated = self.correction, self.estimated
+        total.correction, total.estimated, total.moments = self.correction, self.estimated, self.moments
         total.ranges = _joined(self.ranges + other.ranges) or self.ranges[:]
         total.passes = self.passes + other.passes
         total.photons = self.photons + other.photons
@@ -280,6 +285,8 @@ class Film:
         shape = self.height, self.width
         sums = squares.reshape(shape), fourths.reshape(shape)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
+        if self.moments:
+            seen, rest = self._in_motion(seen, rest)
         if "blur" in self._followed:
             rest = rest * (1.0 + blur(self._followed["blur"], sums[0] / (self.passes - 1)).ravel())
         variance = (rest + seen / (self.passes - 1)) / self.passes
@@ -292,6 +299,19 @@ class Film:
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))
         return self._image(0.5 * (above - below))
+
+    def _in_motion(self, seen: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The variances of what is seen and of the rest (pixels,), times what passes at few times know less.
+
+        Passes are spread evenly over the times, as camera rays are over a pixel. So where an edge passes by, the
+        variance of n passes falls as that from an edge in a pixel, n^-3/2 or faster; or slower than the spread of the
+        passes tells, if it comes with the rest. But more passes than times find nothing new of the motion. And few
+        times may miss what passes a pixel quickly, though not what is around it: a pixel has at least the mean of its
+        neighbours.
+        """
+        over = self.passes / self.moments
+        around = sum_around(seen.reshape(self.height, self.width), REACH).ravel() / (2 * REACH + 1) ** 2
+        return np.maximum(seen, around) * max(over, 1.0) ** 1.5, rest * max(over / math.sqrt(self.moments), 1.0)
 
     def _undrawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | float]:
         """Sums of squares of what is seen, sums of squares and of fourth powers of the rest, both without what follows

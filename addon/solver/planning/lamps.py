@@ -114,12 +114,14 @@ def build_lamps(
     emission: tuple[np.ndarray, EmissionCells],
     afar: tuple[LightTable, Surroundings],
     caustic: np.ndarray,
-) -> Lamps:
+    worth: float | None = None,
+) -> tuple[Lamps, float]:
     """The Lamps of a scene: all sides that emit and can light the image, all lights, and a sky of which a small part is
-    bright.
+    bright; and how many rays a shadow ray counts as.
 
     emission: (t,) float64 |excess| power of one side of each triangle, W, and how it lies on them. pilot: tells which
-    sides can light the image, and where camera paths gather. afar: lights and surroundings. caustic: see Lamps.
+    sides can light the image, and where camera paths gather. afar: lights and surroundings. caustic: see Lamps. worth:
+    how many rays a shadow ray counts as; None looks for what costs least.
     """
     surfaces, (side_power, cells), (lights, surroundings) = stage.surfaces, emission, afar
     shines = surroundings.cells.cumulative.size > 0
@@ -143,14 +145,14 @@ def build_lamps(
     of_sheet = np.bincount(label, chance[: len(side_id)], len(need))
     disk = math.pi * lights.scene_radius**2
     chances = _Chances(side_id, cumulative, of_sheet, power, visible, cells, surroundings.cells, disk)
-    best = _best_worth(stage, pilot, chances, hidden)
-    worth = best * chance[: len(side_id)]
+    best = _best_worth(stage, pilot, chances, hidden) if worth is None else worth
+    weight = best * chance[: len(side_id)]
     density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
-    density.ravel()[side_id] = worth / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
+    density.ravel()[side_id] = weight / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
     # the power heuristic, as in balance
     found[side_id >> 1] = met[label] ** 2 / np.maximum(met[label] ** 2 + (best * of_sheet[label]) ** 2, 1e-300)
     of_sky = best * float(chance[-1]) if shines else 0.0
-    return Lamps(cumulative, side_id, lights, power * visible, density, of_sky, found, caustic, cells)
+    return Lamps(cumulative, side_id, lights, power * visible, density, of_sky, found, caustic, cells), best
 
 
 def _need(surfaces, tracer, emission, side_id, pilot, sign) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

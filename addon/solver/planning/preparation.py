@@ -21,7 +21,7 @@ from ..geometry.media import Atmosphere, radius_of_media
 from ..geometry.see_through import with_holes
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
-from ..geometry.surfaces import Geometry, build_surfaces, sheet_count, used_materials
+from ..geometry.surfaces import Geometry, Surfaces, build_surfaces, sheet_count, used_materials
 from ..geometry.triangles import areas, scene_radius
 from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, fill_surroundings, side_power
 from ..photons.irradiance_cache import VisiblePoints
@@ -57,7 +57,7 @@ from .pilot import explore, gather_reach
 from .reference import Sources, choose_reference, gather_sources, typical_source
 from .sheets import Excess, Gathering, Trial, dark_sheets, measure_sheets
 from .splitting import Splitting, most_rays, plan_looking, plan_splitting
-from .survey import survey_pixels
+from .survey import Survey, survey_pixels
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,9 @@ class Model:
     signal. hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays under way at once, in
     the tile where they are most. openness: share of the rays that leave the scene, of those from the camera or of those
     from what the image depends on, whichever is larger. molecular: media whose coefficients each pass draws, None if
-    there are none. diameter: of the scene, in its units.
+    there are none. diameter: of the scene, in its units. worth: how many rays a shadow ray counts as. survey: what the
+    moments of the scene need of it; None if it
+    has none.
     """
 
     tracer: Tracer
@@ -100,6 +102,8 @@ class Model:
     openness: float
     molecular: MolecularMedia | None
     diameter: float
+    worth: float
+    survey: Survey | None
 
 
 def prepare(
@@ -107,10 +111,13 @@ def prepare(
     settings: Settings,
     geometry: Geometry | None = None,
     cancelled: Callable[[], bool] = lambda: False,
+    planned: Model | None = None,
 ) -> Model | None:
     """The Model of a scene, with nothing that this scene does not need; the log says what is needed. None if cancelled.
 
     geometry: of an earlier scene, reused if it is the same.
+    planned: of a scene of which this one is a moment. Its camera rays and what it knows of the pixels and of shadow
+    rays count, as all passes share one sequence of camera rays, and as to find out takes most of the time.
     """
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
@@ -126,7 +133,8 @@ def prepare(
     pilot = explore(grey, tracer, eye, area)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
     if scene.media:
-        warn_of_temperatures(scene.media)
+        if planned is None:
+            warn_of_temperatures(scene.media)
         sources = _with_media(scene, settings, sources, (tracer, surfaces, pilot), 2.0 * radius)
     reference = _reference_temperature(settings, sources)
     layers = trace_apart(layers, reference)
@@ -141,7 +149,8 @@ def prepare(
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
     reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
-    lamps = build_lamps(stage, tracer, pilot, emission, (lights, surroundings), caustic)
+    worth = None if planned is None else planned.worth
+    lamps, worth = build_lamps(stage, tracer, pilot, emission, (lights, surroundings), caustic, worth)
     molecular = None
     if scene.media:
         radiometry = stage.radiometry
@@ -158,7 +167,8 @@ def prepare(
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
     gathering = Gathering(reach2, settings.neighbours, photons)
-    _log_needs(scene, stage, reference if settings.reference_subtraction else None, photons)
+    if planned is None:
+        _log_needs(scene, stage, reference if settings.reference_subtraction else None, photons)
     if cancelled():
         return None
     excess, sheets, hits = Excess(surroundings, lamps), dark_sheets(sheet_count(surfaces)), 0.0
@@ -166,16 +176,22 @@ def prepare(
         trial = trial_pass(tracer, stage, emitters, optics, cancelled)
         hits = len(trial.side_id) / trial.photons
         sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
-    survey = survey_pixels(stage, tracer, excess, sheets, eye, scene.band_edges, settings.workers, cancelled)
+    if planned is not None and _alike(planned, surfaces, photons):
+        survey = planned.survey
+    else:
+        survey = survey_pixels(stage, tracer, excess, sheets, eye, scene.band_edges, settings.workers, cancelled)
     if cancelled():
         return None
     splitting = plan_splitting(sheets, survey, reach2, settings.neighbours, photons) if photons else None
     looking = (
         plan_looking(splitting, reach2, settings.neighbours) if splitting else typical_looking(sheet_count(surfaces))
     )
-    price = max(splitting.price if splitting else 0.0, least_price(survey.variance))
-    samples = choose_samples(survey.variance, survey.unknown, price)
-    log.info("%.1f camera rays a pixel and pass", samples.mean())
+    if planned is None:
+        price = max(splitting.price if splitting else 0.0, least_price(survey.variance))
+        samples = choose_samples(survey.variance, survey.unknown, price)
+        log.info("%.1f camera rays a pixel and pass", samples.mean())
+    else:
+        samples = planned.samples
     weights = band_weights(scene.response, scene.band_edges)
     rays = most_rays(splitting, samples, survey.unknown, reach2, settings.neighbours) if splitting else samples.max()
     return Model(
@@ -201,7 +217,15 @@ def prepare(
         openness=max(pilot.openness, pilot.background),
         molecular=molecular,
         diameter=2.0 * radius,
+        worth=worth,
+        survey=survey if scene.moments else None,
     )
+
+
+def _alike(planned: Model, surfaces: Surfaces, photons: int) -> bool:
+    """Whether a survey holds for surfaces at another time: its cells are those of sheets, and of photons."""
+    same_sheets = np.array_equal(planned.stage.surfaces.sheet, surfaces.sheet)
+    return same_sheets and (planned.photons_per_pass > 0) == (photons > 0)
 
 
 def _typical_fresnel(scene: Scene) -> FresnelTable:

@@ -10,7 +10,7 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _TO_UNIT = 2.0**-53
 
 # Streams of one pass. No two streams share a random number.
-PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE, GAS = range(7)
+PHOTONS, CAMERA, PILOT, TRIAL, LAMPS, CACHE, GAS, MOMENTS = range(8)
 ALL_PASSES = 2**32 - 1  # instead of a pass index: for sequences that all passes share
 
 # Streams of what is planned before the first pass, the same for every seed: pass_key(0, one of these, PILOT).
