@@ -106,7 +106,7 @@ def test_an_isothermal_room_stays_black():
     inner, more = box((0.5, 0.5, 0.5))
     mesh = join((vertices, triangles, 300.0, 0), (inner + 0.7, more, 300.0, 2))
     camera, hidden = look((0.2, 0.2, 1.6), (1.0, 1.0, 1.0), 8, 6), np.repeat([False, True], [12, 12])
-    scene = make_scene(*mesh[:3], MATERIALS, camera, EDGES, mesh[3], hidden=hidden)
+    scene = make_scene(*mesh[:3], MATERIALS, camera, EDGES, mesh[3], hidden=hidden, world_temperature=300.0)
     film = render(scene, SETTINGS)
     assert film.photons == 0 and not film.noise().any()
     np.testing.assert_allclose(film.temperature(), 300.0, rtol=1e-6)
