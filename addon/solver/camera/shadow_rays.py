@@ -196,10 +196,12 @@ def _towards(lighting, i, at):
     cos_hit, cos_lamp = dot(way, at.normal), -dot(way, n)  # both cosines times the distance
     if cos_hit <= 0.0:
         return way, 0.0
-    inverse = 1.0 / math.sqrt(d2)
     if kind in (RECTANGLE, ELLIPSE):
         received = max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
-        return way, received * area_brightness(lights, light, cos_lamp * inverse) if light >= 0 else received
+        if light >= 0:
+            received *= area_brightness(lights, light, cos_lamp / math.sqrt(d2))
+        return way, received
+    inverse = 1.0 / math.sqrt(d2)
     intensity = 1.0 / (2.0 * math.pi * (1.0 - lights.cos_cone[light]))
     if kind == SPOT:
         intensity *= spot_brightness(
