@@ -7,6 +7,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from addon.reading.visibility import read_visibility  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")
@@ -79,6 +80,35 @@ def test_instances_are_hidden_by_either(two, how):
     else:
         in_collection(empty).indirect_only = True
     assert hidden() == ["Instanced"]
+
+
+@pytest.mark.parametrize("parent", [False, True])
+def test_an_instance_is_a_holdout_if_what_instances_it_is(two, parent):
+    source = bpy.data.collections.new("Source")
+    instanced = cube("Instanced", source)
+    empty = link("Instance")
+    empty.instance_type, empty.instance_collection = "COLLECTION", source
+    (empty if parent else instanced).is_holdout = True
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    found = [
+        read_visibility(each.object, each.parent or each.object, depsgraph.view_layer_eval)
+        for each in depsgraph.object_instances
+        if each.object.type == "MESH"
+    ]
+    assert [each.cut for each in found].count(True) == parent
+
+
+def test_objects_of_a_background_scene_are_seen(two):
+    """They are in no view layer of the scene, and so in no collection of one."""
+    other = bpy.data.scenes.new("Background")
+    behind = cube("Behind")
+    bpy.context.scene.collection.objects.unlink(behind)
+    other.collection.objects.link(behind)
+    bpy.context.scene.background_set = other
+    assert hidden() == []
+    behind.visible_camera = False
+    assert hidden() == ["Behind"]
 
 
 def plate_in_the_middle():

@@ -19,9 +19,10 @@ SEEN = Visibility()
 def read_visibility(obj, parent, layer) -> Visibility:
     """The Visibility of an evaluated object in a view layer.
 
-    parent: the object that instances it, or itself. As in Cycles an instance is hidden if either of the two is, and
-    collections count by the parent, which lies in the layer; a holdout is not hidden by being indirect only.
+    parent: the object that instances it, or itself. As in Cycles (sync_object in its blender/object.cpp) an instance is
+    hidden if either of the two is, and is a holdout if the parent is; collections count by the parent, which lies in
+    the layer. A holdout is not hidden by being indirect only.
     """
-    cut = obj.is_holdout or parent.holdout_get(view_layer=layer)
+    cut = parent.is_holdout or parent.holdout_get(view_layer=layer)
     indirect = parent.indirect_only_get(view_layer=layer) and not cut
     return Visibility(bool(indirect or not (obj.visible_camera and parent.visible_camera)), bool(cut))
