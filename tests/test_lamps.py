@@ -180,6 +180,111 @@ def test_area_light_shines_from_one_face():
     assert irradiance(floor_scene((0.0, 0.0), lights=(away,)), passes=4)[0] == 0.0
 
 
+def grid_irradiance(light, spot):
+    """Irradiance of the floor at (x, y), W m-2, from an area light through its grid, by a fine sum over the light:
+    what 1 - tan x / tan a of Lambert's law brings, over the share 1 - a / tan a of the power that this leaves."""
+    n, half = 400, 0.5 * light.spread
+    a, b = (grid.ravel() for grid in np.meshgrid(*2 * [2 * (np.arange(n) + 0.5) / n - 1]))
+    normal = np.cross(light.axis_v, light.axis_u)
+    normal /= np.linalg.norm(normal)
+    towards = light.position + a[:, None] * light.axis_u + b[:, None] * light.axis_v - (*spot, 0.0)
+    distance = np.linalg.norm(towards, axis=1)
+    cosine = -towards @ normal / distance
+    passed = np.maximum(1.0 - np.tan(np.arccos(cosine)) / math.tan(half), 0.0) / (1.0 - half / math.tan(half))
+    return light.power * np.mean(passed * cosine * towards[:, 2] / (math.pi * distance**3))
+
+
+def below_a_mirror(light, spot):
+    """The floor, and a mirror 1 m above it, from which the light comes that shines upwards."""
+    ceiling = (*quad((0, 0, 1), (3, 0, 0), (0, 3, 0)), 0.0, 2)
+    return floor_scene(spot, ceiling, lights=(light,))
+
+
+def mirrored(light):
+    """Where a mirror 1 m above the floor shows the light."""
+    flip = np.array([1.0, 1.0, -1.0])
+    turned = {name: flip * getattr(light, name) for name in ("axis_u", "direction") if hasattr(light, name)}
+    if hasattr(light, "axis_v"):
+        turned["axis_u"], turned["axis_v"] = light.axis_v * flip, turned["axis_u"]  # a mirror swaps left and right
+    return replace(light, position=flip * light.position + (0, 0, 2), **turned)
+
+
+# The middle of the light, 1 m above; from 0.42 m on a light of 20 degrees and half a width of 0.24 m sends nothing
+@pytest.mark.parametrize(
+    ("degrees", "spot"), [(150.0, (0.5, 0.2)), (90.0, (0.0, 0.0)), (90.0, (0.5, 0.0)), (20.0, (0.2, 0.1))]
+)
+def test_area_light_through_a_grid(degrees, spot):
+    light = AreaLight(
+        np.array([0.0, 0.0, 1.0]), np.array([0.2, 0, 0]), np.array([0, 0.1, 0]), 300.0, spread=math.radians(degrees)
+    )
+    agree(floor_scene(spot, lights=(light,)), grid_irradiance(light, spot) * band_power(light), passes=200)
+
+
+def test_area_light_sends_nothing_beyond_its_spread():
+    light = AreaLight(
+        np.array([0.0, 0.0, 1.0]), np.array([0.2, 0, 0]), np.array([0, 0.1, 0]), 300.0, spread=math.radians(20.0)
+    )
+    assert irradiance(floor_scene((0.42, 0.0), lights=(light,)), passes=4)[0] == 0.0
+
+
+def test_photons_of_an_area_light_leave_through_its_grid():
+    """By way of a mirror, where photons find the light, it brings what its mirror image would."""
+    light = AreaLight(
+        np.array([0.0, 0.0, 0.5]), np.array([0.1, 0, 0]), np.array([0, -0.1, 0]), 300.0, spread=math.radians(60.0)
+    )
+    truth = 0.8 * grid_irradiance(mirrored(light), (0.3, 0.0)) * band_power(light)
+    agree(below_a_mirror(light, (0.3, 0.0)), truth, most=0.02, passes=100, photons=50_000)
+
+
+def square_intensity(light, way):
+    """W/sr of a square spot along ways (n, 3) that need no unit length: as of a round one, at the angle across the
+    nearest side, over the power that the fading rim leaves, by a fine sum over the square that the beam lights."""
+    n, half = 2000, 0.5 * light.cone_angle
+    x = math.tan(half) * (2 * (np.arange(n) + 0.5) / n - 1)
+
+    def share(farther):
+        cosine, outer = 1.0 / np.sqrt(1.0 + farther**2), math.cos(half)
+        t = np.clip((cosine - outer) / ((1 - outer) * max(light.blend, 1e-12)), 0.0, 1.0)
+        return t * t * (3 - 2 * t)
+
+    u, v = np.meshgrid(x, x)
+    held = np.sum(share(np.maximum(abs(u), abs(v))) / (1 + u * u + v * v) ** 1.5) * (x[1] - x[0]) ** 2
+    axis = light.direction / np.linalg.norm(light.direction)
+    side = np.cross(axis, light.square) / np.linalg.norm(np.cross(axis, light.square))
+    along = way @ axis
+    across = np.maximum(abs(way @ side), abs(way @ np.cross(axis, side))) / along
+    return light.power * np.where(along > 0.0, share(across), 0.0) / held
+
+
+# The beam ends at 2 tan 0.5 = 1.09 across a side, and in its corners at 1.54; blend 0.5 begins at 0.75
+@pytest.mark.parametrize("spot", [(0.0, 0.0), (0.6, 0.9), (1.0, 1.0)])
+@pytest.mark.parametrize("blend", [0.0, 0.5, 1.0])
+def test_square_spot(blend, spot):
+    light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, blend, square=np.array([1.0, 0.0, 0.0]))
+    n = 40
+    around = 0.04 * (np.arange(n) + 0.5) / n - 0.02  # smoothstep is not linear over the picture
+    x, y = (grid.ravel() for grid in np.meshgrid(spot[0] + around, spot[1] + around))
+    way = np.column_stack((x, y, np.full(n * n, -2.0)))
+    cosine = 2.0 / np.linalg.norm(way, axis=1)
+    truth = np.mean(square_intensity(light, way) * cosine**3) / 4.0
+    agree(floor_scene(spot, lights=(light,)), truth * band_power(light), passes=200)
+
+
+def test_square_spot_ends_with_its_square():
+    light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, 0.5, square=np.array([1.0, 1.0, 0.0]))
+    assert irradiance(floor_scene((1.2, 0.0), lights=(light,)), passes=4)[0] > 0.0  # a corner
+    assert irradiance(floor_scene((0.8, 0.8), lights=(light,)), passes=4)[0] == 0.0
+
+
+def test_photons_of_a_square_spot():
+    """By way of a mirror, where photons find the light, it brings what its mirror image would, in a corner of it."""
+    light = SpotLight(np.array([0.0, 0.0, 0.5]), -DOWN, 300.0, 1.0, 0.5, square=np.array([1.0, 0.0, 0.0]))
+    spot = (0.6, 0.6)
+    way = np.array([[*spot, -1.5]])
+    truth = 0.8 * square_intensity(mirrored(light), way)[0] * 1.5 / np.linalg.norm(way) ** 3 * band_power(light)
+    agree(below_a_mirror(light, spot), truth, most=0.02, passes=100, photons=50_000)
+
+
 FLUSH = {  # lights that shine down, by their height (m)
     "rectangle": lambda z: AreaLight(np.array([1.7, 1.1, z]), np.array([0.3, 0, 0]), np.array([0, 0.2, 0]), 1000.0),
     "ellipse": lambda z: AreaLight(np.array([1.7, 1.1, z]), np.array([0.3, 0, 0]), np.array([0, 0.2, 0]), 1000.0, True),

@@ -648,6 +648,53 @@ def test_area_light(shape, half_y, ellipse, mirrored):
     np.testing.assert_allclose(towards / np.linalg.norm(towards), (0, 0, -1), atol=1e-6)
 
 
+@pytest.mark.parametrize("kind", ["POINT", "SPOT", "AREA", "SUN"])
+def test_exposure_doubles_what_a_light_sends(kind):
+    light(kind, energy=40.0, exposure=3.0)
+    result = read_light()
+    assert (result.irradiance if kind == "SUN" else result.power) == 320.0
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+@pytest.mark.parametrize(
+    ("kind", "settings", "factor"),
+    [
+        ("POINT", {"shadow_soft_size": 0.5}, np.pi),  # 4 pi r^2
+        ("POINT", {"shadow_soft_size": 0.0}, None),
+        ("SPOT", {"shadow_soft_size": 0.5}, np.pi),
+        ("AREA", {"shape": "RECTANGLE", "size": 0.5, "size_y": 3.0}, 1.5),
+        ("AREA", {"shape": "ELLIPSE", "size": 0.5, "size_y": 3.0}, 1.5 * np.pi / 4.0),
+        ("SUN", {"angle": 0.2}, np.pi * np.sin(0.1) ** 2),
+        ("SUN", {"angle": 0.0}, None),
+    ],
+)
+def test_a_light_that_is_not_normalized_has_its_energy_by_its_size(kind, settings, factor, unit):
+    """Whatever the unit, as its radiance is given; what has no size (None) counts as normalized, as in Cycles."""
+    light(kind, energy=40.0, normalize=False, **settings)
+    units = bpy.context.scene.unit_settings
+    units.system, units.scale_length = "METRIC", unit
+    result = read_light()
+    if kind == "SUN":
+        assert result.irradiance == pytest.approx(40.0 * (factor or 1.0))
+    else:
+        assert result.power == pytest.approx(40.0 * factor if factor else 40.0 / np.float32(unit) ** 2)
+
+
+@pytest.mark.parametrize(("given", "read_as"), [(np.pi, np.pi), (1.0, 1.0), (0.0, np.pi / 180.0)])
+def test_spread_of_an_area_light(given, read_as):
+    light("AREA", spread=given)
+    assert read_light().spread == pytest.approx(read_as, rel=1e-7)
+    assert read_light().spread <= np.pi
+
+
+def test_square_spot():
+    turn = Matrix.Rotation(np.pi / 2, 4, "X") @ Matrix.Rotation(0.3, 4, "Z") @ Matrix.Scale(2, 4)
+    light("SPOT", matrix=turn, use_square=True)
+    np.testing.assert_allclose(read_light().square, np.array(turn)[:3, 0] / 2.0, atol=1e-6)
+    bpy.data.lights["Lamp"].use_square = False
+    assert read_light().square is None
+
+
 def test_a_light_without_a_direction_may_have_no_scale():
     lamp = light("POINT", matrix=Matrix.Translation((1, 2, 3)) @ Matrix.Diagonal((0.0, 0.0, 0.0, 1.0)), energy=40.0)
     np.testing.assert_allclose(read_light().position, (1, 2, 3))

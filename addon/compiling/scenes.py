@@ -30,13 +30,15 @@ _FLOOR = (8, 9)  # of them
 
 def render_tiny_scene(name: str) -> None:
     """Render one of `TINY_SCENES`, and make all images of it."""
-    from ..solver import first_hit_images, render  # here, as Blender asks for the names of the scenes at its start
+    # here, as Blender asks for the names of the scenes at its start
+    from ..solver import coverage_image, first_hit_images, render
     from ..solver.camera.first_hits import QUANTITIES
 
     scene = TINY_SCENES[name]()
     film = render(scene, _SETTINGS)
     film.noise()
     first_hit_images(scene, sorted(QUANTITIES), {})
+    coverage_image(scene, True)
     expose(list(film.bands()), film.band_edges, film.weights, Detector(f_number=1.0), scene.camera, 1, film.correction)
 
 

@@ -7,7 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-RAYS = ("camera", "diffuse", "glossy", "shadow")  # kinds that Blender's objects can be hidden from
+from ..solver.scene import NARROWEST_SPREAD
+from .media import is_medium
+from .visibility import SEEN, read_visibility
+from .volumes import is_gas_domain
+
+# Kinds of rays that Blender's objects can be hidden from, beside the camera's. Photons, shadow rays and rays of final
+# gathers share the light of one balance here: what some of them did not meet would be counted twice, or not at all.
+RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
 def ignored_scene_settings(scene, layer) -> Iterator[str]:
@@ -16,8 +23,6 @@ def ignored_scene_settings(scene, layer) -> Iterator[str]:
         yield "Stereoscopy is not supported: all views show the active camera's picture"
     if scene.render.use_motion_blur and scene.render.motion_blur_shutter == 0.0:
         yield "Motion blur: the shutter is open for 0 frames, so it blurs nothing"
-    if scene.render.film_transparent:
-        yield "A transparent film is ignored: what is behind the objects is seen at the temperature of the surroundings"
     if layer.samples != 0:
         yield f"View layer '{layer.name}': its {layer.samples} samples are ignored; all layers have the same passes"
 
@@ -49,25 +54,23 @@ def ignored_settings(obj, layer) -> Iterator[str]:
     if obj.type == "LIGHT":
         yield from _ignored_light_settings(obj.data)
         return
-    if obj.holdout_get(view_layer=layer) or obj.is_shadow_catcher:
-        yield "holdout and shadow catcher are ignored; the object is rendered like any other"
-    hidden = [ray for ray in RAYS if not getattr(obj, f"visible_{ray}")]
-    if obj.indirect_only_get(view_layer=layer) and "camera" not in hidden:
-        hidden.insert(0, "camera")
+    if obj.is_shadow_catcher:
+        yield "shadow catcher is ignored; the object is rendered like any other"
+    hidden = [ray.replace("_", " ") for ray in RAYS if not getattr(obj, f"visible_{ray}")]
     if hidden:
-        yield f"ray visibility is ignored (off: {', '.join(hidden)}); all rays meet the object"
+        yield (f"ray visibility is ignored but for the camera's (off: {', '.join(hidden)}); all light meets the object")
+    if read_visibility(obj, obj, layer) != SEEN and _holds_gas(obj):
+        yield "gas cannot be hidden from the camera or held out; it is rendered like any other"
+
+
+def _holds_gas(obj) -> bool:
+    return obj.type == "VOLUME" or is_gas_domain(obj) or any(is_medium(slot.material) for slot in obj.material_slots)
 
 
 def _ignored_light_settings(light) -> Iterator[str]:
     if tuple(light.color) != (1.0, 1.0, 1.0) or getattr(light, "use_temperature", False):  # Blender 5
         yield "the light's color is ignored; its spectrum is a blackbody's at the object's temperature"
-    if getattr(light, "exposure", 0.0) != 0:
-        yield "the light's exposure is ignored; its energy alone is its power"
-    if light.type == "AREA" and light.spread < np.pi - 1e-4:
-        yield "the area light's spread is ignored; it shines after Lambert's law"
-    if not getattr(light, "normalize", True):
-        yield "that the light is not normalized is ignored; its energy is its power, whatever its size"
+    if light.type == "AREA" and light.spread < NARROWEST_SPREAD:
+        yield f"the area light's spread of {np.degrees(light.spread):g} degrees is too narrow; it spreads by 1 degree"
     if not light.use_shadow:
         yield "that the light casts no shadow is ignored; surfaces hide it"
-    if light.type == "SPOT" and light.use_square:
-        yield "the spot's square shape is ignored; its cone is round"

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..solver.scene import (
     LAMP_TEMPERATURE,
+    NARROWEST_SPREAD,
     SUN_TEMPERATURE,
     AreaLight,
     Light,
@@ -34,7 +35,10 @@ def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
 
     Only an area light's size follows the object's scale, as in Cycles. metres: see metres_per_unit. Radiance does not
     depend on the scale of a scene, but the irradiance from a light of so many watts does: where a unit is a millimetre,
-    the same watts fall on a millionth of the area. Raises SceneError, naming the light, if a value makes no sense.
+    the same watts fall on a millionth of the area. A light that is not normalized has its energy for each square metre
+    of its surface, and so is as bright whatever its size and the unit; a sun then has it for each steradian, by the
+    cosine. That is how Cycles has it (LightManager::device_update_lights in its scene/light.cpp); what has no size
+    counts as normalized there, too. Raises SceneError, naming the light, if a value makes no sense.
     """
     light = obj.data
     owner = f"Light '{obj.name}'"
@@ -46,28 +50,40 @@ def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
         raise SceneError(f"{owner}: energy {light.energy:g} {'W/m2' if sun else 'W'}; lights radiate 0 or more")
     if light.energy == 0 or temperature == 0:  # a blackbody of 0 K radiates in no band
         return []
+    energy = light.energy * 2.0**light.exposure
     common = {"temperature": temperature, "name": obj.name}
     if sun:
+        seen = np.pi * np.sin(0.5 * light.angle) ** 2  # sr, by the cosine
+        irradiance = energy if light.normalize or seen == 0.0 else energy * seen
         direction = -_unit(matrix[:3, 2], owner)
-        return [SunLight(direction=direction, irradiance=light.energy, angle=light.angle, **common)]
-    common |= {"position": matrix[:3, 3], "power": light.energy / metres**2}
+        return [SunLight(direction=direction, irradiance=irradiance, angle=light.angle, **common)]
+    common |= {"position": matrix[:3, 3], "power": energy / metres**2}
     if light.type == "AREA":
-        return [_area_light(light, matrix, common)]
+        return [_area_light(light, matrix, common, None if light.normalize else energy)]
     common["radius"] = light.shadow_soft_size
+    if not light.normalize and light.shadow_soft_size > 0.0:
+        common["power"] = energy * 4.0 * np.pi * light.shadow_soft_size**2
     if light.type == "SPOT":
-        direction = -_unit(matrix[:3, 2], owner)
-        return [SpotLight(direction=direction, cone_angle=light.spot_size, blend=light.spot_blend, **common)]
+        square = _unit(matrix[:3, 0], owner) if light.use_square else None
+        beam = {"cone_angle": light.spot_size, "blend": light.spot_blend, "square": square}
+        return [SpotLight(direction=-_unit(matrix[:3, 2], owner), **beam, **common)]
     return [PointLight(**common)]
 
 
-def _area_light(light, matrix: np.ndarray, common: dict) -> AreaLight:
+def _area_light(light, matrix: np.ndarray, common: dict, exitance: float | None) -> AreaLight:
+    """exitance: W/m2 in place of the power, None for that."""
     size_x, size_y = light.size, light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
     axis_u, axis_v = 0.5 * size_x * matrix[:3, 0], 0.5 * size_y * matrix[:3, 1]
     if not np.linalg.norm(np.cross(axis_u, axis_v)) > 0:
         raise SceneError(f"Light '{common['name']}': an area light needs a size and a scale above 0")
     if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored light still shines towards its own -Z
         axis_u = -axis_u
-    return AreaLight(axis_u=axis_u, axis_v=axis_v, ellipse=light.shape in ("DISK", "ELLIPSE"), **common)
+    ellipse = light.shape in ("DISK", "ELLIPSE")
+    if exitance is not None:
+        area = np.linalg.norm(np.cross(axis_u, axis_v)) * (np.pi if ellipse else 4.0)
+        common["power"] = exitance * float(area)
+    spread = min(max(light.spread, NARROWEST_SPREAD), np.pi)
+    return AreaLight(axis_u=axis_u, axis_v=axis_v, ellipse=ellipse, spread=spread, **common)
 
 
 def _unit(vector: np.ndarray, owner: str) -> np.ndarray:

@@ -24,6 +24,7 @@ from .sensor import read_response
 from .settings import read_defaults
 from .shaders import read_shader, unseen_message
 from .surfaces import SurfaceReader
+from .visibility import Visibility, read_visibility
 from .warnings import Warnings
 from .world import layer_world, read_sky, world_temperature
 
@@ -73,15 +74,17 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
     surfaces.ambient_temperature, surfaces.default = read_defaults(scene.infrared)
     warnings, lights, known, metres = surfaces.warnings, [], set(), metres_per_unit(scene)
     surfaces.metres = metres
-    for obj, matrix in _shown_instances(depsgraph, space):
-        if obj.type in ("MESH", "LIGHT") and obj.name_full not in known:  # all instances of an object ask for the same
+    for obj, matrix, visibility in _shown_instances(depsgraph, space):
+        if (
+            obj.type in ("MESH", "LIGHT", "VOLUME") and obj.name_full not in known
+        ):  # all instances of an object ask for the same
             known.add(obj.name_full)
             for message in ignored_settings(obj, layer):
                 warnings.add(obj.name, message)
         if message := left_out(obj):
             warnings.add(obj.name, message)
         if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
-            surfaces.add(obj, matrix)
+            surfaces.add(obj, matrix, visibility)
         elif obj.type == "VOLUME":
             surfaces.add_volume(obj, matrix)
         elif obj.type == "LIGHT":
@@ -108,15 +111,18 @@ def _surroundings(world) -> dict:
     return {"world_temperature": world_temperature(world)} if sky is None else {"sky": sky}
 
 
-def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.Object, np.ndarray]]:
-    """The evaluated objects that are shown, once for each instance, and their (4, 4) float64 matrices to the world."""
+def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.Object, np.ndarray, Visibility]]:
+    """The evaluated objects that are shown, once for each instance, their (4, 4) float64 matrices to the world, and
+    what the camera sees of them."""
+    layer = depsgraph.view_layer_eval
     for instance in depsgraph.object_instances:
         obj = instance.object
         if not instance.show_self:
             continue
         if space and not (instance.parent or obj).visible_in_viewport_get(space):
             continue
-        yield obj, np.array(instance.matrix_world, dtype=np.float64)
+        visibility = read_visibility(obj, instance.parent or obj, layer)
+        yield obj, np.array(instance.matrix_world, dtype=np.float64), visibility
 
 
 def check_faces(layer, found: bool) -> None:

@@ -16,6 +16,7 @@ from .materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
 from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
 from .textures import OWN_TEMPERATURE, TextureReader, joined, mirrored
+from .visibility import SEEN, Visibility
 from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
 from .world import air_temperature, read_sky, world_temperature
@@ -52,13 +53,14 @@ class SurfaceReader:
         self.metres, self.media = 1.0, []  # length of a unit, which scene_reader sets
         self.volumes = VolumeReader(warnings)
         self.groups, self.group_numbers = groups, []  # (triangles,) int16 of each object
+        self.visibilities: list[Visibility] = []  # of each object
         self.vertex_count = 0
         self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
         self.matte_names = {"CryptoObject": [], "CryptoAsset": [], "CryptoMaterial": []}  # likewise
         self.categories, self.instances = categories, []  # Labelled, of each object
 
-    def add(self, obj, matrix: np.ndarray) -> None:
-        """One object or instance; matrix: (4, 4) float64, object to world."""
+    def add(self, obj, matrix: np.ndarray, visibility: Visibility = SEEN) -> None:
+        """One object or instance; matrix: (4, 4) float64, object to world. visibility: of its surface, not of gases."""
         if is_gas_domain(obj):
             self.add_volume(obj, matrix)
             return
@@ -90,6 +92,7 @@ class SurfaceReader:
         self.triangles.append(triangles)
         self.slots.append(self._materials(obj, materials, mesh.slot))
         self.temperatures.append(temperature)
+        self.visibilities.append(visibility)
         self.pass_indices["object_index"].append(obj.pass_index)
         self.matte_names["CryptoObject"].append(obj.name)
         self.matte_names["CryptoAsset"].append(_top_parent(obj).name)
@@ -157,9 +160,16 @@ class SurfaceReader:
             "materials": tuple(self.materials),
             "corner_normals": self._corner_normals(),
             "textures": joined(self.varying, [len(each) for each in self.triangles], self.textures.images),
+            "hidden": self._marked("hidden"),
+            "holdout": self._marked("holdout"),
             **self._media(world),
             **self._groups(world),
         }
+
+    def _marked(self, name: str) -> np.ndarray | None:
+        """(m,) bool, triangles of objects that are 'hidden' or a 'holdout', see Visibility; None if there are none."""
+        marks = [getattr(each, name) for each in self.visibilities]
+        return np.repeat(marks, [len(each) for each in self.triangles]) if any(marks) else None
 
     def _corner_normals(self) -> np.ndarray | None:
         """(m, 3, 3) float32 of all triangles, 0 on flat ones; None if all are flat."""

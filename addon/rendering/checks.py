@@ -290,7 +290,7 @@ def _bad_values(obj, view_layer) -> list[str]:
 def _ignored_checks(obj, infrared, view_layer) -> list[Check]:
     """Checks of what an object asks for and does not get."""
     messages = [left_out(obj)]
-    if obj.type in SURFACE_TYPES or obj.type == "LIGHT":
+    if obj.type in SURFACE_TYPES or obj.type in ("LIGHT", "VOLUME"):
         messages += ignored_settings(obj, view_layer)
     if obj.type == "LIGHT" and infrared.group_exr_path and obj.get("temperature_group"):
         messages.append(UNGROUPED_LIGHT)

@@ -30,7 +30,7 @@ from ..reading.camera import render_size, rendered_size
 from ..reading.motion import CancelledError, read_exposure, read_moving_scene
 from ..reading.settings import read_settings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
-from ..solver import Film, first_hit_images, layered_image, render
+from ..solver import Film, coverage_image, first_hit_images, layered_image, render
 from ..solver.checkpoint import (
     CheckpointError,
     fingerprint,
@@ -57,7 +57,7 @@ from .last_render import (
     last_ends,
     last_warnings,
 )
-from .painting import thermal_picture, working_primaries
+from .painting import cut_out, thermal_picture, working_primaries
 from .render_files import (
     check_paths,
     checkpoint_path,
@@ -173,6 +173,9 @@ def render_view_layer(engine, depsgraph) -> None:
     if mattes.passes:
         fillers.append(lambda film, images: mattes.images)
         solve = mattes.before(solve)
+    if scene.render.film_transparent or solver_scene.holdout is not None:
+        fillers.append(lambda film, images: {"Combined": cut_out(images["Combined"], seen["alpha"])})
+        solve = _solver_with_alpha(solve, scene.render.film_transparent, seen)
     if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
         solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
     else:
@@ -387,6 +390,18 @@ def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], label
         names = [name for name in data if name not in labels]
         found = first_hit_images(scene, names, labels, geometry, settings.workers, cancelled)
         images.update(found)
+        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
+
+    return look_and_solve
+
+
+def _solver_with_alpha(solve: Callable, transparent: bool, images: dict) -> Callable:
+    """A function like `render` that first fills `images` with the picture's "alpha". transparent: see
+    coverage_image."""
+
+    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
+        geometry = build_geometry(scene, geometry)
+        images["alpha"] = coverage_image(scene, transparent, geometry, settings.workers, cancelled)
         return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
 
     return look_and_solve

@@ -25,6 +25,11 @@ def thermal_picture(
     return picture
 
 
+def cut_out(picture: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+    """A picture (h, w, 4) of which alpha (h, w), 0..1, is left; colours are multiplied by it, as Blender keeps them."""
+    return picture * alpha[..., None]
+
+
 def working_primaries() -> np.ndarray:
     """(3, 3) float32: the primaries of Rec.709 in the working space of the open file. On Blender's thread only."""
     primaries = [Color(primary).from_rec709_linear_to_scene_linear() for primary in np.eye(3)]

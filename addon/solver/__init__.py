@@ -31,6 +31,7 @@ from .scene import (
 from .settings import Settings
 
 if TYPE_CHECKING:
+    from .camera.coverage import coverage_image
     from .camera.first_hits import first_hit_images
     from .image.film import Film
     from .image.recombine import LayeredImage, layered_image
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 _WITH_KERNELS = {  # name -> its module
     "Film": "image.film",
     "LayeredImage": "image.recombine",
+    "coverage_image": "camera.coverage",
     "first_hit_images": "camera.first_hits",
     "layered_image": "image.recombine",
     "render": "passes",
@@ -64,6 +66,7 @@ __all__ = [
     "SunLight",
     "Texture",
     "Textures",
+    "coverage_image",
     "first_hit_images",
     "layered_image",
     "mix_in",

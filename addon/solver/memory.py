@@ -16,6 +16,7 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                                               and those of final gathers, as many as where most are planned
     geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
                                               (loose triangles; those of closed meshes take about 400)
+               200 m                          where some are hidden from the camera: Embree's tree of the others
                76 m                           where some are shaded smooth: normals at corners, given, normalised
                                               and kept
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
@@ -85,7 +86,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1), scene.images_of_temperature)
     rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
     parts = {
-        "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),
+        "geometry": _bytes_of_triangle(scene) * len(scene.triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
         "textures": bytes_of_textures(scene.textures),
         "grids": sum(memory_of_grids(scene.media).values()),
@@ -93,6 +94,10 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     }
     again = {"moments": sum(parts.values())} if scene.moments else {}
     return _images_of(scene, copies) | parts | again
+
+
+def _bytes_of_triangle(scene: Scene) -> float:
+    return 560.0 + (0.0 if scene.corner_normals is None else 76.0) + (0.0 if scene.hidden is None else 200.0)
 
 
 def memory_of_passes(

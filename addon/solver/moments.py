@@ -23,6 +23,7 @@ from .physics.layers import scene_layers, to_json
 from .sampling.low_discrepancy import scrambled
 from .sampling.rng import ALL_PASSES, MOMENTS, pass_key
 from .scene import Change, Moment, Scene, SceneError
+from .system.kernels import KERNEL, njit
 
 _DIMENSION = 4  # of the Sobol' sequence; camera rays take the others, so that times and places in a pixel do not agree
 _HALVINGS = 60  # until float64 tells two times apart no more
@@ -63,7 +64,12 @@ def step_of(index: int, seed: int, count: int) -> int:
     """Which of `count` moments pass `index` sees. Of passes from 0 on, as well as of any others one after the other,
     about as many see each; of 2^k moments 2^k passes see each once."""
     key = pass_key(seed, ALL_PASSES, MOMENTS)
-    return int(scrambled(index & 0xFFFFFFFF, key, _DIMENSION) * count)
+    return int(_share_of_pass(np.int64(index & 0xFFFFFFFF), key) * count)
+
+
+@njit(**KERNEL)
+def _share_of_pass(index, key):
+    return scrambled(index, key, _DIMENSION)
 
 
 # Storing --------------------------------------------------------------------------------------------------------------

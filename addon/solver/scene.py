@@ -16,6 +16,7 @@ import numpy as np
 SUN_TEMPERATURE = 5772.0  # K, nominal effective temperature of the Sun (IAU 2015 resolution B3)
 HOTTEST = 1e6  # K: apparent temperatures are tabulated to twice that
 _NARROWEST_CONE = 1e-7  # rad; below, rounding leaves nothing of 1 - cos of half of it
+NARROWEST_SPREAD = np.pi / 180.0  # rad, of area lights: shadow rays seldom find what shines into less
 LAMP_TEMPERATURE = 2856.0  # K, CIE standard illuminant A: an incandescent lamp
 
 
@@ -630,7 +631,11 @@ class PointLight:
 
 @dataclass(frozen=True)
 class SpotLight:
-    """`power` W (all wavelengths) inside a cone; intensity falls to zero over the outer `blend` share of it."""
+    """`power` W (all wavelengths) inside a cone; intensity falls to zero over the outer `blend` share of it.
+
+    With `square` it is a pyramid on a square instead, whose opposite faces open by cone_angle; one pair of them is
+    parallel to this direction.
+    """
 
     position: np.ndarray  # (3,) m
     direction: np.ndarray  # (3,) axis, from the light outwards
@@ -640,14 +645,18 @@ class SpotLight:
     radius: float = 0.0  # m
     temperature: float = LAMP_TEMPERATURE  # K
     name: str = "Spot"
+    square: np.ndarray | None = None  # (3,) across the axis; None is round
 
 
 @dataclass(frozen=True)
 class AreaLight:
-    """A rectangle or ellipse that radiates `power` W from one face, after Lambert's law.
+    """A rectangle or ellipse that radiates `power` W from one face.
 
     axis_u and axis_v are the half axes; the light shines towards cross(axis_v, axis_u) (Blender's local -Z for
-    axis_u = +X and axis_v = +Y).
+    axis_u = +X and axis_v = +Y). It shines after Lambert's law or, with a spread of 2 a below pi, through a grid of
+    slats as of a soft box: at an angle x to its normal that lets 1 - tan x / tan a through, and nothing from a on. The
+    power is what comes out of the grid. That is how Cycles has it (area_light_spread_attenuation in its
+    kernel/light/area.h, normalize_spread in its scene/light.cpp).
     """
 
     position: np.ndarray  # (3,) m, centre
@@ -657,6 +666,7 @@ class AreaLight:
     ellipse: bool = False
     temperature: float = LAMP_TEMPERATURE  # K
     name: str = "Area"
+    spread: float = np.pi  # rad, full opening angle (Blender's spread)
 
 
 @dataclass(frozen=True)
@@ -740,6 +750,10 @@ class Scene:
     textures: what varies over triangles, by images or from corner to corner; None if nothing does but `temperature`.
     corner_normals: (m, 3, 3) float32, normals at the corners of triangles, on their front side, of a surface that is
         shaded smooth; zero, or the triangle's own, where it is flat. None if all are.
+    hidden: (m,) bool, triangles that the camera does not see: its rays pass them as if they were not there, also behind
+        thin sheets. All other light meets them. None if there are none.
+    holdout: (m,) bool, triangles that are a hole in the picture, see coverage_image; radiance is as without. None if
+        there are none.
     moments: what is otherwise at the times that passes see, in the order of time (see moments); all else is planned by
         the scene as it is here. Nothing if all passes see it so.
 
@@ -764,6 +778,8 @@ class Scene:
     corner_normals: np.ndarray | None = None
     sky: Sky | None = None
     textures: Textures | None = None
+    hidden: np.ndarray | None = None
+    holdout: np.ndarray | None = None
     moments: tuple[Moment, ...] = ()
 
     def __post_init__(self):
@@ -801,6 +817,10 @@ class Scene:
             _check_corner_normals(self.corner_normals, count)
         if self.textures is not None:
             self._check_textures()
+        for name in ("hidden", "holdout"):
+            marks = getattr(self, name)
+            if marks is not None and (marks.shape != (count,) or marks.dtype != np.bool_):
+                raise SceneError(f"{name} has shape {marks.shape} and dtype {marks.dtype}, not ({count},) bool")
 
     @property
     def images_of_temperature(self) -> tuple[Texture, ...]:
@@ -904,6 +924,11 @@ def _check_light(light: Light) -> None:
         raise SceneError(f"{owner}: direction {light.direction} points nowhere")
     if isinstance(light, AreaLight) and not 0 < np.linalg.norm(np.cross(light.axis_u, light.axis_v)) < np.inf:
         raise SceneError(f"{owner}: an area light needs a size above 0")
+    if isinstance(light, AreaLight) and not NARROWEST_SPREAD <= light.spread <= np.pi:
+        raise SceneError(f"{owner}: a spread of {light.spread:g} rad; area lights spread from 1 to 180 degrees")
+    square = light.square if isinstance(light, SpotLight) else None
+    if square is not None and not 0 < np.linalg.norm(np.cross(square, light.direction)) < np.inf:
+        raise SceneError(f"{owner}: its square beam has no side across its direction {light.direction}")
     if isinstance(light, PointLight | SpotLight) and not 0 <= light.radius < np.inf:
         raise SceneError(f"{owner}: radius {light.radius:g} m; a radius is finite and at least 0")
     if isinstance(light, SpotLight) and not (_NARROWEST_CONE <= light.cone_angle <= np.pi and 0 <= light.blend <= 1):

@@ -121,6 +121,14 @@ class INFRARED_PT_defaults(RenderSettingsPanel, Panel):
         column.prop(infrared, "default_emissivity")
 
 
+class INFRARED_PT_film(RenderSettingsPanel, Panel):
+    bl_label = "Film"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        self.column().prop(context.scene.render, "film_transparent", text="Transparent")
+
+
 class INFRARED_PT_output(RenderSettingsPanel, Panel):
     bl_label = "Band Images"
     bl_context = "output"
@@ -194,6 +202,23 @@ class INFRARED_PT_labels(RenderSettingsPanel, Panel):
 
     def draw_settings(self, column, infrared):
         column.prop(infrared, "label_path")
+
+
+class INFRARED_PT_ray_visibility(InfraredPanel, Panel):
+    bl_label = "Ray Visibility"
+    bl_context = "object"
+    bl_parent_id = "OBJECT_PT_visibility"
+
+    @classmethod
+    def poll(cls, context):
+        obj = context.object
+        instances = obj is not None and obj.type == "EMPTY" and obj.instance_type == "COLLECTION"
+        return super().poll(context) and obj is not None and (obj.type in SURFACE_TYPES or instances)
+
+    def draw(self, context):
+        column = self.column()
+        column.prop(context.object, "visible_camera", text="Camera")
+        column.prop(context.object, "is_holdout", text="Holdout")
 
 
 class INFRARED_PT_object(InfraredPanel, Panel):
@@ -331,11 +356,14 @@ class INFRARED_PT_light(InfraredPanel, Panel):
             column.prop(light, "angle")
         else:
             column.prop(light, "energy", text="Power (W)")
+        column.prop(light, "exposure")
+        column.prop(light, "normalize")
         if light.type in {"POINT", "SPOT"}:
             column.prop(light, "shadow_soft_size", text="Radius")
         if light.type == "SPOT":  # Blender's own panel for these is a part of EEVEE's
             column.prop(light, "spot_size", text="Cone")
             column.prop(light, "spot_blend", text="Blend", slider=True)
+            column.prop(light, "use_square", text="Square")
         elif light.type == "AREA":
             column.prop(light, "shape")
             two_sizes = light.shape in {"RECTANGLE", "ELLIPSE"}
@@ -343,6 +371,7 @@ class INFRARED_PT_light(InfraredPanel, Panel):
             size.prop(light, "size", text="Size X" if two_sizes else "Size")
             if two_sizes:
                 size.prop(light, "size_y", text="Y")
+            column.prop(light, "spread", text="Spread")
         if context.object is not None:  # the temperature is the object's, a pinned light has none
             default = in_scene_unit(initial_value(context.object, "temperature", context.scene), context.scene)
             draw_custom_property(column, context.object, "OBJECT", "temperature", f"{default} (default)")
@@ -504,9 +533,11 @@ CLASSES = (
     INFRARED_PT_passes,
     INFRARED_PT_passes_data,
     INFRARED_PT_passes_cryptomatte,
+    INFRARED_PT_film,
     INFRARED_PT_output,
     INFRARED_PT_checkpoint,
     INFRARED_PT_labels,
+    INFRARED_PT_ray_visibility,
     INFRARED_PT_object,
     INFRARED_PT_material,
     INFRARED_PT_world,

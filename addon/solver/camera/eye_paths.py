@@ -64,7 +64,7 @@ def render_pixels(
     count, number, passes = len(rays.origin), 0, transmits_anywhere(stage)
     while count and not cancelled():
         limit = reach.copy() if passes else reach  # a trace overwrites it
-        hits = tracer.trace(rays.origin[:count], rays.direction[:count], reach)
+        hits = _trace(tracer, number, rays, count, reach)
         bounce = Bounce(number, rays, hits, np.zeros(count, np.bool_), np.zeros(count, np.float32))
         # what passes a sheet is not parted here, but where it ends
         whole = rays._replace(pixel=rays.pixel.copy(), density=rays.density.copy()) if passes else rays
@@ -96,6 +96,21 @@ def render_pixels(
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)
     image, goes_on, recalls, *_ = np.split(rows.image, (pixels.size, 2 * pixels.size, 3 * pixels.size))
     return image, seen, np.einsum("pb,b->p", goes_on - recalls, shared.weights)
+
+
+def _trace(tracer, number, rays, count, reach):
+    """The Hits of the first `count` rays of a bounce: those straight from the camera pass what is hidden from it."""
+    origin, direction = rays.origin[:count], rays.direction[:count]
+    if number == 0:
+        return tracer.camera.trace(origin, direction, reach)
+    straight = np.flatnonzero(rays.straight[:count]) if tracer.camera is not tracer else ()
+    if len(straight) == 0:
+        return tracer.trace(origin, direction, reach)
+    seen = tracer.camera.trace(origin[straight], direction[straight], reach[straight])
+    hits = tracer.trace(origin, direction, reach)
+    for column, found in zip(hits, seen, strict=True):
+        column[straight] = found
+    return hits
 
 
 def _camera_rays(shared, samples, numbers):

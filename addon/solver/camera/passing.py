@@ -51,6 +51,7 @@ def _pass_through(stage, bounce, samples, reach, passed, left):
         pass_on(stage.surfaces, at, passed, found)
         passed.pixel[found], passed.path[found], passed.density[found] = rays.pixel[i], path, rays.density[i]
         passed.final[found], passed.continued[found] = rays.final[i], rays.continued[i]
+        passed.straight[found] = rays.straight[i]
         passed.doubts[found], passed.passed[found] = rays.doubts[i], rays.passed[i] + np.float32(at.distance)
         remaining = (reach[i] - hits.distance[i]) * np.float32(np.sqrt(dot(way, way)))
         left[found] = remaining if reach[i] < ENDLESS else ENDLESS

@@ -45,7 +45,8 @@ class Rays(NamedTuple):
     diffusely, photons are no part of a caustic: negative where shadow rays could find what it meets, else ASTRAY.
     doubts: (n,) bool, whether the ray goes on from its end though the cache resolves the light there, see onward.doubt.
     passed: (n,) float32, length of the way, in units of the direction's length, that the ray had come before it passed
-    the thin sheet at its origin; (0,) in a scene without thin sheets.
+    the thin sheet at its origin; straight: (n,) bool, whether it comes straight from the camera; both (0,) in a scene
+    without thin sheets, where only the first rays do.
     """
 
     origin: np.ndarray
@@ -58,6 +59,7 @@ class Rays(NamedTuple):
     density: np.ndarray
     doubts: np.ndarray
     passed: np.ndarray
+    straight: np.ndarray
 
 
 def empty_rays(count: int, bands: int, passes: bool = False) -> Rays:
@@ -73,6 +75,7 @@ def empty_rays(count: int, bands: int, passes: bool = False) -> Rays:
         np.empty(count, np.float32),
         np.zeros(count, np.bool_),
         np.zeros(count if passes else 0, np.float32),
+        np.zeros(count if passes else 0, np.bool_),
     )
 
 
@@ -86,6 +89,7 @@ def join(onward: Rays, count: int, more: Rays) -> tuple[Rays, int]:
 def start_paths(key, samples, pixels, rays):
     """Fill in pixel, key and throughput of camera rays; each has an even share of its pixel."""
     row = 0
+    rays.straight[:] = True
     for i in range(pixels.size):
         for sample in range(samples[i]):
             rays.pixel[row], rays.final[row], rays.continued[row] = i, False, False

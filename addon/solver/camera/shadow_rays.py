@@ -36,6 +36,7 @@ from ..photons.lights import (
     SKY,
     SPOT,
     SUN,
+    area_brightness,
     area_light_normal,
     area_light_point,
     spot_brightness,
@@ -196,11 +197,16 @@ def _towards(lighting, i, at):
     if cos_hit <= 0.0:
         return way, 0.0
     if kind in (RECTANGLE, ELLIPSE):
-        return way, max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
+        received = max(0.0, cos_lamp) * cos_hit / (math.pi * d2 * d2)
+        if light >= 0:
+            received *= area_brightness(lights, light, cos_lamp / math.sqrt(d2))
+        return way, received
     inverse = 1.0 / math.sqrt(d2)
     intensity = 1.0 / (2.0 * math.pi * (1.0 - lights.cos_cone[light]))
     if kind == SPOT:
-        intensity *= spot_brightness(lights, light, -dot(way, vector(lights.axis, light)) * inverse)
+        intensity *= spot_brightness(
+            lights, light, scaled(way, -inverse), -dot(way, vector(lights.axis, light)) * inverse
+        )
     if lights.radius[light] > 0.0:  # a sphere shows each direction the disk pi r^2 of its 4 pi r^2
         intensity *= 4.0 * max(0.0, cos_lamp) * inverse
     return way, intensity * cos_hit * inverse / d2

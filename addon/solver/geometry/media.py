@@ -105,6 +105,11 @@ class Atmosphere(Tracer):
     def trace_uncut(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         return self._surfaces.trace_uncut(origin, direction, reach)
 
+    @property
+    def camera(self) -> Tracer:
+        """Finds surfaces alone; what lies before them this tracer tells."""
+        return self if self._surfaces.camera is self._surfaces else self._surfaces.camera
+
     def between(self, surfaces: Tracer) -> Atmosphere:
         """The same media between surfaces that another tracer finds."""
         other = copy.copy(self)

@@ -29,6 +29,8 @@ class SeeingThrough(Tracer):
         """tracer: of these surfaces. chance: (materials,) float64, 0..1, 1 for holes."""
         self._uncut, self._surfaces, self._chance = tracer, surfaces, chance
         self._may = _may_pass(surfaces, chance)
+        if tracer.camera is not tracer:
+            self._of_camera = SeeingThrough(tracer.camera, surfaces, chance)
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         ends = np.full(len(origin), ENDLESS) if reach is None else reach.copy()

@@ -64,11 +64,21 @@ class Tracer:
 
     holds_media = scatters = False
 
-    def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
-        """vertices (n, 3) float32, triangles (m, 3) int32. Builds the BVH at once, so threads never race for it."""
+    _of_camera: Tracer | None = None
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, hidden: np.ndarray | None = None):
+        """vertices (n, 3) float32, triangles (m, 3) int32. hidden: (m,) bool, what rays from the camera pass, None for
+        nothing. Builds the BVH at once, so threads never race for it."""
         self._scene = EmbreeScene()  # robust: no ray slips between two triangles that share an edge
         TriangleMesh(self._scene, vertices, triangles)
-        self.trace(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        Tracer.trace(self, np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        if hidden is not None and hidden.any():
+            self._of_camera = _PartTracer(vertices, triangles, np.flatnonzero(~hidden))
+
+    @property
+    def camera(self) -> Tracer:
+        """The tracer of rays that come straight from the camera: itself, unless something is hidden from it."""
+        return self._of_camera or self
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         """The first Hits of rays, origin and direction (n, 3) float32. reach: (n,) float32, in units of the direction's
@@ -83,6 +93,20 @@ class Tracer:
     def visible(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """(n,) bool, visibility of the ends of shadow rays: whether they meet nothing on the way; see `trace`."""
         return self.trace(origin, direction, reach).triangle < 0
+
+
+class _PartTracer(Tracer):
+    """A tracer that meets some of the triangles, by a BVH of these alone: what is not in it costs no ray anything, and
+    a surface that touches it is seen exactly."""
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, part: np.ndarray):
+        """part: (p,) int64, rows of the triangles."""
+        super().__init__(vertices, triangles[part])
+        self._row = np.append(part, -1).astype(np.int32)  # the last of them for rays that meet nothing
+
+    def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
+        hits = super().trace(origin, direction, reach)
+        return hits._replace(triangle=self._row[hits.triangle])
 
 
 class Bands(NamedTuple):

@@ -65,7 +65,7 @@ class Surfaces(NamedTuple):
 class Geometry(NamedTuple):
     """All that depends on the triangles of a scene alone: not on temperatures, and of materials only on `stores`.
 
-    vertices, triangles: of the Scene. stores: (triangles,) uint8, which photons a triangle stores, see
+    vertices, triangles, hidden: of the Scene. stores: (triangles,) uint8, which photons a triangle stores, see
     `stored_photons`. kept: (m,) indices of the triangles that are not left out.
     centre: (3,) float64, m, subtracted from the vertices, so that float32 resolves small detail.
     tracer: see Tracer. The other fields: see Surfaces.
@@ -74,6 +74,7 @@ class Geometry(NamedTuple):
     vertices: np.ndarray
     triangles: np.ndarray
     stores: np.ndarray
+    hidden: np.ndarray | None
     kept: np.ndarray
     centre: np.ndarray
     tracer: Tracer
@@ -86,8 +87,8 @@ class Geometry(NamedTuple):
 
 
 def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
-    """The Geometry of a scene. If vertices, triangles and stored photons are as in an earlier scene, the earlier
-    Geometry itself.
+    """The Geometry of a scene. If vertices, triangles, stored photons and what is hidden are as in an earlier scene,
+    the earlier Geometry itself.
 
     Of triangles with the same corners all but the first are left out: a surface that is there twice does not emit
     twice. Triangles without an area emit nothing and cannot be hit; they are left out, too, as their edges would cut
@@ -96,8 +97,8 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     Raises SceneError if no triangle has an area.
     """
     stores = _stores(scene)
-    mine = scene.vertices, scene.triangles, stores
-    if earlier and all(np.array_equal(old, new) for old, new in zip(earlier[:3], mine, strict=True)):
+    mine = scene.vertices, scene.triangles, stores, scene.hidden
+    if earlier and all(np.array_equal(old, new) for old, new in zip(earlier[:4], mine, strict=True)):
         return earlier
     triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
     centre = _middle(scene.vertices, triangles)
@@ -124,9 +125,10 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         vertices=scene.vertices,
         triangles=scene.triangles,
         stores=stores,
+        hidden=scene.hidden,
         kept=kept,
         centre=centre,
-        tracer=Tracer(vertices, triangles),
+        tracer=Tracer(vertices, triangles, None if scene.hidden is None else scene.hidden[kept]),
         corners=corners,
         neighbours=neighbours,
         sheet=sheet,

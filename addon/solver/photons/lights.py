@@ -16,6 +16,7 @@ from ..system.kernels import INLINED, njit
 
 POINT, SPOT, RECTANGLE, ELLIPSE, SUN, SKY = range(6)
 
+_RIM_POINTS = 32  # at which the fading rim of a square spot is summed
 AFAR = (SUN, SKY)  # kinds that light all points from the same directions
 
 
@@ -24,12 +25,14 @@ class LightTable(NamedTuple):
 
     kind: (l,) int32, POINT to SUN; the sky is one more, SKY, where shadow rays are sent to it. position: (l, 3)
     float64, m, in solver coordinates. axis: (l, 3) float64, unit direction in which spots and suns shine; without
-    meaning for points. half_u, half_v: (l, 3) float64, m, half axes of areas. cos_cone: (l,) float64, cosine of half
-    the angle of a spot's cone or a sun's disk, -1 for points. radius: (l,) float64, m, of points and spots. blend: (l,)
-    float64, width in cosine over which a spot fades at its rim. fullness: (l,) float64, power in a spot's cone over the
-    power without a fading rim. power: (l, b) float64, W in each band; for suns W m-2 across each direction from which
-    they shine, for the sky the integral over all of them. scene_radius: m, of a sphere around the origin that holds the
-    scene.
+    meaning for points. half_u, half_v: (l, 3) float64, half axes of areas, m; of square spots unit directions across
+    two sides, else 0. cos_cone: (l,) float64, cosine of half the angle of a spot's cone (of a square spot of the cone
+    that holds its beam), of a sun's disk or of an area's spread; -1 for points. edge: (l,) float64, cosine at which a
+    spot ends, of a square one in the middle of a side. radius: (l,) float64, m, of points and spots. blend: (l,)
+    float64, width in cosine over which a spot fades at its rim. fullness: (l,) float64, power in the cone of a spot or
+    an area over the power without fading. power: (l, b) float64, W in each band; for suns W m-2 across each direction
+    from which they shine, for the sky the integral over all of them. scene_radius: m, of a sphere around the origin
+    that holds the scene.
     """
 
     kind: np.ndarray
@@ -38,6 +41,7 @@ class LightTable(NamedTuple):
     half_u: np.ndarray
     half_v: np.ndarray
     cos_cone: np.ndarray
+    edge: np.ndarray
     radius: np.ndarray
     blend: np.ndarray
     fullness: np.ndarray
@@ -49,7 +53,7 @@ def build_light_table(lights: tuple[Light, ...], edges: np.ndarray, centre: np.n
     """The table of some lights. edges: (b + 1,) um. centre: (3,) m, subtracted. radius: see LightTable.scene_radius."""
     count = len(lights)
     table = LightTable(
-        np.zeros(count, np.int32), *np.zeros((4, count, 3)), *np.zeros((4, count)), np.zeros((count, len(edges) - 1)),
+        np.zeros(count, np.int32), *np.zeros((4, count, 3)), *np.zeros((5, count)), np.zeros((count, len(edges) - 1)),
         radius,
     )  # fmt: skip
     for i, light in enumerate(lights):
@@ -104,15 +108,21 @@ def _put_shape(light: Light, centre: np.ndarray, table: LightTable, i: int) -> N
     if isinstance(light, AreaLight):
         table.kind[i] = ELLIPSE if light.ellipse else RECTANGLE
         table.half_u[i], table.half_v[i] = light.axis_u, light.axis_v
+        if light.spread < math.pi:
+            half = 0.5 * light.spread
+            # the integral of (1 - tan x / tan a) cos x sin x from 0 to a, over that of cos x sin x to pi / 2
+            table.cos_cone[i], table.fullness[i] = math.cos(half), 1.0 - half / math.tan(half)
         facing = np.cross(table.half_v[i], table.half_u[i])
         extent = max(np.abs(table.half_u[i]).max(), np.abs(table.half_v[i]).max())
         facing /= np.linalg.norm(facing)
     elif isinstance(light, SpotLight):
         table.kind[i], table.axis[i] = SPOT, np.asarray(light.direction) / np.linalg.norm(light.direction)
         outer = math.cos(0.5 * light.cone_angle)
-        table.cos_cone[i], table.radius[i], table.blend[i] = outer, light.radius, (1.0 - outer) * light.blend
+        table.edge[i], table.radius[i], table.blend[i] = outer, light.radius, (1.0 - outer) * light.blend
         # the mean of smoothstep over its own width is 1/2, so the cone holds this share of the power of a full cone
-        table.fullness[i] = 1.0 - 0.5 * light.blend
+        table.cos_cone[i], table.fullness[i] = outer, 1.0 - 0.5 * light.blend
+        if light.square is not None:
+            _put_square(np.asarray(light.square, np.float64), table, i)
         facing = table.axis[i]
     elif isinstance(light, PointLight):
         table.kind[i], table.cos_cone[i], table.radius[i] = POINT, -1.0, light.radius
@@ -120,6 +130,25 @@ def _put_shape(light: Light, centre: np.ndarray, table: LightTable, i: int) -> N
     # A light set flush into a ceiling must shine into the room: move it clear of the plane, as is done with the origins
     # of rays
     table.position[i] = position + CLEAR * (np.abs(position).max() + extent) * facing
+
+
+def _put_square(across: np.ndarray, table: LightTable, i: int) -> None:
+    """Make a round spot of row i a square one. across: (3,) direction of one of its sides.
+
+    Where the farther sides are under a cosine c to the axis, seen from their middles, the square's solid angle is
+    4 asin(1 - c^2); that and the fading rim give the power (by Gauss and Legendre's rule, as a function of c).
+    """
+    side = np.cross(table.axis[i], across)
+    table.half_u[i] = side / np.linalg.norm(side)
+    table.half_v[i] = np.cross(table.half_u[i], table.axis[i])
+    edge, blend = table.edge[i], table.blend[i]
+    # a corner is as far as twice the square of the tangent
+    table.cos_cone[i] = edge / math.sqrt(2.0 - edge * edge)
+    t, weight = np.polynomial.legendre.leggauss(_RIM_POINTS)
+    t, weight = 0.5 * (t + 1.0), 0.5 * weight
+    inside = 4.0 * np.arcsin(1.0 - (edge + blend * t) ** 2)  # sr, where the brightness is above that at t
+    held = weight @ (inside * 6.0 * t * (1.0 - t))
+    table.fullness[i] = held / (2.0 * math.pi * (1.0 - table.cos_cone[i]))
 
 
 @njit(**INLINED)
@@ -141,13 +170,29 @@ def area_light_normal(lights, i):
 
 
 @njit(**INLINED)
-def spot_brightness(lights, i, cosine):
-    """Intensity of spot light i at the cosine to its axis, over the intensity of an even cone of the same power."""
-    if cosine < lights.cos_cone[i]:
+def area_brightness(lights, i, cosine):
+    """Radiance of area light i at the cosine to its normal, over that of one of the same power after Lambert's law."""
+    cos_cone = lights.cos_cone[i]
+    if cos_cone <= 0.0:
+        return 1.0
+    if cosine <= cos_cone:
+        return 0.0
+    tangents = math.sqrt(max(0.0, 1.0 - cosine * cosine) / (1.0 - cos_cone * cos_cone)) * cos_cone / cosine
+    return (1.0 - tangents) / lights.fullness[i]
+
+
+@njit(**INLINED)
+def spot_brightness(lights, i, direction, cosine):
+    """Intensity of spot light i in a unit direction, with this cosine to its axis, over the intensity of an even cone
+    of the same power: of its own cone, or of the one that holds its square beam."""
+    if lights.edge[i] > lights.cos_cone[i]:  # a square: by the angle in the plane across the nearest side
+        across = max(abs(dot(direction, vector(lights.half_u, i))), abs(dot(direction, vector(lights.half_v, i))))
+        cosine /= math.sqrt(cosine * cosine + across * across)
+    if cosine < lights.edge[i]:
         return 0.0
     if lights.blend[i] <= 0.0:
-        return 1.0
-    t = min(1.0, (cosine - lights.cos_cone[i]) / lights.blend[i])
+        return 1.0 / lights.fullness[i]
+    t = min(1.0, (cosine - lights.edge[i]) / lights.blend[i])
     return t * t * (3.0 - 2.0 * t) / lights.fullness[i]
 
 
@@ -158,15 +203,16 @@ def light_ray(lights, i, numbers):
     s0, s1, s2, s3 = numbers
     kind, brightness = lights.kind[i], 1.0
     if kind in (RECTANGLE, ELLIPSE):
-        return (
-            area_light_point(lights, i, s0, s1),
-            to_world(cosine_direction(s2, s3), area_light_normal(lights, i)),
-            brightness,
-        )
+        local, cos_cone = cosine_direction(s2, s3), lights.cos_cone[i]
+        if cos_cone > 0.0:  # as many by the cosine, but of the cone alone
+            share = 1.0 - cos_cone * cos_cone
+            local = cosine_direction(share * s2, s3)
+            brightness = share * area_brightness(lights, i, local[2])
+        return area_light_point(lights, i, s0, s1), to_world(local, area_light_normal(lights, i)), brightness
     local = cone_direction(s0, s1, lights.cos_cone[i])
     direction, origin = to_world(local, vector(lights.axis, i)), vector(lights.position, i)
     if kind == SPOT:
-        brightness = spot_brightness(lights, i, local[2])
+        brightness = spot_brightness(lights, i, direction, local[2])
     # A sphere (or the sun) seen from a direction is a disk: the ray starts anywhere on the disk
     radius = lights.scene_radius if kind == SUN else lights.radius[i]
     if radius > 0.0:

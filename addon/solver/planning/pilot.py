@@ -134,7 +134,7 @@ def explore(stage: Stage, tracer: Tracer, eye: Eye, area: np.ndarray) -> Pilot:
     tally = _Tally(np.zeros(labels, np.bool_), np.zeros(len(sheet) + 1), *np.zeros((4, labels)))
     view, background, sights = math.inf, 0.0, []
     for bounce in range(_BOUNCES):
-        hits = tracer.trace(paths.origin, paths.direction, reach)
+        hits = (tracer if bounce else tracer.camera).trace(paths.origin, paths.direction, reach)
         if bounce == 0:
             view, background = _view_width(surfaces, eye, hits), float(np.mean(hits.triangle < 0))
         on_way = paths.label >= 0

@@ -246,7 +246,7 @@ class _Surveyor:
         seen, unclear = np.zeros(count), np.zeros(count, np.bool_)
         gathers, tried = [], []
         for bounce in range(_BOUNCES + 1):
-            hits = self.tracer.trace(samples.origin, samples.direction, reach)
+            hits = (self.tracer if bounce else self.tracer.camera).trace(samples.origin, samples.direction, reach)
             scattered = self._cross(hits, samples, _WALKING + NUMBERS * bounce, seen)
             seen[samples.number] += samples.throughput * self._see(hits, samples)
             shown = self._shown(hits, samples)
