@@ -8,24 +8,30 @@ Units: metres (one Blender unit, whatever the display units), kelvin, micrometre
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import bpy
 import numpy as np
 
 from ..solver.scene import Scene, SceneError
 from .bands import read_band_edges
-from .camera import read_camera
+from .camera import pixel_size, read_camera
 from .categories import Categories
 from .custom_properties import driver_remark
 from .groups import UNGROUPED_LIGHT, GroupReader, read_group
-from .ignored import ignored_scene_settings, ignored_settings, left_out
+from .ignored import ignored_scene_settings, ignored_settings, left_out_instance
 from .lights import metres_per_unit, read_light
+from .objects import STRAND_TYPES
 from .sensor import read_response
 from .settings import read_defaults
 from .shaders import read_shader, unseen_message
+from .strands import PixelSize
 from .surfaces import SurfaceReader
 from .warnings import Warnings
 from .world import layer_world, read_sky, world_temperature
+
+# Types of evaluated objects with faces: curves, texts, metaballs and geometry nodes arrive as meshes.
+FACED = {"MESH", *STRAND_TYPES}
 
 
 def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) -> tuple[Scene, list[str]]:
@@ -35,7 +41,7 @@ def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) ->
     Raises SceneError, naming the object and the value, if there is nothing to render or a value makes no sense.
     """
     surfaces = surfaces or render_reader(depsgraph)
-    contents = read_contents(depsgraph, surfaces)
+    contents = read_contents(depsgraph, surfaces, camera=camera)
     _tell_of_shaders(depsgraph, surfaces)
     solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, surfaces.warnings)
     ignored = ignored_scene_settings(depsgraph.scene_eval, depsgraph.view_layer_eval)
@@ -60,25 +66,31 @@ def render_reader(depsgraph) -> SurfaceReader:
     return SurfaceReader(depsgraph, warnings, groups=groups, categories=categories)
 
 
-def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
+def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -> dict:
     """The arguments of Scene, without the camera, for all that the depsgraph's view layer shows.
 
-    surfaces: a new reader, which is filled. space: the 3D viewport whose local view counts; None is a render.
+    surfaces: a new reader, which is filled. space: the 3D viewport whose local view counts; None is a render. camera:
+    see read_scene; it only tells how fine hair is.
     Raises SceneError as read_scene does.
     """
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     surfaces.ambient_temperature, surfaces.default = read_defaults(scene.infrared)
     warnings, lights, known, metres = surfaces.warnings, [], set(), metres_per_unit(scene)
     surfaces.metres = metres
-    for obj, matrix in _shown_instances(depsgraph, space):
-        if obj.type in ("MESH", "LIGHT") and obj.name_full not in known:  # all instances of an object ask for the same
+    surfaces.pixel_size = _pixel_size(depsgraph, camera or scene.camera)
+    for instance, matrix in _shown_instances(depsgraph, space):
+        obj = instance.object
+        if obj.type in (*FACED, "LIGHT") and obj.name_full not in known:  # all instances of an object ask for the same
             known.add(obj.name_full)
             for message in ignored_settings(obj, layer):
                 warnings.add(obj.name, message)
-        if message := left_out(obj):
+        if message := left_out_instance(instance):
             warnings.add(obj.name, message)
-        if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
-            surfaces.add(obj, matrix)
+        if obj.type in FACED:
+            if instance.show_self:
+                surfaces.add(obj, matrix)
+            if instance.show_particles:
+                surfaces.add_particle_hair(obj, matrix, instance.instance_object or obj, not instance.show_self)
         elif obj.type == "VOLUME":
             surfaces.add_volume(obj, matrix)
         elif obj.type == "LIGHT":
@@ -105,15 +117,23 @@ def _surroundings(world) -> dict:
     return {"world_temperature": world_temperature(world)} if sky is None else {"sky": sky}
 
 
-def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.Object, np.ndarray]]:
-    """The evaluated objects that are shown, once for each instance, and their (4, 4) float64 matrices to the world."""
+def _pixel_size(depsgraph, camera) -> PixelSize | None:
+    """The size of a pixel of a camera object anywhere, None without a camera that takes pictures."""
+    try:
+        return partial(pixel_size, read_camera(depsgraph, camera, Warnings()))
+    except SceneError:  # reported where the camera itself is needed
+        return None
+
+
+def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, np.ndarray]]:
+    """The evaluated objects that are shown, or of which only hair is, once for each instance, and their (4, 4) float64
+    matrices to the world."""
     for instance in depsgraph.object_instances:
-        obj = instance.object
-        if not instance.show_self:
+        if not (instance.show_self or instance.show_particles):
             continue
-        if space and not (instance.parent or obj).visible_in_viewport_get(space):
+        if space and not (instance.parent or instance.object).visible_in_viewport_get(space):
             continue
-        yield obj, np.array(instance.matrix_world, dtype=np.float64)
+        yield instance, np.array(instance.matrix_world, dtype=np.float64)
 
 
 def check_faces(layer, found: bool) -> None:

@@ -83,12 +83,17 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1), scene.images_of_temperature)
     rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
     return _images_of(scene, copies) | {
-        "geometry": (560.0 if scene.corner_normals is None else 636.0) * len(scene.triangles),
+        "geometry": memory_of_triangles(len(scene.triangles), scene.corner_normals is not None),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
         "textures": bytes_of_textures(scene.textures),
         "grids": sum(memory_of_grids(scene.media).values()),
         "sky": float(sky_size(scene.sky, scene.band_count)),
     }
+
+
+def memory_of_triangles(count: int, smooth: bool = False) -> float:
+    """Bytes of the geometry of so many triangles. smooth: whether some are shaded smooth."""
+    return (636.0 if smooth else 560.0) * count
 
 
 def memory_of_passes(
