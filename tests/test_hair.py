@@ -95,6 +95,14 @@ def test_frames_survive_hairs_that_turn_round_and_double_points(turns):
     assert np.isfinite(mesh.vertices).all() and np.abs(mesh.vertices).max() < 1.1
 
 
+def test_straight_hairs_in_all_directions_are_round_prisms():
+    """Whatever rounding makes of the bends between their spans, of which there are none."""
+    ways = np.linspace(0.0, 1.0, 5)[:, None] * directions(500)[:, None]
+    mesh = prisms(strands(*ways, radius=0.01), np.full(500, 4))
+    side = areas(mesh).reshape(-1)[: 500 * 4 * 8].sum()
+    np.testing.assert_allclose(side, 500 * 2.0 * np.pi * 0.01, rtol=1e-9)
+
+
 def test_straight_hairs_become_one_span_and_bent_ones_stay_within_the_tolerance():
     way = np.linspace(0.0, 1.0, 65)
     straight = np.column_stack((way, way, way))

@@ -32,6 +32,7 @@ from .tubes import (
 from .warnings import Warnings
 
 CURVES_RADIUS, POINT_RADIUS = 0.005, 0.01  # where the attribute is missing, units; as in Cycles
+ROUNDING = 0.25  # of what hairs may be off the curves through their points, where they are rounded; then they are thinned
 NO_LAYER = "hair and points have no UV map and no attributes but radius and temperature"  # for users
 NOT_FINITE = "a position or radius that is not finite"
 NO_RADIUS = "no radius above 0"
@@ -65,9 +66,10 @@ def detail(
     if pixel_size is None or not 0.0 < scale < np.inf or len(at) == 0:
         return None, None
     pixel = pixel_size(at @ matrix[:3, :3].T + matrix[:3, 3]) / scale
-    level = int(np.floor(np.log2(pixel.min())))
-    if pixel.max() < 4.0 * 2.0**level:
-        return level, np.full(len(pixel), 2.0**level)
+    level = int(np.floor(2.0 * np.log2(pixel.min())))
+    size = 2.0 ** (0.5 * level)
+    if pixel.max() < 3.0 * size:
+        return level, np.full(len(pixel), size)
     return matrix.tobytes(), pixel
 
 
@@ -78,8 +80,8 @@ def triangles_of(source: Strands | Points, pixel: np.ndarray | None, owner: str)
         levels = levels_of(source.radius, pixel)
         _check_memory(face_count(levels), f"{len(levels):,} points", owner)
         return solids(source, levels)
-    sides, half = sides_of(source.thickest, pixel), 0.5 * tolerances(source, pixel)
-    strands = thinned(rounded(source, half), half)
+    sides, tolerance = sides_of(source.thickest, pixel), tolerances(source, pixel)
+    strands = thinned(rounded(source, ROUNDING * tolerance), (1.0 - ROUNDING) * tolerance)
     _check_memory(triangle_count(strands, sides), f"{len(sides):,} hairs", owner)
     return prisms(strands, sides)
 

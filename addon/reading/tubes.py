@@ -17,7 +17,8 @@ import numpy as np
 from .meshes import MeshData
 
 ALLOWED = 0.25  # of a pixel: how far triangles may lie beside the round hair
-OF_RADIUS = 0.25  # how far the middle of a prism may lie beside the hair's, over the radius, however small a pixel is
+ALLOWED_MIDDLE = 0.5  # of a pixel: how far the middle of a prism may lie beside the hair's
+OF_RADIUS = 0.25  # the same over the radius, however small a pixel is
 ALLOWED_KELVIN = 0.02  # how far temperatures between the points kept may lie beside the given ones
 SIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32)  # of prisms
 UNSEEN = 3  # sides without a camera that tells the size of a pixel
@@ -66,7 +67,7 @@ def tolerances(strands: Strands, pixel: np.ndarray | None) -> np.ndarray:
     """(c,) float64, how far the middle of a prism may lie beside that of its hair. pixel: (c,) size of a pixel at each
     hair, None where it is unknown."""
     by_radius = OF_RADIUS * strands.thickest
-    return by_radius if pixel is None else np.maximum(by_radius, ALLOWED * pixel)
+    return by_radius if pixel is None else np.maximum(by_radius, ALLOWED_MIDDLE * pixel)
 
 
 def sides_of(radius: np.ndarray, pixel: np.ndarray | None) -> np.ndarray:
@@ -260,7 +261,7 @@ def _frames(strands: Strands) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     tangent = np.where(back[:, None], ahead, both / np.where(back, 1.0, double)[:, None])
     bend = behind - ahead
     size = np.linalg.norm(bend, axis=1)
-    cosine = np.maximum(0.5 * double, _SHARPEST)
+    cosine = np.clip(0.5 * double, _SHARPEST, 1.0)
     mitre = bend * (np.sqrt(1.0 / cosine - 1.0) * (size > 0.0) / np.where(size > 0.0, size, 1.0))[:, None]
     turn = _turns(tangent, strands, count)
     across = _perpendicular(tangent[first])
