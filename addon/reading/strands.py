@@ -24,6 +24,7 @@ from .tubes import (
     joined_strands,
     prisms,
     rounded,
+    shortened,
     sides_of,
     thinned,
     tolerances,
@@ -32,7 +33,12 @@ from .tubes import (
 from .warnings import Warnings
 
 CURVES_RADIUS, POINT_RADIUS = 0.005, 0.01  # where the attribute is missing, units; as in Cycles
-ROUNDING = 0.25  # of what hairs may be off the curves through their points, where they are rounded; then they are thinned
+ROUNDING = (
+    0.25  # of what hairs may be off the curves through their points, where they are rounded; then they are thinned
+)
+MOST_PIECES = 500_000  # into which the hair of an object is cut for the sake of speed alone
+WIDEST, FEW = 0.25, 1000  # see `simplified`
+_GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)
 NO_LAYER = "hair and points have no UV map and no attributes but radius and temperature"  # for users
 NOT_FINITE = "a position or radius that is not finite"
 NO_RADIUS = "no radius above 0"
@@ -76,14 +82,38 @@ def detail(
 def triangles_of(source: Strands | Points, pixel: np.ndarray | None, owner: str) -> MeshData:
     """The triangles of hairs or points. pixel: see `detail`. Raises SceneError, naming the owner, if there
     is not enough memory to render them."""
+    source, pixel = simplified(source, pixel)
     if isinstance(source, Points):
         levels = levels_of(source.radius, pixel)
         _check_memory(face_count(levels), f"{len(levels):,} points", owner)
         return solids(source, levels)
     sides, tolerance = sides_of(source.thickest, pixel), tolerances(source, pixel)
     strands = thinned(rounded(source, ROUNDING * tolerance), (1.0 - ROUNDING) * tolerance)
+    if len(sides) > FEW:
+        strands = shortened(strands, MOST_PIECES)
     _check_memory(triangle_count(strands, sides), f"{len(sides):,} hairs", owner)
     return prisms(strands, sides)
+
+
+def simplified(source: Strands | Points, pixel: np.ndarray | None) -> tuple[Strands | Points, np.ndarray | None]:
+    """Fewer hairs or points, and the size of a pixel at each, where a pixel holds many.
+
+    Where they are narrower than WIDEST of a pixel, and there are more than FEW, a share of them is kept that is chosen
+    as if at random, and they are made wider by as much, so that what all of them hide and emit stays the same on the
+    average (Cook, Halstead, Planck and Ryu 2007).
+    """
+    radius = source.thickest if isinstance(source, Strands) else source.radius
+    count = len(radius)
+    if pixel is None or count <= FEW:
+        return source, pixel
+    share = 2.0 * radius / (WIDEST * pixel)
+    share = (share if isinstance(source, Strands) else share**2).clip(FEW / count, 1.0)
+    kept = np.arange(count) * _GOLDEN_RATIO % 1.0 < share  # spreads evenly over neighbours in any order
+    if isinstance(source, Points):
+        source = replace(source, radius=source.radius / np.sqrt(share))
+        return source.part(kept), pixel[kept]
+    source = replace(source, radius=source.radius / share[source.owner])
+    return source.kept_points(kept[source.owner]), pixel[kept]
 
 
 def _check_memory(count: int, of: str, owner: str) -> None:

@@ -23,6 +23,7 @@ ALLOWED_KELVIN = 0.02  # how far temperatures between the points kept may lie be
 SIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32)  # of prisms
 UNSEEN = 3  # sides without a camera that tells the size of a pixel
 SMOOTH_FROM = 4  # sides from which on prisms are shaded smooth; thinner ones are smaller than a pixel
+COMPACT = 4.0  # length of a piece of hair over its thickness; shorter ones help rays no more
 MOST_PIECES = 16  # of a span between two points
 _SHARPEST = 0.5  # least cosine of half a bend at which a prism is still mitred
 _GOLDEN = np.pi * (3.0 - 5.0**0.5)  # angle whose multiples spread evenly
@@ -48,6 +49,13 @@ class Strands:
     def owner(self) -> np.ndarray:
         """(n,) int64 the hair of each point."""
         return np.repeat(np.arange(len(self.slot)), np.diff(self.first))
+
+    @property
+    def begins(self) -> np.ndarray:
+        """Numbers of the points that begin a span: all but the last of each hair."""
+        inner = np.ones(len(self.points), bool)
+        inner[self.first[1:] - 1] = False
+        return np.flatnonzero(inner)
 
     @property
     def thickest(self) -> np.ndarray:
@@ -124,28 +132,53 @@ def rounded(strands: Strands, tolerance: np.ndarray) -> Strands:
     handles = strands.handles
     if handles is None or len(strands.slot) == 0:
         return replace(strands, handles=None)
-    inner = np.ones(len(strands.points), bool)
-    inner[strands.first[1:] - 1] = False  # the last point of a hair begins no span
-    begin = np.flatnonzero(inner)
+    begin = strands.begins
     a, b, c, d = strands.points[begin], handles[begin, 1], handles[begin + 1, 0], strands.points[begin + 1]
     bend = 6.0 * np.sqrt(np.maximum(((a - 2.0 * b + c) ** 2).sum(1), ((b - 2.0 * c + d) ** 2).sum(1)))
     allowed = np.maximum(tolerance[strands.owner[begin]], 1e-300)
     pieces = np.ones(len(strands.points), np.int64)
     pieces[begin] = np.clip(np.ceil(np.sqrt(bend / (8.0 * allowed))), 1, MOST_PIECES).astype(np.int64)
-    start = np.cumsum(pieces) - pieces
-    source = np.repeat(np.arange(len(pieces)), pieces)  # the point before each new one
-    t = ((np.arange(len(source)) - start[source]) / pieces[source])[:, None]
-    after = np.where(inner[source], source + 1, source)
+    source, after, t = _places(strands, pieces)
     weights = (1.0 - t) ** 3, 3.0 * t * (1.0 - t) ** 2, 3.0 * t**2 * (1.0 - t), t**3
     control = strands.points[source], handles[source, 1], handles[after, 0], strands.points[after]
-    points = sum(weight * point for weight, point in zip(weights, control, strict=True))
+    points = sum(weight[:, None] * point for weight, point in zip(weights, control, strict=True))
+    return replace(_between(strands, pieces), points=points)
 
-    def between(values):
-        return values[source] * (1.0 - t[:, 0]) + values[after] * t[:, 0]
 
-    temperature = None if strands.temperature is None else between(strands.temperature).astype(np.float32)
-    first = np.concatenate((start, [len(source)]))[strands.first]
-    return Strands(points, between(strands.radius), first, strands.slot, temperature)
+def shortened(strands: Strands, most: int) -> Strands:
+    """Hairs whose spans are cut into pieces that are at most COMPACT times as long as the hair is thick, but not into
+    more pieces than `most` in all.
+
+    Rays ask each box around a triangle that they cross. That around a long piece that lies askew is nearly empty, so
+    that many are crossed for each hit (tests/benchmarks/hair.py).
+    """
+    begin = strands.begins
+    length = np.linalg.norm(strands.points[begin + 1] - strands.points[begin], axis=1)
+    wanted = 2.0 * COMPACT * strands.thickest[strands.owner[begin]]
+    longest = np.maximum(wanted, length.sum() / max(1, most - len(begin)))
+    pieces = np.ones(len(strands.points), np.int64)
+    pieces[begin] = np.ceil(length / longest)
+    return _between(strands, np.maximum(pieces, 1))
+
+
+def _places(strands: Strands, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where points lie if the span behind each point is cut into (n,) pieces: the point before and that after each, and
+    how far it is between them, 0 to 1."""
+    source = np.repeat(np.arange(len(pieces)), pieces)
+    t = (np.arange(len(source)) - (np.cumsum(pieces) - pieces)[source]) / pieces[source]
+    return source, np.minimum(source + 1, len(pieces) - 1), t
+
+
+def _between(strands: Strands, pieces: np.ndarray) -> Strands:
+    """Polylines whose straight spans behind each point are cut into (n,) pieces."""
+    source, after, t = _places(strands, pieces)
+    of_points = strands.points, strands.radius, strands.temperature
+    points, radius, temperature = (
+        None if each is None else ((1.0 - t) * each[source].T + t * each[after].T).T for each in of_points
+    )
+    first = np.concatenate(([0], np.cumsum(pieces)))[strands.first]
+    temperature = None if temperature is None else temperature.astype(np.float32)
+    return Strands(points, radius, first, strands.slot, temperature)
 
 
 def catmull_rom_handles(strands: Strands, cyclic: np.ndarray | None = None) -> np.ndarray:
@@ -315,15 +348,13 @@ def _perpendicular(direction: np.ndarray) -> np.ndarray:
 def _prisms_of(strands: Strands, frames: tuple, sides: int) -> MeshData:
     """The prisms of hairs that all have the same number of sides; frames: their rows of `_frames`."""
     u, v, mitre = frames
-    count, owner = len(strands.points), strands.owner
+    owner = strands.owner
     angle = 2.0 * np.pi * np.arange(sides) / sides
     outward = np.cos(angle)[:, None] * u[:, None] + np.sin(angle)[:, None] * v[:, None]  # (n, sides, 3)
     corner = np.pi / (sides * np.sin(np.pi / sides)) * strands.radius
     stretch = np.einsum("nsi,ni->ns", outward, mitre)[:, :, None] * mitre[:, None]
     vertices = strands.points[:, None] + corner[:, None, None] * (outward + stretch)
-    inner = np.ones(count, bool)
-    inner[strands.first[1:] - 1] = False
-    begin = np.flatnonzero(inner)
+    begin = strands.begins
     side = np.arange(1 if sides == 2 else sides)
     following = (side + 1) % sides
     a, b = sides * begin[:, None] + side, sides * begin[:, None] + following
