@@ -12,6 +12,7 @@ from pathlib import Path
 import bpy
 from PIL import Image
 
+from docs.examples.modelling import choose_settings
 from docs.tools.blender import registered
 from docs.tools.paths import IMAGES
 from docs.tools.pictures import tiled, titled
@@ -25,7 +26,8 @@ def fur_and_points() -> None:
     """A ball with particle hair of 296 K on a skin of 306 K, over drops of 300 K that geometry nodes lay out."""
     build(0, WIDTH)
     ball = next(obj for obj in bpy.data.objects if obj.get("temperature") == 307.0)
-    ball.data.attributes.new("temperature", "FLOAT", "POINT").data.foreach_set("value", [306.0] * len(ball.data.vertices))
+    skin = ball.data.attributes.new("temperature", "FLOAT", "POINT").data
+    skin.foreach_set("value", [306.0] * len(skin))
     ball["temperature"] = 296.0  # of the hair; the attribute counts on the skin
     ball.modifiers.new("Fur", "PARTICLE_SYSTEM")
     fur = ball.particle_systems[0].settings
@@ -57,10 +59,8 @@ def main() -> None:
     with registered(), tempfile.TemporaryDirectory() as folder:
         for title, make in scenes:
             make()
-            scene = bpy.context.scene
-            scene.render.engine = "INFRARED_PHOTONS"
-            scene.infrared.passes, scene.infrared.photons_per_pass = PASSES, 100_000
-            scene.infrared.range_low, scene.infrared.range_high = 292.0, 307.0
+            choose_settings((7.5, 14.0, 4), "IRON", (292.0, 307.0), PASSES)
+            bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = WIDTH, WIDTH * 3 // 4
             path = Path(folder) / f"{len(parts)}.png"
             render(path)
             with Image.open(path) as picture:
