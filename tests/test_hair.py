@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 
 from addon.reading.spheres import Points, levels_of, solid, solids
+from addon.reading.strands import simplified
 from addon.reading.tubes import (
+    COMPACT,
     SIDES,
     Strands,
     catmull_rom_handles,
     closed,
     prisms,
     rounded,
+    shortened,
     sides_of,
     thinned,
 )
@@ -184,3 +187,34 @@ def test_the_level_of_a_sphere_keeps_it_within_a_quarter_of_a_pixel():
     assert levels[0] == 0 and (np.diff(levels) > 0).all()
     for r, level in zip(radius[:-1], levels[:-1], strict=True):
         assert r * (np.linalg.norm(solid(int(level))[0], axis=1).max() - 1.0) <= 0.25
+
+
+@pytest.mark.parametrize("count", [1000, 20_000])
+def test_a_share_of_many_thin_hairs_and_points_stands_for_all(count):
+    """Of more than 1000. A share that is spread by the golden ratio is within 2 of its number, so the sums are as
+    near."""
+    hairs = strands(*[[(0, i, 0), (1, i, 0)] for i in range(count)], radius=0.01)
+    fewer, pixel = simplified(hairs, np.full(count, 0.4))  # a quarter of a pixel is 0.1: a fifth of the hairs
+    assert len(fewer.slot) == len(pixel) == pytest.approx(count if count == 1000 else count / 5, abs=2)
+    assert fewer.radius[::2].sum() == pytest.approx(0.01 * count, rel=2 * 5 / count)
+    points = Points(np.zeros((count, 3)), np.full(count, 0.01), np.zeros(count, np.int32))
+    fewer, _ = simplified(points, np.full(count, 0.4))
+    assert len(fewer.radius) == pytest.approx(count if count == 1000 else max(1000, count / 25), abs=2)
+    assert (fewer.radius**2).sum() == pytest.approx(0.01**2 * count, rel=2 * 20 / count)
+
+
+def test_thick_hairs_are_never_left_out():
+    hairs = strands(*[[(0, i, 0), (1, i, 0)] for i in range(2000)], radius=0.3)
+    assert simplified(hairs, np.ones(2000))[0].kept_points(np.ones(4000, bool)).radius.max() == 0.3
+    assert len(simplified(hairs, np.ones(2000))[0].slot) == 2000
+
+
+def test_pieces_of_hair_are_compact_and_not_too_many():
+    way = np.linspace(0.0, 1.0, 3)[:, None] * [1.0, 1.0, 0.0]
+    hairs = strands(way, way, radius=0.01, temperature=np.float32([300, 310, 320, 300, 310, 320]))
+    short = shortened(hairs, 10_000)
+    length = np.linalg.norm(np.diff(short.points[: short.first[1]], axis=0), axis=1)
+    assert length.max() <= COMPACT * 0.02 * (1.0 + 1e-9) and length.sum() == pytest.approx(np.sqrt(2.0))
+    np.testing.assert_allclose(short.temperature, 300.0 + 20.0 * short.points[:, 0], rtol=1e-6)
+    assert len(shortened(hairs, 10).begins) <= 10
+    np.testing.assert_array_equal(short.slot, hairs.slot)

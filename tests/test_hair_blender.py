@@ -115,6 +115,13 @@ def test_temperatures_of_points_and_of_curves(domain):
     assert not [w for w in warnings if "temperature" in w]
 
 
+def test_hair_gets_no_image_of_temperatures():
+    bpy.context.view_layer.objects.active = link("Fur", curves(*lines(2)))
+    assert not bpy.ops.infrared.temperature_image.poll()
+    bpy.context.view_layer.objects.active = link("Cube", cube_mesh())
+    assert bpy.ops.infrared.temperature_image.poll()
+
+
 def test_materials_of_curves():
     fur = curves(*lines(3), radius=0.01, material_index=("INT", "CURVE", np.array([1, 0, 7], np.int32)))
     for emissivity in (0.5, 0.9):
