@@ -61,12 +61,13 @@ def test_a_prism_has_the_surface_and_the_mean_shadow_of_the_round_hair(sides):
 
 
 def test_ribbons_of_many_hairs_hide_what_round_hairs_do_from_one_direction():
-    """Each is turned by the golden angle more than the one before, so that their mean is that over all angles."""
-    count, radius = 1000, 0.01
+    """Each is turned at random. The width of one is 2 r with a standard deviation of 0.97 r, for a sine's square is 1/2
+    and its mean 2 / pi; so 4 standard errors of 10,000 are 2 %."""
+    count, radius = 10_000, 0.01
     hairs = strands(*[[(0, i, 0), (1, i, 0)] for i in range(count)], radius=radius)
     mesh = prisms(hairs, np.full(count, 2))
     for direction in ((0.0, 0.0, 1.0), (0.0, 0.6, 0.8)):
-        np.testing.assert_allclose(projected(mesh, np.array(direction)).sum(), count * 2.0 * radius, rtol=0.01)
+        np.testing.assert_allclose(projected(mesh, np.array(direction)).sum(), count * 2.0 * radius, rtol=0.02)
 
 
 def test_a_bent_prism_is_as_wide_behind_the_bend():
@@ -191,16 +192,31 @@ def test_the_level_of_a_sphere_keeps_it_within_a_quarter_of_a_pixel():
 
 @pytest.mark.parametrize("count", [1000, 20_000])
 def test_a_share_of_many_thin_hairs_and_points_stands_for_all(count):
-    """Of more than 1000. A share that is spread by the golden ratio is within 2 of its number, so the sums are as
-    near."""
+    """Of more than 1000. One of each run of them is picked, so the number is known to 1."""
     hairs = strands(*[[(0, i, 0), (1, i, 0)] for i in range(count)], radius=0.01)
     fewer, pixel = simplified(hairs, np.full(count, 0.4))  # a quarter of a pixel is 0.1: a fifth of the hairs
-    assert len(fewer.slot) == len(pixel) == pytest.approx(count if count == 1000 else count / 5, abs=2)
-    assert fewer.radius[::2].sum() == pytest.approx(0.01 * count, rel=2 * 5 / count)
+    picks = count if count == 1000 else count // 5  # some of them twice
+    assert 0.85 * picks <= len(fewer.slot) == len(pixel) <= picks
+    assert fewer.radius[::2].sum() == pytest.approx(0.01 * count, rel=1.5 * 5 / count)
     points = Points(np.zeros((count, 3)), np.full(count, 0.01), np.zeros(count, np.int32))
     fewer, _ = simplified(points, np.full(count, 0.4))
-    assert len(fewer.radius) == pytest.approx(count if count == 1000 else max(1000, count / 25), abs=2)
-    assert (fewer.radius**2).sum() == pytest.approx(0.01**2 * count, rel=2 * 20 / count)
+    assert len(fewer.radius) <= 1000
+    assert (fewer.radius**2).sum() == pytest.approx(0.01**2 * count, rel=1.5 * 20 / count)
+
+
+@pytest.mark.parametrize("angle", [np.pi * (3.0 - 5.0**0.5), 1.0, 2.0 * np.pi / 5.0])
+def test_the_share_is_even_whatever_the_order_of_hairs(angle):
+    """Hairs around a head, by the golden angle as generators do, and by others. In each quarter 1000 of 4000 hairs are
+    kept, with a standard deviation below the 32 of independent picks."""
+    turn = angle * np.arange(20_000)
+    root = np.column_stack((np.cos(turn), np.sin(turn), 0.0 * turn))
+    hairs = strands(*np.stack((root, 2.0 * root), axis=1), radius=0.01)
+    fewer, _ = simplified(hairs, np.full(20_000, 0.4))
+    before, after = (np.arctan2(*each.points[each.first[:-1], :2].T) // (np.pi / 2.0) for each in (hairs, fewer))
+    width = fewer.radius[fewer.first[:-1]]
+    for quarter in range(-2, 2):
+        expected = np.count_nonzero(before == quarter)
+        assert width[after == quarter].sum() / 0.01 == pytest.approx(expected, abs=4 * 32 * 5)
 
 
 def test_thick_hairs_are_never_left_out():

@@ -38,7 +38,6 @@ ROUNDING = (
 )
 MOST_PIECES = 500_000  # into which the hair of an object is cut for the sake of speed alone
 WIDEST, FEW = 0.25, 1000  # see `simplified`
-_GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)
 NO_LAYER = "hair and points have no UV map and no attributes but radius and temperature"  # for users
 NOT_FINITE = "a position or radius that is not finite"
 NO_RADIUS = "no radius above 0"
@@ -108,12 +107,25 @@ def simplified(source: Strands | Points, pixel: np.ndarray | None) -> tuple[Stra
         return source, pixel
     share = 2.0 * radius / (WIDEST * pixel)
     share = (share if isinstance(source, Strands) else share**2).clip(FEW / count, 1.0)
-    kept = np.arange(count) * _GOLDEN_RATIO % 1.0 < share  # spreads evenly over neighbours in any order
+    times = _picks(share)
+    wider = times / share
     if isinstance(source, Points):
-        source = replace(source, radius=source.radius / np.sqrt(share))
-        return source.part(kept), pixel[kept]
-    source = replace(source, radius=source.radius / share[source.owner])
-    return source.kept_points(kept[source.owner]), pixel[kept]
+        return replace(source, radius=source.radius * np.sqrt(wider)).part(times > 0), pixel[times > 0]
+    source = replace(source, radius=source.radius * wider[source.owner])
+    return source.kept_points((times > 0)[source.owner]), pixel[times > 0]
+
+
+def _picks(share: np.ndarray) -> np.ndarray:
+    """(n,) how often each thing is picked, share times on the average: at random, one from each run of neighbours whose
+    shares sum to 1, so that the picks spread evenly in any order. Those with a share of 1 are picked once."""
+    times, fewer = np.ones(len(share), np.int64), np.flatnonzero(share < 1.0)
+    until = np.cumsum(share[fewer])
+    runs = int(np.ceil(until[-1])) if len(fewer) else 0
+    # the numbers of a RandomState are the same in all versions of NumPy
+    points = np.arange(runs) + np.random.RandomState(0).random_sample(runs)
+    picked = np.searchsorted(until, points, side="right")
+    times[fewer] = np.bincount(picked, minlength=len(fewer) + 1)[: len(fewer)]
+    return times
 
 
 def _check_memory(count: int, of: str, owner: str) -> None:

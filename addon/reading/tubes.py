@@ -26,7 +26,6 @@ SMOOTH_FROM = 4  # sides from which on prisms are shaded smooth; thinner ones ar
 COMPACT = 4.0  # length of a piece of hair over its thickness; shorter ones help rays no more
 MOST_PIECES = 16  # of a span between two points
 _SHARPEST = 0.5  # least cosine of half a bend at which a prism is still mitred
-_GOLDEN = np.pi * (3.0 - 5.0**0.5)  # angle whose multiples spread evenly
 
 
 @dataclass(frozen=True)
@@ -298,7 +297,7 @@ def _frames(strands: Strands) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     mitre = bend * (np.sqrt(1.0 / cosine - 1.0) * (size > 0.0) / np.where(size > 0.0, size, 1.0))[:, None]
     turn = _turns(tangent, strands, count)
     across = _perpendicular(tangent[first])
-    angle = _GOLDEN * np.arange(len(first))
+    angle = 2.0 * np.pi * np.random.RandomState(1).random_sample(len(first))  # the same in all versions of NumPy
     other = np.cross(tangent[first], across)
     rolled = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * other
     u = _turned(turn, rolled[strands.owner])
