@@ -417,3 +417,25 @@ def test_hair_and_skin_of_one_temperature_are_exactly_black(tmp_path):
     host["temperature"], host.location = 300.0, (-0.5, -0.5, 2.0)
     temperature = image(tmp_path)["Temperature"]
     np.testing.assert_allclose(temperature, 300.0, atol=1e-3)
+
+
+def test_dense_fur_looks_the_same_when_it_is_simplified(tmp_path, monkeypatch):
+    """3000 hairs of 0.03 pixel stand upright on a plate and cover about a quarter of it; 1000 wider ones in their place
+    leave the mean as it is. Cover by n hairs at random is known to about 1 / sqrt(n), 3 %, of itself."""
+    infrared = sky(250.0)
+    bpy.context.scene.camera.data.type, bpy.context.scene.camera.data.ortho_scale = "ORTHO", 1.0
+    rng = np.random.default_rng(3)
+    begin = np.column_stack((rng.uniform(-0.6, 0.6, (3000, 2)), np.zeros(3000)))
+    lean = np.column_stack((rng.normal(0.0, 0.2, (3000, 2)), np.full(3000, 0.1)))
+    radius = 0.5 * 0.03 / 64
+    link("Fur", curves(*np.stack((begin, begin + lean), axis=1), radius=radius), temperature=320.0)
+    plate = link("Plate", cube_mesh(), temperature=280.0)
+    plate.scale, plate.location = (2.0, 2.0, 0.1), (0.0, 0.0, -0.1)
+    infrared.passes = 4
+    means = []
+    for few in (10_000, 1000):
+        monkeypatch.setattr("addon.reading.strands.FEW", few)
+        means.append(image(tmp_path)["Temperature"].mean())
+    hair = means[0] - 280.0
+    assert hair > 1.0 and means[0] != means[1]
+    assert means[1] - means[0] == pytest.approx(0.0, abs=4.0 / np.sqrt(1000.0) * hair)

@@ -25,6 +25,9 @@ UNSEEN = 3  # sides without a camera that tells the size of a pixel
 SMOOTH_FROM = 4  # sides from which on prisms are shaded smooth; thinner ones are smaller than a pixel
 COMPACT = 4.0  # length of a piece of hair over its thickness; shorter ones help rays no more
 MOST_PIECES = 16  # of a span between two points
+# Turn of a hair about its length against the one before: its multiples spread evenly, and have nothing to do with the
+# golden angle, by which generators place hairs.
+_ROLL = 2.0 * np.pi * 2.0**0.5
 _SHARPEST = 0.5  # least cosine of half a bend at which a prism is still mitred
 
 
@@ -297,7 +300,7 @@ def _frames(strands: Strands) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     mitre = bend * (np.sqrt(1.0 / cosine - 1.0) * (size > 0.0) / np.where(size > 0.0, size, 1.0))[:, None]
     turn = _turns(tangent, strands, count)
     across = _perpendicular(tangent[first])
-    angle = 2.0 * np.pi * np.random.RandomState(1).random_sample(len(first))  # the same in all versions of NumPy
+    angle = _ROLL * np.arange(len(first))
     other = np.cross(tangent[first], across)
     rolled = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * other
     u = _turned(turn, rolled[strands.owner])

@@ -19,7 +19,7 @@ from docs.tools.pictures import tiled, titled
 from docs.tools.plot_examples import render
 from tests.benchmarks.hair import build
 
-WIDTH, PASSES = 320, 24
+WIDTH, PASSES = 320, 8
 
 
 def fur_and_points() -> None:
