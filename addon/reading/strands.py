@@ -137,10 +137,10 @@ def _check_memory(count: int, of: str, owner: str) -> None:
 
 def read_curves(curves, owner: str, warnings: Warnings) -> Strands:
     """The hairs of a Curves data-block that can be rendered; warnings name the others."""
-    first = read_values(curves.curve_offset_data, "value", np.int32).astype(np.int64)
-    count, lengths = len(curves.curves), np.diff(first)
     if len(curves.points) == 0:
         return joined_strands([])
+    first = read_values(curves.curve_offset_data, "value", np.int32).astype(np.int64)
+    count, lengths = len(curves.curves), np.diff(first)
     strands = Strands(
         points=read_values(curves.attributes["position"].data, "vector", np.float32, 3).astype(np.float64),
         radius=_values(curves, "radius", len(curves.points), CURVES_RADIUS),
