@@ -62,14 +62,16 @@ def test_the_untouched_scene_says_that_its_sky_is_missing_and_shows_more_than_tw
     assert new_warnings(last_warnings, all_checks()) == []  # the panel says it once
 
 
-def hair_curves():
-    link("Fur", bpy.data.hair_curves.new("Fur"))
+def drawing():
+    pencils = getattr(bpy.data, "grease_pencils_v3", None) or bpy.data.grease_pencils
+    link("Sketch", pencils.new("Sketch"))
 
 
-def particle_hair():
-    cube = bpy.data.objects["Cube"]
-    cube.modifiers.new("Hair", "PARTICLE_SYSTEM")
-    cube.particle_systems[0].settings.type = "HAIR"
+def curves_with_a_wrong_attribute():
+    curves = bpy.data.hair_curves.new("Fur")
+    curves.add_curves([2])
+    curves.attributes.new("temperature", "INT", "CURVE")
+    link("Fur", curves)
 
 
 def wrong_attribute():
@@ -85,8 +87,8 @@ def grouped_light():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (hair_curves, "Object 'Fur': hair curves are not rendered"),
-        (particle_hair, "Object 'Cube': particle hair is not rendered, only its surface"),
+        (drawing, "Object 'Sketch': grease pencil is not rendered"),
+        (curves_with_a_wrong_attribute, "Object 'Fur': the attribute 'temperature' (int on curves) is no float on"),
         (wrong_attribute, "Object 'Cube': the attribute 'temperature' (int on points) is no float on points, corners"),
         (grouped_light, "Light 'Light': temperature groups are for surfaces"),
     ],

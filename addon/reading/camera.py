@@ -7,6 +7,7 @@ import numpy as np
 
 from ..solver.scene import Camera, SceneError
 
+_NEAREST = 1e-6  # m, at which the size of a pixel is told
 WHOLE = np.array([[0.0, 0.0], [1.0, 1.0]])  # the border that encloses its whole frame
 
 
@@ -48,6 +49,16 @@ def read_camera(depsgraph, obj, warnings) -> Camera:
         clip=(camera.clip_start, camera.clip_end),
         **_lens(depsgraph, camera, matrix, kind),
     )
+
+
+def pixel_size(camera: Camera, points: np.ndarray) -> np.ndarray:
+    """(n,) m, about how large a pixel of a camera is at points (n, 3) in world space: its smaller side, in focus."""
+    left, right, bottom, top = camera.frame
+    size = min((right - left) / camera.width, (top - bottom) / camera.height)
+    if camera.kind == "ORTHOGRAPHIC":
+        return np.full(len(points), size)
+    distance = np.linalg.norm(points - camera.matrix[:3, 3], axis=1)
+    return size * np.maximum(distance, max(camera.clip[0], _NEAREST))
 
 
 def read_view(depsgraph, space, region, view) -> Camera:

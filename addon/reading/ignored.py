@@ -27,21 +27,20 @@ def ignored_scene_settings(scene, layer) -> Iterator[str]:
         yield f"View layer '{layer.name}': its {layer.samples} samples are ignored; all layers have the same passes"
 
 
-UNSUPPORTED = {
-    "CURVES": "hair curves",
-    "POINTCLOUD": "point clouds",
-    "GREASEPENCIL": "grease pencil",
-    "GPENCIL": "grease pencil",
-}
+PENCILS = {"GREASEPENCIL", "GPENCIL"}
 
 
 def left_out(obj) -> str:
     """What of an object is not rendered at all; an empty text if it is, or if there is nothing to render."""
-    if obj.type in UNSUPPORTED:
-        return f"{UNSUPPORTED[obj.type]} are not rendered"
-    settings = [system.settings for system in obj.particle_systems] if obj.type == "MESH" else []
-    strands = any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)
-    return "particle hair is not rendered, only its surface" if strands else ""
+    return "grease pencil is not rendered" if obj.type in PENCILS else ""
+
+
+def left_out_instance(instance) -> str:
+    """As left_out, of an instance in a depsgraph."""
+    obj, parent = instance.object, instance.parent
+    if obj.type == "CURVE" and parent is not None and parent.original == obj.original:
+        return "curves of its geometry nodes have no faces and are not rendered; Curve to Mesh gives them some"
+    return left_out(obj)
 
 
 def ignored_settings(obj, layer) -> Iterator[str]:

@@ -109,7 +109,8 @@ def _on_triangles(values: np.ndarray, domain: str, elements: Elements) -> np.nda
 def wrong_kind(attribute) -> str:
     """That an attribute is not of the kind that the engine reads, and of which it is."""
     kind = f"{attribute.data_type.lower()} on {attribute.domain.lower()}s"
-    return f"({kind}) is no float on points, corners or faces"
+    where = "points or curves" if attribute.id_data.id_type in ("CURVES", "POINTCLOUD") else "points, corners or faces"
+    return f"({kind}) is no float on {where}"
 
 
 def attribute_problem(mesh) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}  # types of the objects that have faces
+STRAND_TYPES = {"CURVES", "POINTCLOUD"}  # types of the objects that are hair or points, which become faces here
+SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META", *STRAND_TYPES}  # types of the objects that have faces
 
 
 def layer_objects(layer_collection) -> Iterator:
@@ -42,4 +43,6 @@ def may_have_faces(obj) -> bool:
     """False if an object certainly has no face. That is known without an evaluation, which may take long."""
     if obj.type not in SURFACE_TYPES or len(obj.modifiers):
         return len(obj.modifiers) > 0
+    if obj.type in STRAND_TYPES:
+        return len(obj.data.points) > 0
     return obj.type != "MESH" or len(obj.data.polygons) > 0 or obj.data.is_editmode

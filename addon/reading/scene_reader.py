@@ -8,25 +8,31 @@ Units: metres (one Blender unit, whatever the display units), kelvin, micrometre
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import bpy
 import numpy as np
 
 from ..solver.scene import Scene, SceneError
 from .bands import read_band_edges
-from .camera import read_camera
+from .camera import pixel_size, read_camera
 from .categories import Categories
 from .custom_properties import driver_remark
 from .groups import UNGROUPED_LIGHT, GroupReader, read_group
-from .ignored import ignored_scene_settings, ignored_settings, left_out
+from .ignored import ignored_scene_settings, ignored_settings, left_out_instance
 from .lights import metres_per_unit, read_light
+from .objects import STRAND_TYPES
 from .sensor import read_response
 from .settings import read_defaults
 from .shaders import read_shader, unseen_message
+from .strands import PixelSize
 from .surfaces import SurfaceReader
 from .visibility import Visibility, read_visibility
 from .warnings import Warnings
 from .world import layer_world, read_sky, world_temperature
+
+# Types of evaluated objects with faces: curves, texts, metaballs and geometry nodes arrive as meshes.
+FACED = {"MESH", *STRAND_TYPES}
 
 
 def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) -> tuple[Scene, list[str]]:
@@ -36,7 +42,7 @@ def read_scene(depsgraph, camera=None, surfaces: SurfaceReader | None = None) ->
     Raises SceneError, naming the object and the value, if there is nothing to render or a value makes no sense.
     """
     surfaces = surfaces or render_reader(depsgraph)
-    contents = read_contents(depsgraph, surfaces)
+    contents = read_contents(depsgraph, surfaces, camera=camera)
     _tell_of_shaders(depsgraph, surfaces)
     solver_camera = read_camera(depsgraph, camera or depsgraph.scene_eval.camera, surfaces.warnings)
     ignored = ignored_scene_settings(depsgraph.scene_eval, depsgraph.view_layer_eval)
@@ -64,27 +70,33 @@ def render_reader(depsgraph, kept_images: dict[tuple, tuple] | None = None) -> S
     return SurfaceReader(depsgraph, warnings, groups=groups, kept_images=kept_images, categories=categories)
 
 
-def read_contents(depsgraph, surfaces: SurfaceReader, space=None) -> dict:
+def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -> dict:
     """The arguments of Scene, without the camera, for all that the depsgraph's view layer shows.
 
-    surfaces: a new reader, which is filled. space: the 3D viewport whose local view counts; None is a render.
+    surfaces: a new reader, which is filled. space: the 3D viewport whose local view counts; None is a render. camera:
+    see read_scene; it only tells how fine hair is.
     Raises SceneError as read_scene does.
     """
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     surfaces.ambient_temperature, surfaces.default = read_defaults(scene.infrared)
     warnings, lights, known, metres = surfaces.warnings, [], set(), metres_per_unit(scene)
     surfaces.metres = metres
-    for obj, matrix, visibility in _shown_instances(depsgraph, space):
-        if (
-            obj.type in ("MESH", "LIGHT", "VOLUME") and obj.name_full not in known
-        ):  # all instances of an object ask for the same
+    surfaces.pixel_size = _pixel_size(depsgraph, camera or scene.camera)
+    for instance, matrix, visibility in _shown_instances(depsgraph, space):
+        obj = instance.object
+        asks = obj.type in (*FACED, "LIGHT", "VOLUME")
+        if asks and obj.name_full not in known:  # all instances of an object ask for the same
             known.add(obj.name_full)
             for message in ignored_settings(obj, layer):
                 warnings.add(obj.name, message)
-        if message := left_out(obj):
+        if message := left_out_instance(instance):
             warnings.add(obj.name, message)
-        if obj.type == "MESH":  # curves, texts, metaballs and geometry nodes arrive here as meshes too
-            surfaces.add(obj, matrix, visibility)
+        if obj.type in FACED:
+            if instance.show_self:
+                surfaces.add(obj, matrix, visibility)
+            if instance.show_particles:
+                source = instance.instance_object or obj
+                surfaces.add_particle_hair(obj, matrix, source, not instance.show_self, visibility)
         elif obj.type == "VOLUME":
             surfaces.add_volume(obj, matrix)
         elif obj.type == "LIGHT":
@@ -111,18 +123,25 @@ def _surroundings(world) -> dict:
     return {"world_temperature": world_temperature(world)} if sky is None else {"sky": sky}
 
 
-def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.Object, np.ndarray, Visibility]]:
-    """The evaluated objects that are shown, once for each instance, their (4, 4) float64 matrices to the world, and
-    what the camera sees of them."""
+def _pixel_size(depsgraph, camera) -> PixelSize | None:
+    """The size of a pixel of a camera object anywhere, None without a camera that takes pictures."""
+    try:
+        return partial(pixel_size, read_camera(depsgraph, camera, Warnings()))
+    except SceneError:  # reported where the camera itself is needed
+        return None
+
+
+def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, np.ndarray, Visibility]]:
+    """The evaluated objects that are shown, or of which only hair is, once for each instance, their (4, 4) float64
+    matrices to the world, and what the camera sees of them."""
     layer = depsgraph.view_layer_eval
     for instance in depsgraph.object_instances:
-        obj = instance.object
-        if not instance.show_self:
+        if not (instance.show_self or instance.show_particles):
             continue
-        if space and not (instance.parent or obj).visible_in_viewport_get(space):
+        if space and not (instance.parent or instance.object).visible_in_viewport_get(space):
             continue
-        visibility = read_visibility(obj, instance.parent or obj, layer)
-        yield obj, np.array(instance.matrix_world, dtype=np.float64), visibility
+        visibility = read_visibility(instance.object, instance.parent or instance.object, layer)
+        yield instance, np.array(instance.matrix_world, dtype=np.float64), visibility
 
 
 def check_faces(layer, found: bool) -> None:

@@ -17,7 +17,9 @@ from .temperature_fields import TemperatureError, check_kelvin, sample_image
 from .warnings import Warnings
 
 NAME = "temperature"  # of the custom property and of the mesh attribute
-DOMAINS = {"POINT": "points", "CORNER": "corners", "FACE": "faces"}
+DOMAINS = {"POINT": "points", "CORNER": "corners", "FACE": "faces", "CURVE": "curves"}
+HAIR_WITHOUT = "its particle hair has "  # before "no temperature": that of the mesh does not count for the hair
+WITH_ATTRIBUTES = {"MESH", "CURVES", "POINTCLOUD"}  # types of objects whose data has attributes
 
 
 def usable_attribute(mesh):
@@ -33,7 +35,7 @@ def temperature_source(obj, depsgraph) -> str:
     mesh = obj.evaluated_get(depsgraph).data
     if has_image(obj, mesh):
         return "IMAGE"
-    if obj.type == "MESH" and usable_attribute(mesh):
+    if obj.type in WITH_ATTRIBUTES and usable_attribute(mesh):
         return "ATTRIBUTE"
     return "PROPERTY" if NAME in obj else "AMBIENT"
 
@@ -41,6 +43,8 @@ def temperature_source(obj, depsgraph) -> str:
 def has_image(obj, mesh) -> bool:
     """Whether an image gives the temperatures of an object with this data, which has coordinates for it. Which ones a
     curve or a text gets as a mesh is not known here."""
+    if obj.type in ("CURVES", "POINTCLOUD"):  # they have no coordinates
+        return False
     on_mesh = obj.type != "MESH" or mesh.is_editmode or render_uv_map(mesh) is not None
     return is_image(obj.get("temperature_image")) and on_mesh
 
@@ -100,7 +104,7 @@ def _is_clipped(obj) -> bool:
 
 def temperatures_without_image(obj, ambient: float) -> list[float]:
     """As object_temperatures, of an object without an image, or where it does not reach."""
-    values = attribute_temperatures(obj.data, obj.name) if obj.type == "MESH" else None
+    values = attribute_temperatures(obj.data, obj.name) if obj.type in WITH_ATTRIBUTES else None
     if values is None:
         return [read_temperature(obj, ambient, f"Object '{obj.name}'")]
     return [float(values.min()), float(values.max())]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,12 @@ from .groups import GroupReader, read_group
 from .materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
 from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
+from .objects import STRAND_TYPES
+from .spheres import Points
+from .strands import NO_LAYER, PixelSize, detail, path_systems, read_particle_hair, read_strands, triangles_of
+from .surface_temperature import HAIR_WITHOUT, usable_attribute
 from .textures import OWN_TEMPERATURE, TextureReader, joined, mirrored
+from .tubes import Strands
 from .visibility import SEEN, Visibility
 from .volumes import VolumeReader, is_gas_domain
 from .warnings import Warnings
@@ -31,7 +37,7 @@ class SurfaceReader:
         self,
         depsgraph,
         warnings: Warnings,
-        kept: dict[tuple[str, int], MeshData] | None = None,
+        kept: dict[tuple, MeshData | Strands | Points] | None = None,
         groups: GroupReader | None = None,
         kept_images: dict[tuple, tuple] | None = None,
         categories: Categories | None = None,
@@ -41,8 +47,10 @@ class SurfaceReader:
         """
         self.ambient_temperature, self.default = 0.0, Material()  # where nothing is set; scene_reader sets them
         self.override, self.warnings = depsgraph.view_layer_eval.material_override, warnings
-        self.meshes = {}  # address of the evaluated mesh -> MeshData
-        self.kept = {}  # (first object that has it, address) -> MeshData; another mesh may get the address later
+        # Address of the evaluated mesh -> MeshData; that of hair or points with "source" -> Strands or Points, with a
+        # level of detail -> MeshData
+        self.meshes = {}
+        self.kept = {}  # (first object that has it, *address) -> the same; another mesh may get the address later
         self._earlier = kept or {}
         self.indices = {}  # Blender's material (None: no material) -> index into materials
         self.materials: list[Material] = []
@@ -57,19 +65,54 @@ class SurfaceReader:
         self.vertex_count = 0
         self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
         self.matte_names = {"CryptoObject": [], "CryptoAsset": [], "CryptoMaterial": []}  # likewise
-        self.categories, self.instances = categories, []  # Labelled, of each object
+        self.categories, self.instances = categories, []  # Labelled, of each instance
+        self.instance_count, self.instance_numbers = 0, []  # from 1, of each entry of triangles
+        self._begins = False  # whether what is placed next belongs to a new instance
+        self.for_render = depsgraph.mode == "RENDER"
+        self.pixel_size: PixelSize | None = None  # which scene_reader sets if a camera tells it
 
     def add(self, obj, matrix: np.ndarray, visibility: Visibility = SEEN) -> None:
         """One object or instance; matrix: (4, 4) float64, object to world. visibility: of its surface, not of gases."""
         if is_gas_domain(obj):
             self.add_volume(obj, matrix)
             return
+        self._begins = True
         materials = self._slot_materials(obj)
-        mesh = self._mesh(obj, self.textures.layers(obj, materials))
+        layers = self.textures.layers(obj, materials)
+        if obj.type in STRAND_TYPES:
+            mesh = self._strands(obj, obj.data.as_pointer(), matrix, lambda: read_strands(obj, self.warnings))
+            mesh = replace(mesh, layers=dict.fromkeys(layers, NO_LAYER))
+        else:
+            mesh = self._mesh(obj, layers)
+        self._place(obj, mesh, materials, matrix, visibility)
+
+    def add_particle_hair(self, obj, matrix: np.ndarray, source, alone: bool, visibility: Visibility = SEEN) -> None:
+        """The particle hair of one object or instance; matrix, visibility: see add.
+
+        source: the evaluated object that has the particles. alone: whether the surface from which the hair grows is not
+        shown, so that it was not added before.
+        """
+        self._begins |= alone
+        if not any(path_systems(source, self.for_render)):
+            return
+        materials = self._slot_materials(obj)
+
+        def read():
+            return read_particle_hair(source, self.for_render, self.warnings)
+
+        mesh = self._strands(obj, source.as_pointer(), matrix, read)
+        layers = dict.fromkeys(self.textures.layers(obj, materials), NO_LAYER)
+        whose = HAIR_WITHOUT if usable_attribute(obj.data) else ""
+        self._place(obj, replace(mesh, layers=layers), materials, matrix, visibility, whose)
+
+    def _place(
+        self, obj, mesh: MeshData, materials: list, matrix: np.ndarray, visibility: Visibility, whose: str = ""
+    ) -> None:
+        """A mesh of an object, where a matrix (4, 4) takes it. whose: see _temperature."""
         if len(mesh.triangles) == 0:
             return
         vertices = _in_world_space(mesh.vertices, matrix, obj.name)
-        temperature = self._temperature(obj, mesh)
+        temperature = self._temperature(obj, mesh, whose)
         mesh = replace(mesh, slot=_known_slots(mesh.slot, materials))
         filled = np.array([is_medium(material) for material in materials])[mesh.slot]
         if filled.any():
@@ -96,8 +139,11 @@ class SurfaceReader:
         self.pass_indices["object_index"].append(obj.pass_index)
         self.matte_names["CryptoObject"].append(obj.name)
         self.matte_names["CryptoAsset"].append(_top_parent(obj).name)
-        if self.categories is not None:
-            self.instances.append(Labelled(obj.name, self.categories.of(obj)))
+        if self._begins:
+            self._begins, self.instance_count = False, self.instance_count + 1
+            if self.categories is not None:
+                self.instances.append(Labelled(obj.name, self.categories.of(obj)))
+        self.instance_numbers.append(self.instance_count)
         if self.groups is not None:
             self._check_group(obj, mesh)
             number = self.groups.number(obj, f"Object '{obj.name}'", temperature)
@@ -138,6 +184,22 @@ class SurfaceReader:
         if self.meshes.get(key) is not known:
             self.meshes[key] = self.kept[named] = known
         return known
+
+    def _strands(self, obj, address: int, matrix: np.ndarray, read: Callable[[], Strands | Points]) -> MeshData:
+        """The triangles of hair or points, in the space of their object; instances share them, see strands.detail.
+
+        address: of what read() reads.
+        """
+        source = self._once(obj, (address, "source"), read)
+        level, pixel = detail(source, matrix, self.pixel_size)
+        return self._once(obj, (address, level), lambda: triangles_of(source, pixel, obj.name))
+
+    def _once(self, obj, key: tuple, make: Callable):
+        """What an object's key stands for: what an earlier object or reader kept, or make()."""
+        named = obj.name_full, *key
+        known = self.meshes.get(key) or self._earlier.get(named)
+        self.meshes[key] = self.kept[named] = make() if known is None else known
+        return self.kept[named]
 
     def _read(self, obj, layers: set[str]) -> MeshData:
         if not obj.data.is_editmode:
@@ -182,7 +244,7 @@ class SurfaceReader:
     def labels(self, name: str) -> np.ndarray:
         """(m,) int32 Blender's 'object_index' or 'material_index' of each triangle, or its 'instance', from 1."""
         if name == "instance":
-            return np.repeat(np.arange(1, len(self.triangles) + 1, dtype=np.int32), list(map(len, self.triangles)))
+            return np.repeat(np.array(self.instance_numbers, np.int32), list(map(len, self.triangles)))
         return self._on_triangles(np.array(self.pass_indices[name], dtype=np.int32), name == "material_index")
 
     def mattes(self, kind: str) -> tuple[list[str], np.ndarray]:
@@ -220,13 +282,16 @@ class SurfaceReader:
             return {}
         return {"groups": self.groups.names, "group": np.concatenate(self.group_numbers), "world_group": of_world}
 
-    def _temperature(self, obj, mesh: MeshData) -> np.ndarray:
-        """(m,) or (m, 3) float32 K of an object's triangles, or of their corners."""
+    def _temperature(self, obj, mesh: MeshData, whose: str) -> np.ndarray:
+        """(m,) or (m, 3) float32 K of an object's triangles, or of their corners. whose: in messages, what of the
+        object has none."""
         if mesh.temperature is not None:
             return mesh.temperature
         if not self.textures.covers(obj, mesh.layers):
             if obj.get("temperature") is None:
-                self.warnings.add(obj.name, f"no temperature; the ambient {self.ambient_temperature:.5g} K counts")
+                self.warnings.add(
+                    obj.name, f"{whose}no temperature; the ambient {self.ambient_temperature:.5g} K counts"
+                )
             if remark := driver_remark(obj):
                 self.warnings.add(obj.name, remark)
         temperature = read_temperature(obj, self.ambient_temperature, f"Object '{obj.name}'")

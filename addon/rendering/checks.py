@@ -37,7 +37,13 @@ from ..reading.scene_reader import check_faces
 from ..reading.sensor import read_lag, read_response
 from ..reading.settings import read_defaults, read_settings
 from ..reading.shaders import changes_shapes, read_shader, unseen_message
-from ..reading.surface_temperature import temperature_source, temperatures_without_image
+from ..reading.strands import path_systems
+from ..reading.surface_temperature import (
+    HAIR_WITHOUT,
+    WITH_ATTRIBUTES,
+    temperature_source,
+    temperatures_without_image,
+)
 from ..reading.textures import TextureReader, with_mixed
 from ..reading.volumes import bad_values
 from ..reading.warnings import Warnings
@@ -294,7 +300,7 @@ def _ignored_checks(obj, infrared, view_layer) -> list[Check]:
         messages += ignored_settings(obj, view_layer)
     if obj.type == "LIGHT" and infrared.group_exr_path and obj.get("temperature_group"):
         messages.append(UNGROUPED_LIGHT)
-    if obj.type == "MESH":
+    if obj.type in WITH_ATTRIBUTES:
         messages.append(attribute_problem(obj.evaluated_get(_evaluated(view_layer)).data))
     return [Check("WARNING", f"{_owner(obj)}: {message}") for message in messages if message]
 
@@ -311,8 +317,10 @@ def _temperature_checks(obj, infrared, view_layer) -> list[Check]:
     if obj.type not in SURFACE_TYPES:
         return []
     source = temperature_source(obj, _evaluated(view_layer))
+    ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
+    if obj.get("temperature") is None and source == "ATTRIBUTE" and any(path_systems(obj, render=True)):
+        return [Check("HINT", f"Object '{obj.name}': {HAIR_WITHOUT}no temperature; {ambient}")]
     if obj.get("temperature") is None and source == "AMBIENT":
-        ambient = f"the ambient {infrared.ambient_temperature:.5g} K counts"
         if holds_gas(obj, view_layer):
             return [Check("WARNING", f"Object '{obj.name}': its gas has no temperature; {ambient}")]
         return [Check("HINT", f"Object '{obj.name}': no temperature; {ambient}")]

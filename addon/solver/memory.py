@@ -85,8 +85,9 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     """
     temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1), scene.images_of_temperature)
     rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
+    triangles = len(scene.triangles), scene.corner_normals is not None, scene.hidden is not None
     parts = {
-        "geometry": _bytes_of_triangle(scene) * len(scene.triangles),
+        "geometry": memory_of_triangles(*triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
         "textures": bytes_of_textures(scene.textures),
         "grids": sum(memory_of_grids(scene.media).values()),
@@ -96,8 +97,10 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     return _images_of(scene, copies) | parts | again
 
 
-def _bytes_of_triangle(scene: Scene) -> float:
-    return 560.0 + (0.0 if scene.corner_normals is None else 76.0) + (0.0 if scene.hidden is None else 200.0)
+def memory_of_triangles(count: int, smooth: bool = False, hidden: bool = False) -> float:
+    """Bytes of the geometry of so many triangles. smooth: whether some are shaded smooth. hidden: whether the camera
+    does not see some."""
+    return (560.0 + 76.0 * smooth + 200.0 * hidden) * count
 
 
 def memory_of_passes(

@@ -12,7 +12,8 @@ from ..properties import initial_value, property_label
 from ..reading.custom_properties import describe, is_number
 from ..reading.images import is_image
 from ..reading.media import is_medium
-from ..reading.objects import SURFACE_TYPES
+from ..reading.objects import STRAND_TYPES, SURFACE_TYPES
+from ..reading.strands import path_systems
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
 from ..reading.world import SKY_KEYS
 from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, settings_checks
@@ -235,15 +236,18 @@ class INFRARED_PT_object(InfraredPanel, Panel):
         source = temperature_source(obj, context.view_layer.depsgraph)
         column = self.column()
         row = column.row(align=True)
-        row.active = source not in ("IMAGE", "ATTRIBUTE")
+        row.active = source not in ("IMAGE", "ATTRIBUTE") or any(path_systems(obj, render=True))
         ambient = f"{in_scene_unit(scene.infrared.ambient_temperature, scene)} (ambient)"
         draw_custom_property(row, obj, "OBJECT", "temperature", ambient)
         row.menu("INFRARED_MT_object_temperatures", text="", icon="DOWNARROW_HLT")
         if holds_gas(obj, context.view_layer):
             draw_custom_property(column, obj, "OBJECT", "pressure", "101325 Pa (1 atm)")
         if obj.type in SURFACE_TYPES:
-            draw_image(column, obj, "OBJECT", "temperature_image")
-            column.operator("infrared.temperature_image", text="Temperature Image...", icon="IMAGE_DATA")
+            if obj.type not in STRAND_TYPES:
+                draw_image(column, obj, "OBJECT", "temperature_image")
+                column.operator("infrared.temperature_image", text="Temperature Image...", icon="IMAGE_DATA")
+            elif source == "ATTRIBUTE":
+                column.label(text="The attribute 'temperature' counts", icon="CURVES_DATA")
             draw_group(column, obj, "OBJECT", scene)
         if obj.type == "MESH":
             self.draw_surface(column, obj, source)

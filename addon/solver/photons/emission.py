@@ -10,6 +10,7 @@ from ..geometry.interaction import LEAST_COSINE, emit_at, emit_towards, leave
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
 from ..geometry.surfaces import unit_normal
+from ..geometry.textures import row_of
 from ..physics.sky import (
     SkyCells,
     build_sky_cells,
@@ -25,7 +26,7 @@ from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
-from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
+from ..system.kernels import FAST_INLINED, FAST_KERNEL, INLINED, njit
 from .cells import EmissionCells, build_cells, choose_point, no_cells
 from .lights import SUN, LightTable, light_ray, light_totals, no_lights
 from .walk import collect
@@ -120,19 +121,30 @@ def side_power(stage: Stage, area: np.ndarray) -> tuple[np.ndarray, EmissionCell
 
 @njit(cache=True, nogil=True)
 def _side_power(stage, area):
-    power = np.empty(area.size)
+    surfaces, power = stage.surfaces, np.empty(area.size)
     value = np.empty(stage.radiometry.reference.size)
-    samples = 4 if stage.surfaces.temperature.shape[1] == 3 else 1
+    samples = 4 if surfaces.temperature.shape[1] == 3 else 1
+    before, total = -1, 0.0  # the triangle whose emission in all bands is known, and that emission
     for t in range(area.size):
-        total = 0.0
-        for sample in range(samples):
-            u = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 2 else 0.0)
-            v = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 3 else 0.0)
-            fill_emission(stage, emit_at(stage.surfaces, 2 * t, u, v, 2.0 / 3.0), value)
-            for b in range(value.size):
-                total += abs(value[b])
+        if before < 0 or samples > 1 or not _emit_alike(surfaces, before, t):
+            total = 0.0
+            for sample in range(samples):
+                u = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 2 else 0.0)
+                v = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 3 else 0.0)
+                fill_emission(stage, emit_at(surfaces, 2 * t, u, v, 2.0 / 3.0), value)
+                for b in range(value.size):
+                    total += abs(value[b])
+            before = t
         power[t] = math.pi * area[t] * total / samples
     return power
+
+
+@njit(**INLINED)
+def _emit_alike(surfaces, s, t):
+    """Whether two triangles of one temperature each surely emit the same: neighbours in a mesh mostly do."""
+    textures = surfaces.textures
+    same = surfaces.material[s] == surfaces.material[t] and surfaces.temperature[s, 0] == surfaces.temperature[t, 0]
+    return same and row_of(textures, s) < 0 and row_of(textures, t) < 0
 
 
 def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: int, kelvin: float) -> Surroundings:
@@ -191,9 +203,11 @@ def build_emitters(
     area: (t,) float64, m2. emission: see side_power. lamps: see planning.lamps.
     """
     power, cells = emission
-    sky_area = (area[:, None] * reach.arrival).ravel()
-    sky = np.flatnonzero(sky_area > 0).astype(np.int32) if surroundings.flux > 0 else np.empty(0, np.int32)
-    sky_power = surroundings.flux * sky_area[sky]
+    sky_power, sky = np.empty(0), np.empty(0, np.int32)
+    if surroundings.flux > 0:
+        sky_power = (area[:, None] * reach.arrival).ravel()
+        sky = np.flatnonzero(sky_power > 0).astype(np.int32)
+        sky_power = surroundings.flux * sky_power[sky]
     light_total = light_totals(lights)
     surface_power, reachable = power[:, None] * reach.weight, reach.reachable
     hidden, others = surface_power[~reachable].sum(), surface_power[reachable].sum() + light_total.sum()
@@ -209,8 +223,10 @@ def build_emitters(
         sky_chosen = sky_power * math.sqrt(reach.openness)
     else:
         sky_chosen = sky_power * (_SKY_DEFENSIVE * others / sky_power.sum() if others > 0 and sky.size else 1.0)
-    chosen = np.concatenate((surface_power[surface], sky_chosen, light_total))
-    cumulative = np.concatenate(([0.0], np.cumsum(chosen)))
+    cumulative = np.zeros(len(surface) + len(sky) + len(light_total) + 1)
+    chosen = cumulative[1:]
+    np.concatenate((surface_power[surface], sky_chosen, light_total), out=chosen)
+    np.cumsum(chosen, out=chosen)
     if cumulative[-1] > 0:
         cumulative /= cumulative[-1]
     caustic, aimed = lamps.caustic.ravel()[surface], lamps.density.ravel()[surface]

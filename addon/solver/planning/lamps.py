@@ -130,7 +130,7 @@ def build_lamps(
         lights = with_sky(lights, 4.0 * math.pi * surroundings.cells.mean * bright / bright.sum())
     side_id = np.flatnonzero((side_power[:, None] * pilot.reachable).ravel()).astype(np.int32)
     # in the order of a Morton curve: points at equal steps along this curve lie all around a lamp
-    side_id = side_id[morton_order(centroids(surfaces.corners[side_id >> 1]))]
+    side_id = side_id[morton_order(centroids(surfaces.corners)[side_id >> 1])]
     power = np.concatenate((side_power[side_id >> 1], light_totals(lights)))
     label = surfaces.sheet.ravel()[side_id]
     kelvin = surfaces.temperature[side_id >> 1].mean(axis=1)
@@ -138,7 +138,8 @@ def build_lamps(
     sign[label] = np.sign(kelvin - stage.radiometry.quiet)
     need, visible, met, hidden = _need(surfaces, tracer, emission, side_id, pilot, sign)
     chance = power * np.concatenate((need[label], _light_need(lights, surroundings.cells, pilot)))
-    cumulative = np.concatenate(([0.0], np.cumsum(chance)))
+    cumulative = np.zeros(len(chance) + 1)
+    np.cumsum(chance, out=cumulative[1:])
     if cumulative[-1] > 0.0:
         cumulative /= cumulative[-1]
     chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))

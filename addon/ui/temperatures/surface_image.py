@@ -11,7 +11,7 @@ from ...heat_settings import in_scene_unit
 from ...interface import redraw, temperature_property
 from ...properties import ROOM_TEMPERATURE, set_custom_property
 from ...reading.images import is_image, temperature_range
-from ...reading.objects import SURFACE_TYPES
+from ...reading.objects import STRAND_TYPES, SURFACE_TYPES
 from ...reading.textures import TextureReader
 from ...reading.warnings import Warnings
 from ...solver.scene import SceneError
@@ -37,7 +37,7 @@ class INFRARED_OT_temperature_image(ImageLookup, Operator):
     @classmethod
     def poll(cls, context):
         obj = context.object
-        if obj is None or obj.type not in SURFACE_TYPES or not obj.is_editable:
+        if obj is None or obj.type not in SURFACE_TYPES - STRAND_TYPES or not obj.is_editable:
             cls.poll_message_set("There is no editable object with a surface here")
             return False
         return True

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What hair costs: a head with hair of 0.08 mm against the same head without, in a room.
+
+    python -m tests.benchmarks.hair [--hairs N] [--width PIXELS] [--passes N] [--photons N]
+
+Prints Markdown: times of reading Blender's scene, of the preparation and of a pass (the median), processor time of all
+threads in s; the triangles; and the ratio of whole renders.
+"""
+
+import argparse
+import time
+from typing import NamedTuple
+from unittest.mock import patch
+
+import bpy
+import numpy as np
+
+from addon.reading import scene_reader
+from addon.solver import Settings, render
+from addon.solver import passes as pass_loop
+from docs.tools.blender import registered
+from tests.helpers.blender import camera, link, material, read_as_rendered
+from tests.helpers.process import resident
+
+POINTS = 8  # of a hair
+RADIUS, HEAD = 4e-5, 0.09  # m, of a hair and of the head
+MEASURED = 100  # passes of a render, to which the ratio in the last column belongs
+
+
+class Cost(NamedTuple):
+    """Processor times of all threads in s; peak: largest resident memory of the process, MB."""
+
+    triangles: int
+    read: float
+    prepare: float
+    one_pass: float
+    peak: float
+
+    def render(self, passes: int) -> float:
+        """Of a render of so many passes."""
+        return self.read + self.prepare + passes * self.one_pass
+
+
+def curls(count):
+    """Points (n, POINTS, 3) of hairs on the upper half of a head: they rise, and fall in a wave."""
+    index = np.arange(count) + 0.5
+    z = index / count  # even on the upper half of a sphere
+    turn = np.pi * (1.0 + 5.0**0.5) * index
+    out = np.column_stack((np.sqrt(1.0 - z**2) * np.cos(turn), np.sqrt(1.0 - z**2) * np.sin(turn), z))
+    along = np.linspace(0.0, 1.0, POINTS)[:, None]
+    fall = np.array([0.0, 0.0, -0.12]) * along**2
+    wave = 0.004 * np.sin(9.0 * along + 20.0 * turn[:, None, None]) * np.cross(out, (0.0, 0.0, 1.0))[:, None]
+    return HEAD * out[:, None] + 0.05 * along * out[:, None] + fall + along * wave
+
+
+def build(hairs, width):
+    """A head of 307 K in a room of 293 K, seen from 0.7 m; its hair of 300 K."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    view = camera((0.0, -0.7, 0.1), width, width * 3 // 4)
+    view.rotation_euler = 1.45, 0.0, 0.0
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64, radius=HEAD)
+    head = bpy.context.object
+    head["temperature"] = 307.0
+    head.data.materials.append(material("Skin", emissivity=0.98))
+    bpy.ops.mesh.primitive_cube_add(size=4.0)
+    bpy.context.object["temperature"] = 293.0
+    bpy.context.object.data.materials.append(material("Walls", emissivity=0.9))
+    if hairs:
+        curves = bpy.data.hair_curves.new("Hair")
+        curves.add_curves([POINTS] * hairs)
+        points = curls(hairs).astype(np.float32)
+        curves.attributes["position"].data.foreach_set("vector", points.ravel())
+        radius = np.full(hairs * POINTS, RADIUS, np.float32)
+        curves.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", radius)
+        curves.materials.append(material("Hair", emissivity=0.95))
+        link("Hair", curves, temperature=300.0)
+
+
+def measure(hairs, options):
+    build(hairs, options.width)
+    reading, real = [], scene_reader.read_scene
+
+    def timed(*arguments):
+        begin = time.process_time()
+        found = real(*arguments)
+        reading.append(time.process_time() - begin)
+        return found
+
+    with patch.object(scene_reader, "read_scene", timed):
+        ((scene, _),) = read_as_rendered().values()
+    marks = [time.process_time()]
+    as_ever = pass_loop.prepare
+
+    def prepare(*inputs):
+        model = as_ever(*inputs)
+        marks.append(time.process_time())
+        return model
+
+    with patch.object(pass_loop, "prepare", prepare):
+        settings = Settings(passes=options.passes, photons_per_pass=options.photons)
+        render(scene, settings, lambda film: marks.append(time.process_time()))
+    spent = np.diff(marks)
+    return Cost(len(scene.triangles), reading[0], spent[0], np.median(spent[1:]), resident("VmHWM") / 1e6)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hairs", type=int, default=100_000)
+    parser.add_argument("--width", type=int, default=640)
+    parser.add_argument("--passes", type=int, default=5, help="that are measured")
+    parser.add_argument("--photons", type=int, default=100_000)
+    options = parser.parse_args()
+    with registered():
+        measure(10, argparse.Namespace(width=32, passes=1, photons=1000))  # loads the kernels
+        bald, hairy = measure(0, options), measure(options.hairs, options)
+    print("| hairs | triangles | read, s | prepare, s | pass, s | 100 passes, s | peak, MB |\n" + "|--:" * 7 + "|")
+    for hairs, cost in ((0, bald), (options.hairs, hairy)):
+        times = f"{cost.read:.2f} | {cost.prepare:.2f} | {cost.one_pass:.2f} | {cost.render(MEASURED):.0f}"
+        print(f"| {hairs:,} | {cost.triangles:,} | {times} | {cost.peak:.0f} |")
+    ratio = hairy.render(MEASURED) / bald.render(MEASURED)
+    print(f"\nHairy over bald: {hairy.one_pass / bald.one_pass:.2f} a pass, {ratio:.2f} for {MEASURED} passes.")
+
+
+if __name__ == "__main__":
+    main()
