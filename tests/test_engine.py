@@ -470,7 +470,7 @@ def test_a_path_beside_an_unsaved_file_is_an_error_before_the_first_pass(tmp_pat
     """Blender takes it for one in the folder that the process was started in."""
     wall(300.0)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(final_render, "read_scene", lambda *_: pytest.fail("It is told too late"))
+    monkeypatch.setattr(final_render, "read_moving_scene", lambda *_: pytest.fail("It is told too late"))
     setattr(bpy.context.scene.infrared, name, "//bands")
     assert "Save the file first: '//bands' starts at its folder" in failed_render(tmp_path)
     assert not list(tmp_path.iterdir())

@@ -135,7 +135,7 @@ def test_a_render_that_needs_too_much_memory_is_refused(infrared, monkeypatch):
 @pytest.fixture
 def untouched(monkeypatch):
     """The scene's reader and Blender's own images must not be reached."""
-    for name in ("read_scene", "_render"):
+    for name in ("read_moving_scene", "_render"):
         monkeypatch.setattr(final_render, name, Mock(side_effect=AssertionError(f"{name} was called")))
 
 
@@ -158,7 +158,7 @@ def test_what_blender_keeps_of_view_layers_and_passes_counts(infrared, untouched
     scene.render.resolution_x = scene.render.resolution_y = 4000
     foreseen, _ = final_render.images_beforehand(scene.render, 3, final_render.IMAGE_COPIES)
     monkeypatch.setattr(memory, "available_memory", lambda: sum(foreseen.values()))
-    assert "read_scene was called" in failed_render()  # it fits
+    assert "read_moving_scene was called" in failed_render()  # it fits
     if more == "view layer":
         scene.view_layers.new("Second")
     else:
@@ -178,7 +178,7 @@ def test_the_frame_around_a_render_region_counts(infrared, untouched, monkeypatc
     assert "This render of 10 x 10 pixels of 10,000 x 10,000 and 3 bands needs about 2.0 GB" in message
     assert "crop to the render region" in message
     render.use_crop_to_border = True
-    assert "read_scene was called" in failed_render()
+    assert "read_moving_scene was called" in failed_render()
 
 
 def test_a_mesh_too_large_is_refused_before_blender_takes_room(infrared, monkeypatch):
@@ -434,9 +434,10 @@ def assert_between_the_coldest_and_the_hottest(scene, radiance, temperature, noi
     weights, edges = band_weights(scene.response, scene.band_edges), scene.band_edges
     around = scene.world_temperature if scene.sky is None else scene.sky.kelvin.ravel()
     kelvin = np.append(scene.temperature.ravel().astype(float), around)
-    (lamp,) = scene.lights
-    shining = lamp.power * light_spectrum(lamp, edges) / (4.0 * np.pi**2 * lamp.radius**2)  # of a Lambertian sphere
-    most = weights @ (band_radiance(edges, kelvin.max()) + shining)
+    most = weights @ band_radiance(edges, kelvin.max())
+    for lamp in scene.lights:  # none if it is dark
+        shining = lamp.power * light_spectrum(lamp, edges) / (4.0 * np.pi**2 * lamp.radius**2)  # of a Lambertian sphere
+        most += weights @ shining
     least = weights @ band_radiance(edges, kelvin.min())
     low, high = apparent_temperature(np.array([least, most]), edges, weights)
     assert np.all(radiance >= 0) and np.all(noise >= 0), values

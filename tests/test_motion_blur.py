@@ -13,6 +13,7 @@ from addon.solver.checkpoint import CheckpointError, load, read  # noqa: E402
 from addon.solver.moments import at_moment  # noqa: E402
 from addon.solver.physics.spectrum import band_radiance  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material  # noqa: E402
+from tests.helpers.blender import read as read_rendered  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")
 
@@ -188,7 +189,7 @@ def test_a_mesh_that_deforms_changes_its_topology_and_appears(infrared):
         other.hide_render = hidden
         other.keyframe_insert("hide_render", frame=frame)
     bpy.context.scene.frame_set(1)
-    scene = read_moving()
+    scene = read_rendered()[0]
     counts = {len(at_moment(scene, moment).triangles) for moment in scene.moments}
     assert len(counts) >= 2
     found = share(render())
@@ -196,37 +197,15 @@ def test_a_mesh_that_deforms_changes_its_topology_and_appears(infrared):
     assert found[np.abs(columns() - 3.0) < 0.4] == pytest.approx(0.5, abs=1e-3)  # there from frame 1 on
 
 
-def read_moving():
-    """The scene that a render reads."""
-    from addon.reading.motion import read_moving_scene
-
-    found = []
-
-    class ProbeEngine(bpy.types.RenderEngine):
-        bl_idname, bl_label = "INFRARED_PROBE", "Probe"
-
-        def render(self, depsgraph):
-            found.append(read_moving_scene(self, depsgraph)[0])
-
-    bpy.utils.register_class(ProbeEngine)
-    try:
-        bpy.context.scene.render.engine = "INFRARED_PROBE"
-        bpy.ops.render.render()
-    finally:
-        bpy.utils.unregister_class(ProbeEngine)
-        bpy.context.scene.render.engine = "INFRARED_PHOTONS"
-    return found[0]
-
-
 def test_what_is_read_is_small(infrared):
     """Of what moves only the moved rows are kept; what stands still is kept once."""
-    scene = read_moving()
+    scene = read_rendered()[0]
     assert len(scene.moments) == STEPS
     for moment in scene.moments:
         assert [change.part for change in moment] == ["vertices"]
     cube = bpy.data.objects["Cube"]
     cube.animation_data_clear()
-    assert read_moving().moments == ()
+    assert read_rendered()[0].moments == ()
 
 
 def test_an_error_at_another_time_names_it(infrared):
@@ -272,11 +251,11 @@ def test_a_checkpoint_of_other_times_is_refused(infrared, tmp_path):
 
     infrared.film_path = str(tmp_path / "kept.npz")
     render()
-    settings, scene = read_settings(infrared), read_moving()
+    settings, scene = read_settings(infrared), read_rendered()[0]
     assert load(tmp_path / "kept.npz", scene, settings).passes == STEPS
     bpy.context.scene.render.motion_blur_shutter = 0.25
     with pytest.raises(CheckpointError, match="moments differ"):
-        load(tmp_path / "kept.npz", read_moving(), settings)
+        load(tmp_path / "kept.npz", read_rendered()[0], settings)
 
 
 def test_times_of_a_picture(infrared):

@@ -155,7 +155,7 @@ def test_the_panel_shows_the_response(infrared, sensor):
     with patch("addon.ui.checks.draw_checks") as drawn:
         INFRARED_PT_sensor.draw_settings(None, column, infrared)
     shown = [call.args[1] for call in column.prop.call_args_list]
-    assert shown == ["sensor"]
+    assert shown == ["sensor", "sensor_lag"]
     assert column.template_icon.called == (sensor != "BOX")
     assert [check.level for check in drawn.call_args.args[1]] == {"INSB": ["ERROR"], "HGCDTE": ["WARNING"]}.get(
         sensor, []

@@ -55,9 +55,8 @@ def ranked(samples: np.ndarray, ids: np.ndarray, levels: int) -> np.ndarray:
     sorted_samples = np.sort(samples, axis=0)
     new = np.ones(samples.shape, bool)
     new[1:] = sorted_samples[1:] != sorted_samples[:-1]
-    place = (
-        np.cumsum(new, axis=0) - 1 + count * np.arange(pixels)
-    )  # of what a sample sees, among all that its pixel does
+    # of what a sample sees, among all that its pixel does
+    place = np.cumsum(new, axis=0) - 1 + count * np.arange(pixels)
     covered = np.bincount(place.ravel(), minlength=count * pixels).reshape(pixels, count)
     seen = np.zeros(pixels * count, np.int64)
     seen[place] = sorted_samples

@@ -12,7 +12,6 @@ from itertools import chain
 
 import numpy as np
 
-from ..solver.memory import check_memory, memory_of_triangles
 from .arrays import read_values
 from .meshes import MeshData, attribute_problem
 from .spheres import Points, face_count, levels_of, solids
@@ -33,9 +32,7 @@ from .tubes import (
 from .warnings import Warnings
 
 CURVES_RADIUS, POINT_RADIUS = 0.005, 0.01  # where the attribute is missing, units; as in Cycles
-ROUNDING = (
-    0.25  # of what hairs may be off the curves through their points, where they are rounded; then they are thinned
-)
+ROUNDING = 0.25  # share of what hairs may be off in which they are rounded; in the rest they are thinned
 MOST_PIECES = 500_000  # into which the hair of an object is cut for the sake of speed alone
 WIDEST, FEW = 0.25, 1000  # see `simplified`
 NO_LAYER = "hair and points have no UV map and no attributes but radius and temperature"  # for users
@@ -129,6 +126,8 @@ def _picks(share: np.ndarray) -> np.ndarray:
 
 
 def _check_memory(count: int, of: str, owner: str) -> None:
+    from ..solver.memory import check_memory, memory_of_triangles  # here, as it needs Numba
+
     check_memory({"geometry": memory_of_triangles(count)}, f"Object '{owner}' has {of}, {count:,} triangles: it alone")
 
 

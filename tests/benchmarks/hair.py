@@ -15,7 +15,7 @@ from unittest.mock import patch
 import bpy
 import numpy as np
 
-from addon.reading import scene_reader
+from addon.reading import motion
 from addon.solver import Settings, render
 from addon.solver import passes as pass_loop
 from docs.tools.blender import registered
@@ -78,7 +78,7 @@ def build(hairs, width):
 
 def measure(hairs, options):
     build(hairs, options.width)
-    reading, real = [], scene_reader.read_scene
+    reading, real = [], motion.read_scene
 
     def timed(*arguments):
         begin = time.process_time()
@@ -86,7 +86,7 @@ def measure(hairs, options):
         reading.append(time.process_time() - begin)
         return found
 
-    with patch.object(scene_reader, "read_scene", timed):
+    with patch.object(motion, "read_scene", timed):
         ((scene, _),) = read_as_rendered().values()
     marks = [time.process_time()]
     as_ever = pass_loop.prepare

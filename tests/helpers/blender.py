@@ -65,16 +65,17 @@ def read_as_rendered():
 
     Blender runs a stand-in engine, so that hide_render, render modifiers and view layers count as they do with F12.
     """
-    from addon.reading.scene_reader import SceneError, read_scene
+    from addon.reading.motion import read_moving_scene
+    from addon.reading.scene_reader import SceneError
 
-    results = {}
+    results, before = {}, bpy.context.scene.render.engine
 
     class ProbeEngine(bpy.types.RenderEngine):
         bl_idname, bl_label = "INFRARED_PROBE", "Probe"
 
         def render(self, depsgraph):
             try:
-                results[depsgraph.view_layer_eval.name] = read_scene(depsgraph)
+                results[depsgraph.view_layer_eval.name] = read_moving_scene(self, depsgraph)[:2]
             except SceneError as error:
                 results[depsgraph.view_layer_eval.name] = error
 
@@ -84,6 +85,7 @@ def read_as_rendered():
         bpy.ops.render.render()
     finally:
         bpy.utils.unregister_class(ProbeEngine)
+        bpy.context.scene.render.engine = before
     return results
 
 
