@@ -125,6 +125,8 @@ def pairs(arguments: Sequence[str]) -> int:
 
 
 def register():
+    if not {"-c", "--command"} & set(sys.argv):
+        return  # nobody can ask for them; and with more than four commands Blender 4.5 speaks of a leak when it ends
     commands = {"infrared_passes": render_passes, "infrared_merge": merge, "infrared_pairs": pairs}
     for name, command in commands.items():
         _handles.append(bpy.utils.register_cli_command(name, command))

@@ -63,7 +63,7 @@ def test_the_untouched_scene_says_that_its_sky_is_missing_and_shows_more_than_tw
 
 
 def drawing():
-    pencils = getattr(bpy.data, "grease_pencils_v3", None) or bpy.data.grease_pencils
+    pencils = bpy.data.grease_pencils_v3 if hasattr(bpy.data, "grease_pencils_v3") else bpy.data.grease_pencils
     link("Sketch", pencils.new("Sketch"))
 
 
