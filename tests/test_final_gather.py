@@ -411,7 +411,7 @@ def plate_against_a_wall(caustic):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("caustic", [False, True])
+@pytest.mark.parametrize("caustic", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_corner_is_not_blurred_by_what_rays_recall(caustic, monkeypatch):
     """On both sides of a crease, in the rows of pixels next to it, rays end within the disks of the photons that they
     ask. The first passes agree with passes whose disks are a tenth as wide, which would not do without going on.

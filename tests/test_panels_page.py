@@ -222,7 +222,7 @@ def test_every_setting_is_on_the_page():
 
 def test_every_picture_is_there():
     pictures = re.findall(r"\((images/panel-[\w-]+\.png)\)", PAGE)
-    assert len(pictures) == len(set(pictures)) == 11
+    assert len(pictures) == len(set(pictures)) == 12
     assert all((DOCS / picture).is_file() for picture in pictures)
 
 

@@ -217,9 +217,7 @@ class INFRARED_PT_ray_visibility(InfraredPanel, Panel):
         return super().poll(context) and obj is not None and (obj.type in SURFACE_TYPES or instances)
 
     def draw(self, context):
-        column = self.column()
-        column.prop(context.object, "visible_camera", text="Camera")
-        column.prop(context.object, "is_holdout", text="Holdout")
+        self.column().prop(context.object, "visible_camera", text="Camera")
 
 
 class INFRARED_PT_object(InfraredPanel, Panel):

@@ -20,8 +20,10 @@ from tests.real_blender.story import tell
 
 OURS = "INFRARED_PT_"
 KEPT = {"DATA_PT_lens"}  # one of ours is inside
+HOLDING = {"OBJECT_PT_visibility"}  # likewise, and closed unless it is opened like ours
 # Too long for one picture with the others, where they are closed: in pictures of their own, with what holds them.
 APART = {
+    "motion": ("INFRARED_PT_motion_blur", "INFRARED_PT_film"),
     "heat-display": ("INFRARED_PT_heat_display",),
     "detector": ("INFRARED_PT_sensor", "INFRARED_PT_detector"),
     "object-parameters": ("INFRARED_PT_object_parameters",),
@@ -56,7 +58,8 @@ def leave_only_our_panels():
     panels = [cls for cls in panels if getattr(cls, "bl_region_type", "") in ("WINDOW", "UI")]
     hide(cls for cls in panels if cls.__name__ not in KEPT)
     defined = bpy.types.Panel.__subclasses__()  # in the order in which the add-on registers them
-    ours = sorted((cls for cls in panels if cls.__name__.startswith(OURS)), key=defined.index)
+    ours = [cls for cls in panels if cls.__name__.startswith(OURS) or cls.__name__ in HOLDING]
+    ours.sort(key=defined.index)
     apart = [cls for cls in ours if any(cls.__name__ in names for names in APART.values())]
     show(ours, closed=[*apart, *(cls for cls in ours if cls.__name__ in CLOSED)])
     return ours, apart
