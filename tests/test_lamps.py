@@ -292,7 +292,7 @@ FLUSH = {  # lights that shine down, by their height (m)
 }
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize("light", FLUSH)
 def test_light_flush_with_a_ceiling(light, turned):
     """It lights the room as one a millimetre lower does, to about that part of the room's height."""
@@ -650,7 +650,7 @@ def test_photons_and_shadow_rays_together_are_the_irradiance(monkeypatch):
     assert abs(total.mean() - truth) < 4 * error + LINEAR * truth
 
 
-@pytest.mark.parametrize("roughness", [0.15, 0.4, 0.8])
+@pytest.mark.parametrize("roughness", [0.15, pytest.param(0.4, marks=pytest.mark.long), 0.8])
 def test_rough_lobe_beside_a_hot_ball(roughness):
     """Rays of the lobe and shadow rays share the light of a ball that a rough plate shows, against a path tracer that
     knows rays of the lobe alone: each half of the picture, to 4 standard errors of both."""

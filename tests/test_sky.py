@@ -109,7 +109,9 @@ def irradiance(sky, normal, count=60_000):
 
 
 @pytest.mark.parametrize("sky", LIT.values(), ids=LIT)
-@pytest.mark.parametrize("tilt", [0.0, 60.0, 90.0, 135.0, 180.0])
+@pytest.mark.parametrize(
+    "tilt", [0.0, pytest.param(60.0, marks=pytest.mark.long), 90.0, 135.0, pytest.param(180.0, marks=pytest.mark.long)]
+)
 def test_irradiance_on_plates(sky, tilt):
     """Reflected by a tilted plate into the camera, in each band: within .1 % and 4 standard errors of quadrature."""
     angle = np.radians(tilt)
