@@ -139,7 +139,14 @@ def test_the_world_is_filled_to_its_depth():
     assert seen(wall) == pytest.approx(truth, rel=4e-6)
 
 
-@pytest.mark.parametrize("settings", [{}, {"reference_subtraction": False}, {"reference_temperature": 400.0}])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"reference_subtraction": False},
+        pytest.param({"reference_temperature": 400.0}, marks=pytest.mark.long),
+    ],
+)
 def test_an_isothermal_room_is_black(settings):
     """Grey, mirror and rough walls with gas in a part of the room and everywhere, at one temperature: each pixel has
     the radiance of a blackbody, by the subtraction exactly, else within 5 of its errors (48 pixels) and the mean within

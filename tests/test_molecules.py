@@ -330,7 +330,14 @@ def test_passes_are_the_mean_of_drawn_exponentials():
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("settings", [{}, {"reference_subtraction": False}, {"reference_temperature": 400.0}])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"reference_subtraction": False},
+        pytest.param({"reference_temperature": 400.0}, marks=pytest.mark.long),
+    ],
+)
 def test_an_isothermal_room_is_black(settings):
     """Grey, mirror and rough walls, air and a plume of one temperature: by the subtraction exactly, else the mean
     within 4 standard errors; what is drawn has no part in it."""
