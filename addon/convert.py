@@ -22,9 +22,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from .output.formats import numbered
+from .solver.physics.humidity import FREEZING
 from .solver.system.files import replacing
 
-ZERO_CELSIUS = 273.15  # K
 USUAL_FIELDS = ("temperature", "temp", "t", "nt11")  # in lower case; Abaqus has the last one
 MESHIO_MISSING = "meshio is missing: install it into this Python by 'pip install meshio[all]'"
 NO_CGNS_FIELDS = "meshio reads no fields of CGNS files; save them as VTU, with ParaView for one"
@@ -181,7 +181,7 @@ def surface_of(step: Step, field: str | None = None, celsius: bool = False, scal
     else:
         used, numbers = corners, np.arange(len(corners))
         kelvin = np.concatenate([np.repeat(values[owner], faces.shape[1]) for faces, owner in skin])
-    kelvin = kelvin + ZERO_CELSIUS if celsius else kelvin
+    kelvin = kelvin + FREEZING if celsius else kelvin
     _check(kelvin, name, celsius)
     points = np.zeros((len(used), 3), np.float32)
     points[:, : step.points.shape[1]] = np.asarray(step.points, np.float64)[used] * scale

@@ -120,16 +120,16 @@ def test_the_command_writes_a_series(scene, tmp_path, capsys):
     table = tmp_path / "series.csv"
     table.write_text("frame,engine,sky\n10,300,250\n11,400,260\n")
     arguments = [str(tmp_path / "groups.exr"), str(tmp_path / "new####.exr"), "--series", str(table)]
-    assert temperature_groups.command([*arguments, "--pictures"]) == 0
+    assert temperature_groups.recombine_by_command([*arguments, "--pictures"]) == 0
     assert "2 images written, the last one to" in capsys.readouterr().out
     written = {f"new00{number}.{ending}" for number in (10, 11) for ending in ("exr", "png")}
     assert {file.name for file in tmp_path.glob("new*")} == written
     table.write_text("frame,engine\n10,300\n11,nan\n")
     (tmp_path / "new0010.exr").unlink()
-    assert temperature_groups.command(arguments) == 1
+    assert temperature_groups.recombine_by_command(arguments) == 1
     assert f"'{table}', frame 11: Temperature group 'engine': temperature nan K" in capsys.readouterr().err
     assert not (tmp_path / "new0010.exr").exists()  # nothing is written if anything is wrong
-    assert temperature_groups.command([str(tmp_path / "none.exr"), "x.exr"]) == 1
+    assert temperature_groups.recombine_by_command([str(tmp_path / "none.exr"), "x.exr"]) == 1
     assert "none.exr" in capsys.readouterr().err
 
 

@@ -16,7 +16,7 @@ from addon.measure_settings import add_tool  # noqa: E402
 from addon.rendering.frame_tools import frames_path, over_frames  # noqa: E402
 from addon.rendering.last_render import finished_layers  # noqa: E402
 from addon.solver.physics.spectrum import apparent_temperature, sensor_radiance, uniform_edges  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, read_png, render_to_exr  # noqa: E402
+from tests.helpers.blender import grey_plate, read_png, render_to_exr  # noqa: E402
 
 EDGES, WEIGHTS = uniform_edges(7.5, 14.0, 4), np.ones(4)
 EVIL = '<img src=x onerror="alert(1)">&'
@@ -25,16 +25,7 @@ EVIL = '<img src=x onerror="alert(1)">&'
 @pytest.fixture
 def infrared(reset_blender):
     """A grey plate at 320 K in the middle of the picture, under a sky of 260 K, which is all that it reflects."""
-    camera(width=32, height=24)
-    mesh = cube_mesh()
-    mesh.materials.append(material(emissivity=0.8))
-    link("Plate", mesh, temperature=320.0).scale = (2.0, 2.0, 1.0)
-    scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("World")
-    scene.world["temperature"] = 260.0
-    infrared = scene.infrared
-    infrared.passes, infrared.photons_per_pass, infrared.threads, infrared.band_count = 4, 1000, 1, 4
-    return infrared
+    return grey_plate(32, 24, 2.0, "Plate")
 
 
 def plate(emissivity=1.0, reflected=293.15, kelvin=320.0):

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..solver.physics.correction import Correction
+from ..solver.physics.humidity import FREEZING
 from ..solver.physics.spectrum import planck
 from ..solver.physics.transmission import transmittance
 from ..solver.scene import Medium, SceneError, check_temperature
 
-FREEZING = 273.15  # K, of 0 deg C
 SHARE = 1.9  # of the first of two exponentials; the second has 1 minus that
 DRY = 0.006569, 0.01262  # m^-1/2, of each
 HUMID = -0.002276, -0.00667  # m^-1/2 (g/m3)^-1/2, of each

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..output.cryptomatte import as_float, attributes, murmur_hash, ranked
 from ..solver import Camera, first_hit_images
-from ..solver.geometry.surfaces import build_geometry
+from ..solver.geometry.surfaces import Geometry
 from .render_passes import cryptomatte_kinds, cryptomatte_passes
 
 SAMPLES = 16  # rays through a pixel
@@ -27,19 +27,10 @@ class Mattes:
         self.names, self._labels = {}, {}  # by kind: names of the things, and (triangles,) 1 + which of them
         for kind in cryptomatte_kinds(view_layer):
             self.names[kind], self._labels[kind] = surfaces.mattes(kind)
-        self.images: dict[str, np.ndarray] = {}  # by pass, once the solver ran
+        self.images: dict[str, np.ndarray] = {}  # by pass, once looked at
 
-    def before(self, solve: Callable) -> Callable:
-        """A function like `render` that first fills the images."""
-
-        def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
-            geometry = build_geometry(scene, geometry)
-            self._look(scene, geometry, settings.workers, cancelled)
-            return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
-
-        return look_and_solve
-
-    def _look(self, scene, geometry, threads: int, cancelled: Callable[[], bool]) -> None:
+    def look(self, scene, geometry: Geometry, threads: int, cancelled: Callable[[], bool]) -> None:
+        """Fill the images. threads, cancelled: see first_hit_images."""
         x0, y0, x1, y1 = scene.camera.pixels
         self.images = {each.name: np.zeros((y1 - y0, x1 - x0, 4), np.float32) for each in self.passes}
         ids = {kind: as_float([murmur_hash(name) for name in names]) for kind, names in self.names.items()}

@@ -168,14 +168,16 @@ def render_view_layer(engine, depsgraph) -> None:
         check_writable(label_path(scene, suffix, engine.is_animation), LABELS)
     if data or labels:
         fillers.append(lambda film, images: {asked.name: seen[name] for name, asked in data.items()})
-        solve = _solver_with_data_passes(solve, data, labels, seen)
+        names = [name for name in data if name not in labels]
+        solve = _solver_after(solve, lambda scene, *rest: seen.update(first_hit_images(scene, names, labels, *rest)))
     mattes = Mattes(view_layer, surfaces)
     if mattes.passes:
         fillers.append(lambda film, images: mattes.images)
-        solve = mattes.before(solve)
+        solve = _solver_after(solve, mattes.look)
     if scene.render.film_transparent or solver_scene.holdout is not None:
         fillers.append(lambda film, images: {"Combined": cut_out(images["Combined"], seen["alpha"])})
-        solve = _solver_with_alpha(solve, scene.render.film_transparent, seen)
+        transparent = scene.render.film_transparent
+        solve = _solver_after(solve, lambda scene, *rest: seen.update(alpha=coverage_image(scene, transparent, *rest)))
     if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
         solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
     else:
@@ -379,29 +381,13 @@ def _solver_with_first_pictures(solve: Callable) -> Callable:
     return look_and_solve
 
 
-def _solver_with_data_passes(solve: Callable, data: dict[str, RenderPass], labels: dict, images: dict) -> Callable:
-    """A function like `render` that first fills `images`, by quantity, with what the middle of each pixel sees.
-
-    data: see data_passes. labels: (triangles,) for each quantity that the solver does not know.
-    """
+def _solver_after(solve: Callable, look: Callable) -> Callable:
+    """A function like `render` that first calls look(scene, geometry, threads, cancelled), which fills images of what
+    the camera sees."""
 
     def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
         geometry = build_geometry(scene, geometry)
-        names = [name for name in data if name not in labels]
-        found = first_hit_images(scene, names, labels, geometry, settings.workers, cancelled)
-        images.update(found)
-        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
-
-    return look_and_solve
-
-
-def _solver_with_alpha(solve: Callable, transparent: bool, images: dict) -> Callable:
-    """A function like `render` that first fills `images` with the picture's "alpha". transparent: see
-    coverage_image."""
-
-    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
-        geometry = build_geometry(scene, geometry)
-        images["alpha"] = coverage_image(scene, transparent, geometry, settings.workers, cancelled)
+        look(scene, geometry, settings.workers, cancelled)
         return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
 
     return look_and_solve

@@ -18,10 +18,10 @@ class InfraredPanel:
     def poll(cls, context):
         return context.engine in cls.COMPAT_ENGINES
 
-    def column(self):
-        """A column in Blender's usual style: names to the left, values to the right."""
+    def column(self, **options):
+        """A column in Blender's usual style: names to the left, values to the right. options: of UILayout.column."""
         self.layout.use_property_split = True
-        return self.layout.column()
+        return self.layout.column(**options)
 
 
 class RenderSettingsPanel(InfraredPanel):

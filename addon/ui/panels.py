@@ -159,8 +159,7 @@ class INFRARED_PT_passes_data(InfraredPanel, Panel):
 
     def draw(self, context):
         self.layout.use_property_decorate = False
-        self.layout.use_property_split = True
-        column = self.layout.column(heading="Include", align=True)
+        column = self.column(heading="Include", align=True)
         for owner, switches in ((context.scene.infrared, SCENE_SWITCHES), (context.view_layer, LAYER_SWITCHES)):
             for switch, _ in switches.values():
                 column.prop(owner, switch)
@@ -173,11 +172,10 @@ class INFRARED_PT_passes_cryptomatte(InfraredPanel, Panel):
 
     def draw(self, context):
         self.layout.use_property_decorate = False
-        self.layout.use_property_split = True
-        column, layer = self.layout.column(heading="Include", align=True), context.view_layer
+        column, layer = self.column(heading="Include", align=True), context.view_layer
         for kind, switch in CRYPTOMATTE_SWITCHES.items():
             column.prop(layer, switch, text=kind.removeprefix("Crypto"))
-        column = self.layout.column()
+        column = self.column()
         column.active = any(getattr(layer, switch) for switch in CRYPTOMATTE_SWITCHES.values())
         column.prop(layer, "pass_cryptomatte_depth", text="Levels")
 

@@ -46,12 +46,13 @@ def camera(location=(0.0, 0.0, 5.0), width=16, height=12):
     return obj
 
 
-def grey_plate():
-    """A grey plate at 320 K that fills a small picture, under a sky of 260 K; returns scene.infrared."""
-    camera(width=4, height=3)
+def grey_plate(width=4, height=3, scale=20.0, name="Cube"):
+    """A grey plate at 320 K that fills a small picture, or less at a smaller scale, under a sky of 260 K; returns
+    scene.infrared."""
+    camera(width=width, height=height)
     mesh = cube_mesh()
     mesh.materials.append(material(emissivity=0.8))
-    link("Cube", mesh, temperature=320.0).scale = (20.0, 20.0, 1.0)
+    link(name, mesh, temperature=320.0).scale = (scale, scale, 1.0)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
     scene.world["temperature"] = 260.0

@@ -9,12 +9,6 @@ import bpy
 import addon
 from addon import commands
 
-COMMANDS = {
-    "infrared_passes": commands.render_passes,
-    "infrared_merge": commands.merge,
-    "infrared_pairs": commands.pairs,
-}
-
 
 def main(arguments):
     """Load the file and run the command; returns its exit code."""
@@ -25,7 +19,7 @@ def main(arguments):
     files = [each for each in blender if each != "-b"]
     if files:
         bpy.ops.wm.open_mainfile(filepath=files[0])
-    return COMMANDS[name](own)
+    return commands.COMMANDS[name](own)
 
 
 if __name__ == "__main__":

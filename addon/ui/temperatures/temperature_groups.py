@@ -21,7 +21,6 @@ from ...solver.scene import SceneError
 from ..exporter import Exporter
 from ..panel_base import RenderSettingsPanel
 
-COMMAND = "infrared_recombine"
 SOURCES = (
     ("CURRENT", "Current Frame", "The temperatures that the objects have now", 0),
     ("ANIMATION", "Animation", "Those of each frame of the scene's range, as they are keyed or driven", 1),
@@ -103,7 +102,7 @@ class INFRARED_PT_temperature_groups(RenderSettingsPanel, Panel):
         column.operator("infrared.recombine", text="Recombine...", icon="TEMP")
 
 
-def command(arguments: list[str]) -> int:
+def recombine_by_command(arguments: list[str]) -> int:
     """`blender --command infrared_recombine`: the exit status."""
     options = parse(arguments)
     source = "SERIES" if options.series else "ANIMATION" if options.animation else "CURRENT"
@@ -119,7 +118,7 @@ def command(arguments: list[str]) -> int:
 def parse(arguments: list[str]) -> argparse.Namespace:
     """The options of the command."""
     parser = argparse.ArgumentParser(
-        prog=f"blender -b [scene.blend] --command {COMMAND}",
+        prog="blender -b [scene.blend] --command infrared_recombine",
         description="Images of a finished render for other temperatures of its groups. Without a table the open scene "
         "says which: those of its current frame.",
     )
@@ -132,15 +131,4 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-_register, _unregister = bpy.utils.register_classes_factory((INFRARED_OT_recombine, INFRARED_PT_temperature_groups))
-_handles = []
-
-
-def register():
-    _register()
-    _handles.append(bpy.utils.register_cli_command(COMMAND, command))
-
-
-def unregister():
-    bpy.utils.unregister_cli_command(_handles.pop())
-    _unregister()
+register, unregister = bpy.utils.register_classes_factory((INFRARED_OT_recombine, INFRARED_PT_temperature_groups))
