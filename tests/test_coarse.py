@@ -13,7 +13,8 @@ pytest.importorskip("bpy")
 
 from addon.rendering import coarse  # noqa: E402
 from addon.rendering.coarse import FIRST_PHOTONS, FIRST_PIXELS, coarser, enlarged, hasty, steps  # noqa: E402
-from addon.rendering.final_render import RenderJob, _solver_with_first_pictures  # noqa: E402
+from addon.rendering.render_job import RenderJob  # noqa: E402
+from addon.rendering.solvers import solver_with_first_pictures  # noqa: E402
 from addon.solver import Camera, Material, Settings, render  # noqa: E402
 
 
@@ -90,7 +91,7 @@ def test_a_final_render_begins_with_coarse_pictures(monkeypatch):
     )
     scene = make_scene(vertices, triangles, kelvin, (Material(emissivity=0.9),), camera, (8.0, 10.0, 12.0))
     settings = Settings(passes=1, photons_per_pass=2000)
-    job = WatchedJob(scene, settings, partial(_solver_with_first_pictures(render), image_copies=0))
+    job = WatchedJob(scene, settings, partial(solver_with_first_pictures(render), image_copies=0))
     plain = RenderJob(scene, settings, render)
     job.start()
     plain.start()
@@ -107,6 +108,6 @@ def test_a_final_render_begins_with_coarse_pictures(monkeypatch):
 def test_small_images_need_no_coarse_pictures():
     scene = make_scene(*box(), np.full(12, 300.0), (Material(),), Camera(200, 200), (8.0, 12.0))
     shown = []
-    solve = _solver_with_first_pictures(lambda *_, **options: shown.append(options["geometry"]))
+    solve = solver_with_first_pictures(lambda *_, **options: shown.append(options["geometry"]))
     solve(scene, Settings(), lambda *_: pytest.fail("It has pixels enough"), lambda: False, 0)
     assert shown == [None]

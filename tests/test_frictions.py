@@ -250,7 +250,7 @@ def test_the_netd_is_part_of_readings_in_the_camera_s_picture(untouched):
     passes = [each.name for each in render_passes(untouched, bpy.context.view_layer)]
     assert passes[number] == "Camera Temperature"
     space = SimpleNamespace(image=bpy.data.images["Render Result"])
-    space.image_user = SimpleNamespace(multilayer_layer=0, multilayer_pass=number)
+    space.image_user = SimpleNamespace(multilayer_layer=0, multilayer_view=0, multilayer_pass=number)
     picture = shown_layer(space, untouched).picture
     kelvin = images["further"]["Camera Temperature"].image
     np.testing.assert_array_equal(picture.temperature, kelvin)

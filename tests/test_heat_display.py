@@ -5,7 +5,6 @@ The scenes are black walls: they reflect nothing, so every pixel is known.
 """
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ from addon.rendering import final_render, last_render  # noqa: E402
 from addon.rendering.last_render import TABLES, forget_last_render  # noqa: E402
 from addon.ui.temperatures import spot_meter  # noqa: E402
 from addon.ui.temperatures.heat_display import ENGINE, INFRARED_PT_heat_display  # noqa: E402
-from tests.helpers.blender import camera, cube_mesh, link, material, read_png, render_to_exr  # noqa: E402
+from tests.helpers.blender import camera, cube_mesh, editor, link, material, read_png, render_to_exr  # noqa: E402
 
 ROUNDING = 1e-3  # of linear colours: Blender's own matrices, and temperatures next to a step of the palette's table
 
@@ -308,13 +307,6 @@ def test_reading_copies_no_image(tmp_path):
         name: real[name].view(OnePixel) for name in ("temperature", "noise")
     }
     assert reading_at(0.1, 0.1, KELVIN) == "280.00 ± 0.00 K"
-
-
-def editor(layer=0, render_pass=0, slot=0, kind="RENDER_RESULT"):
-    """As an Image Editor that shows a layer and a pass of a slot of the render result."""
-    image = SimpleNamespace(type=kind, render_slots=SimpleNamespace(active_index=slot))
-    user = SimpleNamespace(multilayer_layer=layer, multilayer_pass=render_pass)
-    return SimpleNamespace(image=image, image_user=user)
 
 
 def test_the_editor_chooses_the_view_layer(tmp_path):

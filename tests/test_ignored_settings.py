@@ -75,20 +75,6 @@ def test_light_linking_is_named(cube, owner, kind):
     check_told(owner, "light linking is ignored")
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("use_multiview", "Stereoscopy is not supported: all views show"),
-    ],
-)
-def test_settings_of_the_scene_that_are_ignored_are_named(cube, name, message):
-    setattr(bpy.context.scene.render, name, True)
-    bpy.context.view_layer.update()
-    (found,) = scene_checks(bpy.context.scene, bpy.context.view_layer)
-    assert read()[1] == [found.text] and found.level == "WARNING"
-    assert found.text.startswith(message)
-
-
 def test_samples_of_a_view_layer_are_named(cube):
     bpy.context.view_layer.samples = 8
     (found,) = scene_checks(bpy.context.scene, bpy.context.view_layer)

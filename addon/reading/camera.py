@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..solver.scene import Camera, SceneError
@@ -11,10 +13,19 @@ _NEAREST = 1e-6  # m, at which the size of a pixel is told
 WHOLE = np.array([[0.0, 0.0], [1.0, 1.0]])  # the border that encloses its whole frame
 
 
-def read_camera(depsgraph, obj, warnings) -> Camera:
+class Eye(NamedTuple):
+    """One of several cameras that Blender makes of a camera object for stereoscopy. matrix: (4, 4) float64, to the
+    world. shift: of its frame to the right, as Camera.shift_x."""
+
+    matrix: np.ndarray
+    shift: float
+
+
+def read_camera(depsgraph, obj, warnings, eye: Eye | None = None) -> Camera:
     """The solver's camera for an evaluated camera object and the scene's resolution and border.
 
-    Raises SceneError without a camera, or if it cannot take a picture.
+    eye: in place of the object's own matrix and shift. Raises SceneError without a camera, or if it cannot take a
+    picture.
     """
     if obj is None:
         raise SceneError("The scene has no camera")
@@ -23,7 +34,7 @@ def read_camera(depsgraph, obj, warnings) -> Camera:
     obj = obj.evaluated_get(depsgraph)
     camera, render = obj.data, depsgraph.scene_eval.render
     width, height = render_size(render)
-    matrix = _rigid(np.array(obj.matrix_world, dtype=np.float64))
+    matrix = _rigid(eye.matrix if eye else np.array(obj.matrix_world, dtype=np.float64))
     if not np.isfinite(matrix).all():
         raise SceneError(f"Camera '{obj.name}': its position or scale is not finite, or its scale is 0")
     kind = {"PERSP": "PERSPECTIVE", "ORTHO": "ORTHOGRAPHIC", "PANO": "PANORAMA"}.get(camera.type)
@@ -39,6 +50,8 @@ def read_camera(depsgraph, obj, warnings) -> Camera:
             depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
         )
         frame = _projection_frame(np.array(projection, dtype=np.float64), kind)
+        if eye:
+            frame = _shifted_frame(frame, eye.shift - camera.shift_x, camera.sensor_fit)
     return Camera(
         width=width,
         height=height,
@@ -191,6 +204,17 @@ def _projection_frame(projection: np.ndarray, kind: str) -> tuple[float, float, 
     left, right = (np.array([-1.0, 1.0]) + sign * projection[0, column]) / projection[0, 0]
     bottom, top = (np.array([-1.0, 1.0]) + sign * projection[1, column]) / projection[1, 1]
     return float(left), float(right), float(bottom), float(top)
+
+
+def _shifted_frame(
+    frame: tuple[float, float, float, float], shift: float, fit: str
+) -> tuple[float, float, float, float]:
+    """A frame (left, right, bottom, top) moved to the right. shift: in sizes of the side that the sensor is fitted to,
+    as a camera's shift_x counts. fit: Camera.sensor_fit."""
+    left, right, bottom, top = frame
+    width, height = right - left, top - bottom
+    moved = shift * {"HORIZONTAL": width, "VERTICAL": height, "AUTO": max(width, height)}[fit]
+    return left + moved, right + moved, bottom, top
 
 
 def _panorama_frame(camera) -> tuple[float, float, float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..solver.scene import NARROWEST_SPREAD
 from .media import is_medium
+from .views import ignored_view_settings
 from .visibility import SEEN, read_visibility
 from .volumes import is_gas_domain
 
@@ -19,8 +20,7 @@ RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 def ignored_scene_settings(scene, layer) -> Iterator[str]:
     """What the settings of a scene and a view layer ask for and the engine does not do, and what it does instead."""
-    if scene.render.use_multiview:
-        yield "Stereoscopy is not supported: all views show the active camera's picture"
+    yield from ignored_view_settings(scene)
     if scene.render.use_motion_blur and scene.render.motion_blur_shutter == 0.0:
         yield "Motion blur: the shutter is open for 0 frames, so it blurs nothing"
     if layer.samples != 0:

@@ -8,16 +8,18 @@ all else that is keyed or driven. Then it goes back to the frame.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from ..solver.memory import check_memory
 from ..solver.moments import bytes_of, moment_of, moment_times
-from ..solver.scene import Moment, Scene, SceneError
-from .camera import read_camera
+from ..solver.scene import Camera, Moment, Scene, SceneError
 from .scene_reader import read_contents, read_scene, render_reader
 from .sensor import read_lag
 from .surfaces import SurfaceReader
+from .views import NO_VIEWS, read_view_camera
+from .warnings import Warnings
 
 LAST_FRAME = 1_048_574  # of Blender, and the first one below 0
 
@@ -60,38 +62,39 @@ class CancelledError(Exception):
     """Esc ended the reading of a scene."""
 
 
-def read_moving_scene(engine, depsgraph) -> tuple[Scene, list[str], SurfaceReader]:
-    """Everything that the depsgraph's view layer renders, at all times of the picture; warnings; and what read it as it
-    is in the middle.
+def read_moving_scene(
+    engine, depsgraph, views: Sequence[str] = NO_VIEWS
+) -> tuple[list[Scene], list[str], SurfaceReader]:
+    """Everything that the depsgraph's view layer renders, at all times of the picture, for each of its views; warnings;
+    and what read it as it is in the middle. Scenes of views differ in their cameras alone and share all else.
 
-    engine: the RenderEngine, whose depsgraph goes from time to time, and in the end is back. Raises SceneError as
-    read_scene does, and CancelledError.
+    engine: the RenderEngine, whose depsgraph goes from time to time, and in the end is back. views: their names. Raises
+    SceneError as read_scene does, and CancelledError.
     """
     exposure, frame = read_exposure(depsgraph.scene_eval), depsgraph.scene_eval.frame_current_final
     if not exposure.times:
-        surfaces = render_reader(depsgraph)
-        return *read_scene(depsgraph, engine.camera_override, surfaces), surfaces
+        return _read_views(engine, depsgraph, views)
     try:
         _go_to(engine, exposure.middle)
-        surfaces = render_reader(depsgraph)
-        scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
-        moments: list[Moment] = []
+        scenes, warnings, surfaces = _read_views(engine, depsgraph, views)
+        moments: list[list[Moment]] = []  # by time, then by view
         for number, time in enumerate(exposure.times, 1):
             if engine.test_break():
                 raise CancelledError
             engine.update_stats("", f"Reading the scene at time {number} of {len(exposure.times)}")
             _go_to(engine, time)
             try:
-                moment, further = _read_moment(engine, depsgraph, scene, surfaces)
+                seen, further = _read_moment(engine, depsgraph, dict(zip(views, scenes, strict=True)), surfaces)
             except SceneError as error:
                 raise SceneError(f"At frame {time:.6g}, which the picture sees too: {error}") from error
-            moments.append(moment)
+            moments.append(seen)
             warnings += [message for message in further if message not in warnings]
             if number == 1:  # those that follow will not differ from it much in size
-                check_memory({"moments": len(exposure.times) * bytes_of(moment)})
+                check_memory({"moments": len(exposure.times) * bytes_of(seen[0])})
     finally:
         _go_to(engine, frame)
-    return replace(scene, moments=tuple(moments) if any(moments) else ()), warnings, surfaces
+    of_views = zip(scenes, zip(*moments, strict=True), strict=True)
+    return [replace(scene, moments=seen if any(seen) else ()) for scene, seen in of_views], warnings, surfaces
 
 
 def _go_to(engine, time: float) -> None:
@@ -99,10 +102,30 @@ def _go_to(engine, time: float) -> None:
     engine.frame_set(math.floor(time), time - math.floor(time))
 
 
-def _read_moment(engine, depsgraph, base: Scene, earlier: SurfaceReader) -> tuple[Moment, list[str]]:
-    """What is otherwise than in a scene, as the depsgraph is now, and warnings. earlier: its reader."""
+def _read_views(engine, depsgraph, views: Sequence[str]) -> tuple[list[Scene], list[str], SurfaceReader]:
+    """As read_moving_scene, as the depsgraph is now."""
+    surfaces = render_reader(depsgraph)
+    scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
+    if views == NO_VIEWS:
+        return [scene], warnings, surfaces
+    scenes = [replace(scene, camera=read_view_camera(engine, depsgraph, view, Warnings())) for view in views]
+    return scenes, warnings, surfaces
+
+
+def _read_moment(engine, depsgraph, base: dict[str, Scene], earlier: SurfaceReader) -> tuple[list[Moment], list[str]]:
+    """What is otherwise than in the scene of each view, as the depsgraph is now, and warnings. earlier: their
+    reader."""
     surfaces = render_reader(depsgraph, earlier.textures.kept)
+    first = next(iter(base.values()))
     contents = read_contents(depsgraph, surfaces)
-    contents |= {"band_edges": base.band_edges, "response": base.response}  # those of the picture
-    camera = read_camera(depsgraph, engine.camera_override or depsgraph.scene_eval.camera, surfaces.warnings)
-    return moment_of(Scene(**contents, camera=camera), base), surfaces.warnings.messages()
+    contents |= {"band_edges": first.band_edges, "response": first.response}  # those of the picture
+    cameras = [read_view_camera(engine, depsgraph, view, surfaces.warnings) for view in base]
+    moment = moment_of(Scene(**contents, camera=cameras[0]), first)
+    others = list(zip(cameras, base.values(), strict=True))[1:]
+    return [moment, *(_seen_by(camera, moment, scene) for camera, scene in others)], surfaces.warnings.messages()
+
+
+def _seen_by(camera: Camera, moment: Moment, base: Scene) -> Moment:
+    """A moment of one view as the camera of another sees it. base: the scene of the other."""
+    alike = [change for change in moment if change.part != "camera"]
+    return (*alike, *moment_of(replace(base, camera=camera), base))

@@ -6,31 +6,28 @@ from __future__ import annotations
 import atexit
 import logging
 import math
-import sys
 import threading
 import time
 import weakref
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..compiling.watch import COMPILING, compiles_now
 from ..heat_settings import read_scale
-from ..output.description import how_rendered
 from ..output.formats import FORMATS
 from ..output.frame import FurtherImage
 from ..reading.bands import read_band_edges
 from ..reading.camera import render_size, rendered_size
 from ..reading.motion import CancelledError, read_exposure, read_moving_scene
 from ..reading.settings import read_settings
+from ..reading.surfaces import SurfaceReader
+from ..reading.views import view_names, view_suffixes
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
-from ..solver import Film, coverage_image, first_hit_images, layered_image, render
+from ..solver import Camera, Film, Scene, Settings, coverage_image, first_hit_images, layered_image, render
 from ..solver.checkpoint import (
     CheckpointError,
     fingerprint,
@@ -40,11 +37,9 @@ from ..solver.checkpoint import (
     save,
     set_aside,
 )
-from ..solver.geometry.surfaces import Geometry, build_geometry
 from ..solver.memory import check_memory, memory_beforehand, memory_of_images
 from ..solver.system.files import check_writable
 from .camera_effects import CameraEffects, read_detector
-from .coarse import coarser, enlarged, hasty, steps
 from .cryptomatte import Mattes
 from .frame_tools import keep_frame, write_frames
 from .labels import write_labels
@@ -68,17 +63,13 @@ from .render_files import (
     layer_suffixes,
     write_layer,
 )
+from .render_job import RenderJob
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
-
-try:
-    import resource
-except ImportError:  # on Windows
-    resource = None
+from .solvers import solver_after, solver_with_first_pictures, solver_with_kept_geometry
 
 log = logging.getLogger(__name__)
 
 FILM, LABELS = "the film", "the labels"  # names, in messages, of files
-LEAST_STEP = 4  # pixels on each side of one of a first picture: finer ones take more than a sixteenth of a pass
 POLL = 0.05  # s between looks at Esc and at the solver
 LAST_WAIT = 30.0  # s, most that Blender waits at its end for passes to be saved
 LIVE_INTERVAL = 0.5  # s, least time between two updates of the image
@@ -92,22 +83,6 @@ LAYER_COPIES = 2  # of all passes that a finished view layer keeps: Blender's, a
 _saving: weakref.WeakValueDictionary[Path, RenderJob] = weakref.WeakValueDictionary()
 
 
-def film_images(film, paint: Callable, further: Sequence[Callable] = ()) -> dict[str, np.ndarray]:
-    """The image of every pass by its name, (height, width[, channels]) float32.
-
-    paint: `thermal_picture`, or a function like it. further: functions of the film and of the images so far; each
-    returns the images of some of the `further_passes`.
-    """
-    with ThreadPoolExecutor(2) as pool:  # Esc must not wait for large images
-        noise, bands = pool.submit(film.noise), pool.submit(film.bands)
-        temperature = film.temperature()
-        images = {"Combined": paint(temperature), "Radiance": film.radiance(), "Temperature": temperature}
-        images |= {**dict(zip(film.band_names, bands.result(), strict=True)), "Noise": noise.result()}
-    for make in further:
-        images |= make(film, images)
-    return images
-
-
 def render_view_layer(engine, depsgraph) -> None:
     """Render the depsgraph's view layer into the render result, and into the files that the scene wants.
 
@@ -116,108 +91,208 @@ def render_view_layer(engine, depsgraph) -> None:
     """
     engine.update_stats("", "Reading the scene")
     scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-    layer = view_layer.name
+    layer, views = view_layer.name, view_names(scene.render)
     layers = [each.name for each in depsgraph.scene.view_layers if each.use]  # scene_eval would list its own first
     # Blender also renders scenes that the compositor of the shown one needs. Those do not get into the render result.
     shown = all(frame.scene == scene.name for frame in finished_frames.values())
     if shown and layer in layers[:1] and not scene.render.use_single_layer:
         forget_last_render()
     elif shown:
-        finished_layers.pop(layer, None)
+        for view in views:
+            finished_layers.pop(picture_name(layer, view), None)
+    if not scene.render.use_persistent_data:  # else Blender keeps the engine between frames and renders, as for Cycles
+        engine.geometries.clear()
     check_paths(scene.infrared)
     settings, edges = read_settings(scene.infrared), read_band_edges(scene.infrared)
     passes, further = render_passes(scene, view_layer), further_passes(scene, view_layer)
-    copies = (IMAGE_COPIES + LAYER_COPIES * (len(layers) - 1)) * size_beside_usual(passes, further)
+    others = max(1, len(layers)) * len(views) - 1
+    copies = (IMAGE_COPIES + LAYER_COPIES * others) * size_beside_usual(passes, further)
     foreseen, name = images_beforehand(scene.render, len(edges) - 1, copies)
     check_memory(foreseen, name)  # before the scene is read, which may take long
     log.info("%s: bands between %s um", layer, ", ".join(f"{edge:.6g}" for edge in edges))
     try:
-        solver_scene, warnings, surfaces = read_moving_scene(engine, depsgraph)
+        scenes, warnings, surfaces = read_moving_scene(engine, depsgraph, views)
     except CancelledError:
         return
-    scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval  # evaluated anew, if the scene moves
-    needed = foreseen | memory_beforehand(solver_scene, copies)
-    check_memory(needed, name, solver_scene.media)  # before Blender takes room for the images
-    detector = read_detector(scene, (engine.camera_override or scene.camera).evaluated_get(depsgraph))
-    effects = CameraEffects(detector, solver_scene.camera, scene.frame_current) if detector else None
-    if scene.infrared.group_exr_path and not solver_scene.groups:
+    scene = depsgraph.scene_eval  # evaluated anew, if the scene moves
+    needed = foreseen | memory_beforehand(scenes[0], copies)
+    check_memory(needed, name, scenes[0].media)  # before Blender takes room for the images
+    if scene.infrared.group_exr_path and not scenes[0].groups:
         warnings.append("Nothing is in a temperature group: no file of them is written")
     for warning in warnings:
         _warn(engine, warning)
-    suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # in the names of its files
-    path = kept = saved = None
-    if scene.infrared.film_path:
-        kept = film_path(scene, suffix, engine.is_animation)
-        check_writable(kept, FILM)
-        saved = _saved_passes(engine, kept, solver_scene, settings)
-    solve = render if saved is None else partial(go_on, saved=saved)
-    if scene.infrared.checkpoint_path:
-        path = checkpoint_path(scene, suffix, engine.is_animation)
-        if not _await_last_save(engine, path):
-            return
-        saved = _saved_passes(engine, path, solver_scene, settings) or saved
-        interval = 60.0 * scene.infrared.checkpoint_minutes
-        solve = partial(render_with_checkpoints, path=path, interval=interval, saved=saved)
-    if not (bpy.app.background or engine.is_animation):  # somebody is waiting for it
-        solve = _solver_with_first_pictures(solve)
-    fillers = [effects] if effects else []
-    data, seen = data_passes(scene, view_layer), {}
-    labels = {name: surfaces.labels(name) for name in surfaces.pass_indices if name in data}
-    if scene.infrared.label_path:
-        labels["instance"] = surfaces.labels("instance")
-        check_writable(label_path(scene, suffix, engine.is_animation), LABELS)
-    if data or labels:
-        fillers.append(lambda film, images: {asked.name: seen[name] for name, asked in data.items()})
-        names = [name for name in data if name not in labels]
-        solve = _solver_after(solve, lambda scene, *rest: seen.update(first_hit_images(scene, names, labels, *rest)))
-    mattes = Mattes(view_layer, surfaces)
-    if mattes.passes:
-        fillers.append(lambda film, images: mattes.images)
-        solve = _solver_after(solve, mattes.look)
-    if scene.render.film_transparent or solver_scene.holdout is not None:
-        fillers.append(lambda film, images: {"Combined": cut_out(images["Combined"], seen["alpha"])})
-        transparent = scene.render.film_transparent
-        solve = _solver_after(solve, lambda scene, *rest: seen.update(alpha=coverage_image(scene, transparent, *rest)))
-    if scene.render.use_persistent_data:  # then Blender keeps the engine between frames and renders, as for Cycles
-        solve = _solver_with_kept_geometry(solve, engine.geometries, layer)
-    else:
-        engine.geometries.clear()
     for each in passes[1:]:  # Combined is there already
         engine.add_pass(each.name, len(each.channels), each.channels, layer=layer)
-    scale, slot = read_scale(scene.infrared), render_slot()
-    paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
-    job = RenderJob(solver_scene, settings, partial(solve, image_copies=copies), paint, fillers)
-    if path:
-        _saving[path] = job
-    images = _render(engine, job, layer)
-    if mattes.passes:
-        mattes.stamp(engine.get_result())
-    log.info("%s: %s", layer, job.status())
-    if effects and effects.warning():
-        _warn(engine, f"{layer}: {effects.warning()}")
-    unset = unset_surroundings(layer_world(scene, view_layer))
-    if images and unset and job.film.openness > LEAST_OPENNESS:
-        _warn(engine, f"{layer}: {unset}, and the scene is open: rays that leave it see 0 K. Set it in {WHERE_TO_SET}")
-    if kept and job.film is not None and job.film.passes:
-        _keep_film(kept, job, layer, scene.frame_current)
-    if images:
-        facts = {"frame": scene.frame_current, **_motion_facts(scene), **(effects.facts() if effects else {})}
-        finished = layer_images(job, images, further, facts) | {"attributes": mattes.attributes()}
+    suffix = layer_suffixes([*layers, layer])[layer] if len(layers) > 1 else ""  # in the names of its files
+    order = [picture_name(each.name, view) for each in depsgraph.scene.view_layers for view in views]
+    render_of_layer = LayerRender(engine, depsgraph, surfaces, settings, copies, order if shown else [])
+    for number, (view, ending) in enumerate(view_suffixes(scene.render).items()):
+        if not render_of_layer.picture(scenes[number], view, number, suffix + ending):
+            return
+
+
+def picture_name(layer: str, view: str) -> str:
+    """What the picture of a view layer is called. view: one of several with stereoscopy, else empty."""
+    return f"{layer} {view}" if view else layer
+
+
+@dataclass
+class LayerRender:
+    """Renders the pictures of a view layer, one for each of its views.
+
+    engine: Blender's. surfaces: the reader that has read the scene. copies: number of float32 copies of all passes that
+    are held at once. order: the names of all pictures in the order in which Blender shows them; none if they are not of
+    the render result.
+    """
+
+    engine: bpy.types.RenderEngine
+    depsgraph: bpy.types.Depsgraph
+    surfaces: SurfaceReader
+    settings: Settings
+    copies: float
+    order: Sequence[str]
+
+    @property
+    def scene(self) -> bpy.types.Scene:
+        """The evaluated scene."""
+        return self.depsgraph.scene_eval
+
+    def picture(self, solver_scene: Scene, view: str, number: int, suffix: str) -> bool:
+        """Render the picture of a view into the render result and into files; False if its user ended it.
+
+        number: of the view. suffix: at the end of the names of its files. Raises as render_view_layer does.
+        """
+        engine, scene, layer = self.engine, self.scene, self.depsgraph.view_layer_eval.name
+        if view:
+            engine.active_view_set(view)
+        name, effects = picture_name(layer, view), self._camera_effects(solver_scene.camera, number)
+        stored = self._stored_passes(solver_scene, suffix)
+        if stored is None:
+            return False
+        solve, kept, checkpoint = stored
+        if not (bpy.app.background or engine.is_animation):  # somebody is waiting for it
+            solve = solver_with_first_pictures(solve)
+        sight = self._first_sight(solver_scene, suffix)
+        for look in sight.looks:
+            solve = solver_after(solve, look)
+        solve = solver_with_kept_geometry(solve, engine.geometries, layer)
+        scale, slot = read_scale(scene.infrared), render_slot()
+        paint = partial(thermal_picture, scale=scale, primaries=working_primaries())
+        fillers = [effects] * bool(effects) + sight.fillers
+        job = RenderJob(solver_scene, self.settings, partial(solve, image_copies=self.copies), paint, fillers)
+        if checkpoint:
+            _saving[checkpoint] = job
+        images = _render(engine, job, layer, view)
+        if sight.mattes.passes:
+            sight.mattes.stamp(engine.get_result())
+        log.info("%s: %s", name, job.status())
+        self._warn_at_end(name, job, effects)
+        if kept and job.film is not None and job.film.passes:
+            _keep_film(kept, job, name, scene.frame_current)
+        if images:
+            facts = {"frame": scene.frame_current, **({"view": view} if view else {}), **_motion_facts(scene)}
+            facts |= effects.facts() if effects else {}
+            further = further_passes(scene, self.depsgraph.view_layer_eval)
+            finished = layer_images(job, images, further, facts) | {"attributes": sight.mattes.attributes()}
+            frame = replace(finished_frame(scene, slot, solver_scene.camera, job.film), layer=layer, view=view)
+            self._finish(job, finished, frame, sight.images.get("instance"), suffix)
+        return not job.cancelled
+
+    def _camera_effects(self, camera: Camera, number: int) -> CameraEffects | None:
+        """The effects of a view's camera, if there are to be any. Cameras of views are detectors of their own, so each
+        has other noise. number: of the view."""
+        obj = (self.engine.camera_override or self.scene.camera).evaluated_get(self.depsgraph)
+        detector = read_detector(self.scene, obj)
+        if detector is None:
+            return None
+        return CameraEffects(replace(detector, seed=detector.seed + number), camera, self.scene.frame_current)
+
+    def _stored_passes(self, solver_scene: Scene, suffix: str) -> tuple[Callable, Path | None, Path | None] | None:
+        """A function like `render` that starts from the passes that files hold and saves them, the file of the film
+        that is to be kept, and that of the checkpoint; None if the user ends the wait for it."""
+        engine, scene, infrared = self.engine, self.scene, self.scene.infrared
+        kept = path = saved = None
+        if infrared.film_path:
+            kept = film_path(scene, suffix, engine.is_animation)
+            check_writable(kept, FILM)
+            saved = _saved_passes(engine, kept, solver_scene, self.settings)
+        solve = render if saved is None else partial(go_on, saved=saved)
+        if infrared.checkpoint_path:
+            path = checkpoint_path(scene, suffix, engine.is_animation)
+            if not _await_last_save(engine, path):
+                return None
+            saved = _saved_passes(engine, path, solver_scene, self.settings) or saved
+            interval = 60.0 * infrared.checkpoint_minutes
+            solve = partial(render_with_checkpoints, path=path, interval=interval, saved=saved)
+        return solve, kept, path
+
+    def _first_sight(self, solver_scene: Scene, suffix: str) -> FirstSight:
+        """What is asked for of what the camera sees first."""
+        engine, scene, view_layer = self.engine, self.scene, self.depsgraph.view_layer_eval
+        sight = FirstSight(Mattes(view_layer, self.surfaces))
+        data, seen = data_passes(scene, view_layer), sight.images
+        labels = {name: self.surfaces.labels(name) for name in self.surfaces.pass_indices if name in data}
+        if scene.infrared.label_path:
+            labels["instance"] = self.surfaces.labels("instance")
+            check_writable(label_path(scene, suffix, engine.is_animation), LABELS)
+        if data or labels:
+            names = [name for name in data if name not in labels]
+            sight.looks.append(lambda scene, *rest: seen.update(first_hit_images(scene, names, labels, *rest)))
+            sight.fillers.append(lambda film, images: {asked.name: seen[name] for name, asked in data.items()})
+        if sight.mattes.passes:
+            sight.looks.append(sight.mattes.look)
+            sight.fillers.append(lambda film, images: sight.mattes.images)
+        transparent = scene.render.film_transparent
+        if transparent or solver_scene.holdout is not None:
+            sight.looks.append(lambda scene, *rest: seen.update(alpha=coverage_image(scene, transparent, *rest)))
+            sight.fillers.append(lambda film, images: {"Combined": cut_out(images["Combined"], seen["alpha"])})
+        return sight
+
+    def _warn_at_end(self, name: str, job: RenderJob, effects: CameraEffects | None) -> None:
+        """Warn of what only the picture tells. name: of the picture."""
+        if effects and effects.warning():
+            _warn(self.engine, f"{name}: {effects.warning()}")
+        unset = unset_surroundings(layer_world(self.scene, self.depsgraph.view_layer_eval))
+        if unset and job.film is not None and job.film.passes and job.film.openness > LEAST_OPENNESS:
+            text = f"{name}: {unset}, and the scene is open: rays that leave it see 0 K. Set it in {WHERE_TO_SET}"
+            _warn(self.engine, text)
+
+    def _finish(self, job: RenderJob, images: dict, frame: FinishedFrame, instances, suffix: str) -> None:
+        """Keep a finished picture, and write its files unless it was ended early: whoever asked for a file wants all
+        passes, and an export writes those that there are.
+
+        images: see layer_images. instances: (h, w) their numbers, if labels are to be written.
+        """
+        engine, scene, name, shown = self.engine, self.scene, picture_name(frame.layer, frame.view), bool(self.order)
         if shown:
-            frame = finished_frame(scene, slot, solver_scene.camera, job.film)
-            last_ends[layer] = job.end()
-            _keep([each.name for each in depsgraph.scene.view_layers], layer, finished, frame)
-        if not job.cancelled:  # whoever asked for a file wants all passes; an export writes those that there are
-            if shown and engine.is_animation:
-                _follow_tools(engine, scene, layer, finished, frame)
-            if scene.infrared.label_path:
-                path = label_path(scene, suffix, engine.is_animation)
-                picture = file_path(scene, suffix, engine.is_animation) if scene.infrared.band_exr_path else path
-                found = seen["instance"], images["Temperature"]
-                write_labels(path, picture.with_suffix(".exr").name, scene, surfaces, solver_scene, found)
-            groups = _write_files(scene, layer, suffix, engine.is_animation, finished, job.film)
-            if shown and groups:
-                finished_groups[layer] = groups
+            last_ends[name] = job.end()
+            _keep(self.order, name, images, frame)
+        if job.cancelled:
+            return
+        if shown and engine.is_animation:
+            _follow_tools(engine, scene, name, images, frame)
+        if scene.infrared.label_path:
+            path = label_path(scene, suffix, engine.is_animation)
+            picture = file_path(scene, suffix, engine.is_animation) if scene.infrared.band_exr_path else path
+            found = instances, images["temperature"]
+            write_labels(path, picture.with_suffix(".exr").name, scene, self.surfaces, job.scene, found)
+        groups = _write_files(scene, name, suffix, engine.is_animation, images, job.film)
+        if shown and groups:
+            finished_groups[name] = groups
+
+
+@dataclass
+class FirstSight:
+    """What is asked for of what the camera sees first.
+
+    mattes: the cryptomatte passes. looks: functions for solver_after. fillers: the further ones of film_images, which
+    need them. images: what they have seen, by quantity.
+    """
+
+    mattes: Mattes
+    looks: list[Callable] = field(default_factory=list)
+    fillers: list[Callable] = field(default_factory=list)
+    images: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def _motion_facts(scene) -> dict[str, object]:
@@ -229,13 +304,13 @@ def _motion_facts(scene) -> dict[str, object]:
     return {**frames, "sensorLag": scene.infrared.sensor_lag, "motionSteps": len(exposure.times)}
 
 
-def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
+def _render(engine, job: RenderJob, layer: str, view: str) -> dict[str, np.ndarray] | None:
     """Run a job and show its images in the render result, which end there; None if no pass was finished."""
     x0, y0, x1, y1 = job.scene.camera.pixels
-    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer)
+    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer, view=view)
     try:
         job.start()
-        _watch(engine, job, result)
+        _watch(engine, job, result, f"{view}: " if view else "")
         images = job.final_images()
         if images:
             write_images(result, images)
@@ -244,47 +319,47 @@ def _render(engine, job: RenderJob, layer: str) -> dict[str, np.ndarray] | None:
     return images
 
 
-def _keep(order: Sequence[str], layer: str, images: dict, frame: FinishedFrame) -> None:
-    """Add a finished view layer to those of the last render, in the order in which Blender shows them.
+def _keep(order: Sequence[str], name: str, images: dict, frame: FinishedFrame) -> None:
+    """Add a finished picture to those of the last render.
 
-    order: names of the scene's view layers. When a layer is rendered alone, Blender keeps the others of the same scene,
-    slot and size, and so does this.
+    order: names of all pictures, as Blender shows them. name: of this one. When a layer is rendered alone, Blender
+    keeps the others of the same scene, slot and size, and so does this.
     """
     result = frame.scene, frame.slot, frame.size
-    frames = {name: each for name, each in finished_frames.items() if (each.scene, each.slot, each.size) == result}
-    frames = {name: replace(each, composited=frame.composited) for name, each in frames.items()} | {layer: frame}
-    layers, groups = finished_layers | {layer: images}, dict(finished_groups)
+    frames = {key: each for key, each in finished_frames.items() if (each.scene, each.slot, each.size) == result}
+    frames = {key: replace(each, composited=frame.composited) for key, each in frames.items()} | {name: frame}
+    layers, groups = finished_layers | {name: images}, dict(finished_groups)
     warnings, ends = dict(last_warnings), dict(last_ends)
     forget_last_render()
-    finished_layers.update({name: layers[name] for name in order if name in frames and name in layers})
-    finished_frames.update({name: frames[name] for name in order if name in frames})
-    finished_groups.update({name: path for name, path in groups.items() if name in frames and name != layer})
+    finished_layers.update({key: layers[key] for key in order if key in frames and key in layers})
+    finished_frames.update({key: frames[key] for key in order if key in frames})
+    finished_groups.update({key: path for key, path in groups.items() if key in frames and key != name})
     last_warnings.update(warnings)
-    last_ends.update({name: end for name, end in ends.items() if name in frames})
+    last_ends.update({key: end for key, end in ends.items() if key in frames})
 
 
-def _follow_tools(engine, scene, layer: str, images: dict, frame: FinishedFrame) -> None:
+def _follow_tools(engine, scene, name: str, images: dict, frame: FinishedFrame) -> None:
     """Keep what the measuring tools read in a frame of an animation, and write it. A table that cannot be written, as a
     spreadsheet may hold it open, ends no render."""
-    keep_frame(scene, layer, images, frame)
+    keep_frame(scene, name, images, frame)
     try:
         write_frames(scene)
     except OSError as error:
         _warn(engine, f"{error}. The render goes on; Export Table writes the readings afterwards")
 
 
-def _write_files(scene, layer: str, suffix: str, animation: bool, images: dict, film) -> Path | None:
-    """Write the files that the scene asks for of a finished view layer; returns that of its temperature groups, if any.
+def _write_files(scene, name: str, suffix: str, animation: bool, images: dict, film) -> Path | None:
+    """Write the files that the scene asks for of a finished picture; returns that of its temperature groups, if any.
 
-    suffix: see layer_suffixes. images: see layer_images.
+    suffix: at the end of their names. images: see layer_images.
     """
     if scene.infrared.band_exr_path:
         for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
-            write_layer(file_path(scene, suffix, animation, file_format), layer, images, file_format)
+            write_layer(file_path(scene, suffix, animation, file_format), name, images, file_format)
     if len(film.layers) == 1:
         return None
     path = group_path(scene, suffix, animation)
-    write_groups(path, layer, images, film)
+    write_groups(path, name, images, film)
     return path
 
 
@@ -356,58 +431,17 @@ def _saved_passes(engine, path: Path, solver_scene, settings) -> Film | None:
         return None
 
 
-def _keep_film(path: Path, job: RenderJob, layer: str, frame: int) -> None:
-    """Write the film of a view layer, with what its images are called and how they are rendered. Raises OSError."""
+def _keep_film(path: Path, job: RenderJob, name: str, frame: int) -> None:
+    """Write the film of a picture, with what its images are called and how they are rendered. Raises OSError."""
     film, settings = job.film, job.settings
     with film.lock:
-        about = {"layer": layer, "frame": frame, "facts": job.facts(), "correction": settings.correction._asdict()}
+        about = {"layer": name, "frame": frame, "facts": job.facts(), "correction": settings.correction._asdict()}
         save(path, film, fingerprint(job.scene, settings), about, FILM)
-    log.info("%s: %d passes kept in %s", layer, film.passes, path)
+    log.info("%s: %d passes kept in %s", name, film.passes, path)
 
 
-def _solver_with_first_pictures(solve: Callable) -> Callable:
-    """A function like `render` that first calls on_pass with films of large pixels, and with how large they are (step).
-
-    The first pass of a large image takes long; these films are there at once.
-    """
-
-    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
-        for step in takewhile(lambda step: step >= LEAST_STEP, steps(scene.camera)):
-            geometry = build_geometry(scene, geometry)
-            coarse = replace(scene, camera=coarser(scene.camera, step), moments=())
-            render(coarse, hasty(settings, step), partial(on_pass, step=step), cancelled, geometry=geometry)
-        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
-
-    return look_and_solve
-
-
-def _solver_after(solve: Callable, look: Callable) -> Callable:
-    """A function like `render` that first calls look(scene, geometry, threads, cancelled), which fills images of what
-    the camera sees."""
-
-    def look_and_solve(scene, settings, on_pass, cancelled, image_copies, geometry=None):
-        geometry = build_geometry(scene, geometry)
-        look(scene, geometry, settings.workers, cancelled)
-        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
-
-    return look_and_solve
-
-
-def _solver_with_kept_geometry(solve: Callable, geometries: dict[str, Geometry], layer: str) -> Callable:
-    """A function like `render` that reuses a layer's geometry if no vertex and no triangle differs.
-
-    geometries: by view layer, those of earlier renders; this one's is added.
-    """
-
-    def solve_and_keep(scene, settings, on_pass, cancelled, image_copies):
-        geometry = geometries[layer] = build_geometry(scene, geometries.get(layer))
-        return solve(scene, settings, on_pass, cancelled, image_copies=image_copies, geometry=geometry)
-
-    return solve_and_keep
-
-
-def _watch(engine, job: RenderJob, result) -> None:
-    """Show progress and image until the job ends; Esc cancels it."""
+def _watch(engine, job: RenderJob, result, of: str) -> None:
+    """Show progress and image until the job ends; Esc cancels it. of: what the status begins with."""
     next_image, shown, shown_at = time.monotonic() + LIVE_INTERVAL, None, 0.0
     while job.is_alive():
         if engine.test_break():
@@ -423,111 +457,11 @@ def _watch(engine, job: RenderJob, result) -> None:
         elif now >= next_image:
             job.request_images()
         engine.update_progress(job.progress())
-        status = job.status()
+        status = of + job.status()
         if status != shown or now - shown_at > 1.0:  # not each time: without a window Blender prints a line
             engine.update_stats("", status)
             shown, shown_at = status, now
         job.join(POLL)
-
-
-class RenderJob(threading.Thread):
-    """The solver in a background thread. It touches no Blender data, and hands images over on request."""
-
-    def __init__(
-        self, scene, settings, solve: Callable, paint: Callable = thermal_picture, further: Sequence[Callable] = ()
-    ):
-        """solve, paint: `render` and `thermal_picture`, or functions like them. further: see film_images."""
-        super().__init__(name="Infrared Photons", daemon=True)  # a kernel being compiled cannot be stopped
-        self.scene, self.settings, self.film, self._solve, self._paint = scene, settings, None, solve, paint
-        self._further = further
-        self.snapshot_seconds = 0.0
-        self._cancel, self._request = threading.Event(), threading.Event()
-        self._images = self._latest = self._error = self._noise = None
-        self._passes = self._photons = 0
-        self._begin = time.monotonic()
-
-    def run(self):
-        try:
-            self._solve(self.scene, self.settings, self._on_pass, self._cancel.is_set)
-        except BaseException as error:  # raised again on Blender's thread
-            self._error = error
-
-    def _on_pass(self, film, step: int = 1) -> None:
-        """Take a film. step: width of its pixels in pixels of the image."""
-        if step > 1:
-            images = film_images(film, self._paint)
-            self._images = {name: enlarged(image, self.scene.camera, step) for name, image in images.items()}
-            return
-        self.film, self._passes, self._photons = film, film.passes, film.photons
-        if self._request.is_set():
-            self._request.clear()
-            self._images = self._snapshot(film)
-
-    def _snapshot(self, film) -> dict[str, np.ndarray]:
-        begin = time.monotonic()
-        with film.lock:
-            if self._latest is None or self._latest[0] != film.passes:  # only once for a pass
-                self._latest = film.passes, film_images(film, self._paint, self._further)
-        passes, images = self._latest
-        self._noise = float(np.percentile(images["Noise"], 95)) if passes > 1 else None
-        self.snapshot_seconds = time.monotonic() - begin
-        return images
-
-    def request_images(self) -> None:
-        """Ask for the images of the next finished pass."""
-        self._request.set()
-
-    def take_images(self) -> dict[str, np.ndarray] | None:
-        """The images asked for, by pass name, once."""
-        images, self._images = self._images, None
-        return images
-
-    def cancel(self) -> None:
-        """End the render; the finished passes are kept."""
-        self._cancel.set()
-
-    @property
-    def cancelled(self) -> bool:
-        """True if the render was ended before its time."""
-        return self._cancel.is_set()
-
-    def final_images(self, patience: float = 0.2) -> dict[str, np.ndarray] | None:
-        """The images at the end, by pass name; None if no pass was finished. Raises what the solver raised.
-
-        patience: s to wait for a cancelled solver. It may be compiling or sorting for longer, and then goes on alone;
-        the film already has the passes that it finished.
-        """
-        self.join(patience if self.cancelled else None)
-        if self._error is not None:
-            raise self._error
-        return self._snapshot(self.film) if self.film is not None else None
-
-    def facts(self) -> dict[str, object]:
-        """How the film was rendered, by the names that files give that."""
-        response = self.scene.response
-        return {"sensor": response.name if response else "Ideal", **how_rendered(self.film, self.settings)}
-
-    def progress(self) -> float:
-        """Share of the render that is done, by the stop condition that is nearest, 0..1."""
-        settings = self.settings
-        by_passes = self._passes / settings.passes if settings.passes else 0.0
-        by_time = (time.monotonic() - self._begin) / settings.time_limit if settings.time_limit else 0.0
-        return min(1.0, max(by_passes, by_time))
-
-    def end(self) -> str:
-        """What users read of it afterwards."""
-        noise = "" if self._noise is None else f", noise {self._noise:.3g} K"
-        return f"{self._passes} pass{'es' * (self._passes != 1)}{noise}"
-
-    def status(self) -> str:
-        """What users read while they wait."""
-        if self._passes == 0:
-            return "Preparing the scene and the first pass" + COMPILING * compiles_now()
-        total = f"/{self.settings.passes}" if self.settings.passes else ""
-        noise = "" if self._noise is None else f" | Noise {self._noise:.3g} K"
-        memory = process_memory()
-        peak = f" | Peak {memory:.0f} MB" if memory else ""
-        return f"Pass {self._passes}{total} | {self._photons:,} photons{noise}{peak}"
 
 
 def render_slot() -> int:
@@ -552,14 +486,6 @@ def write_images(result, images: dict[str, np.ndarray]) -> None:
     for render_pass in result.layers[0].passes:
         if render_pass.name in images:
             render_pass.rect.foreach_set(images[render_pass.name].reshape(-1))
-
-
-def process_memory() -> float:
-    """Peak memory of the whole process in MB; 0 on Windows, whose Python does not tell."""
-    if resource is None:
-        return 0.0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
 
 
 # Files ----------------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from ..solver.physics.correction import Correction
 
 @dataclass(frozen=True)
 class FinishedFrame:
-    """How the images of a finished view layer lie in Blender's render result, and what its temperatures are of."""
+    """How the images of a finished picture lie in Blender's render result, and what its temperatures are of."""
 
     scene: str  # its name
     slot: int  # of the render result, from 0
@@ -23,14 +23,18 @@ class FinishedFrame:
     weights: np.ndarray  # (b,) the sensor's response in each band
     correction: Correction  # of the temperatures when it was rendered
     told: bool = False  # Blender tells of the render in a line of text at the top of the editor
+    layer: str = ""  # the view layer
+    view: str = ""  # one of several pictures of it, see reading.views; else empty
 
 
-# A render in the background may change these at any time: to use more than one entry, take a copy.
-finished_layers: dict[str, dict] = {}  # view layer -> its images and facts, see final_render.layer_images
-finished_frames: dict[str, FinishedFrame] = {}  # view layer -> how it lies in Blender's render result
-finished_groups: dict[str, Path] = {}  # view layer -> file of its temperature groups
+# Pictures are named after their view layer; with stereoscopy there is one for each of its views, see
+# final_render.picture_name. A render in the background may change these at any time: to use more than one entry, take a
+# copy.
+finished_layers: dict[str, dict] = {}  # picture -> its images and facts, see final_render.layer_images
+finished_frames: dict[str, FinishedFrame] = {}  # picture -> how it lies in Blender's render result
+finished_groups: dict[str, Path] = {}  # picture -> file of its temperature groups
 last_warnings: dict[str, None] = {}  # what it warned of, in order, each once
-last_ends: dict[str, str] = {}  # view layer -> how many passes it has, and what noise, in words
+last_ends: dict[str, str] = {}  # picture -> how many passes it has, and what noise, in words
 last_failures: dict[str, str] = {}  # name of the scene -> why its render failed
 TABLES = (finished_layers, finished_frames, finished_groups, last_warnings, last_ends, last_failures)
 

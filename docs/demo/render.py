@@ -21,7 +21,7 @@ import OpenEXR
 from addon.heat_settings import read_scale, scene_unit
 from addon.output.exr import channel_name
 from addon.output.heat_picture import write_picture
-from addon.rendering.final_render import process_memory
+from addon.rendering.render_job import process_memory
 from docs.tools.blender import open_demo, registered
 from docs.tools.paths import ROOT
 

@@ -30,7 +30,6 @@ function compileJob(job) {
     }
     const stem = path.join(settings.output_folder, job.name.replace(/[^\w.-]/g, "_"));
     const merge = author.Task("merge", "blender");
-    const films = [];
     for (const range of passRanges(settings.last_pass + 1, settings.passes_per_task)) {
         const film = `${stem}_frame${settings.frame}_${range}.npz`;
         const task = author.Task(`passes-${range}`, "blender");
@@ -42,13 +41,14 @@ function compileJob(job) {
         ]));
         job.addTask(task);
         merge.addDependency(task);
-        films.push(film);
     }
-    merge.addCommand(blender("", ["--command", "infrared_merge"].concat(films, [
+    merge.addCommand(blender("", [
+        "--command", "infrared_merge",
+        `${stem}_frame${settings.frame}_*.npz`, // each view layer and each eye has films of its own
         "--passes", `0-${settings.last_pass}`,
         "--target-noise", `${settings.target_noise || 0}`,
         "--output", `${stem}_####.exr`,
-    ])));
+    ]));
     job.addTask(merge);
 }
 

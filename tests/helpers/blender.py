@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import bmesh
 import bpy
 import numpy as np
@@ -76,7 +78,8 @@ def read_as_rendered():
 
         def render(self, depsgraph):
             try:
-                results[depsgraph.view_layer_eval.name] = read_moving_scene(self, depsgraph)[:2]
+                scenes, warnings, _ = read_moving_scene(self, depsgraph)
+                results[depsgraph.view_layer_eval.name] = scenes[0], warnings
             except SceneError as error:
                 results[depsgraph.view_layer_eval.name] = error
 
@@ -128,6 +131,13 @@ def read_exr(path):
             pass_name = rest.removesuffix(".V").removesuffix(".RGBA")
             layers.setdefault(layer, {})[pass_name] = channel.pixels[::-1]
     return layers
+
+
+def editor(layer=0, render_pass=0, slot=0, kind="RENDER_RESULT", view=0):
+    """As an Image Editor that shows a layer, a view and a pass of a slot of the render result."""
+    image = SimpleNamespace(type=kind, render_slots=SimpleNamespace(active_index=slot))
+    user = SimpleNamespace(multilayer_layer=layer, multilayer_view=view, multilayer_pass=render_pass)
+    return SimpleNamespace(image=image, image_user=user)
 
 
 def describe(scene):

@@ -44,7 +44,7 @@ def stop_after(monkeypatch, passes):
         if film.passes >= passes:
             job.cancel()
 
-    def watch(_engine, job, _result):
+    def watch(_engine, job, *_):
         while job.is_alive() and not job.cancelled:
             job.join(0.001)
 

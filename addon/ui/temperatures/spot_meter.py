@@ -43,7 +43,8 @@ class ShownLayer(NamedTuple):
 
 
 def shown_layer(space, scene) -> ShownLayer | None:
-    """The finished view layer that an Image Editor shows; None if it shows something else.
+    """The finished view layer, and with stereoscopy its view, that an Image Editor shows; None if it shows something
+    else.
 
     The compositor's picture counts as the first layer, but not as its Combined.
     """
@@ -55,10 +56,11 @@ def shown_layer(space, scene) -> ShownLayer | None:
     if first.scene != scene.name or first.slot != image.render_slots.active_index:
         return None
     index = space.image_user.multilayer_layer - first.composited
-    name, frame = next((item for i, item in enumerate(frames.items()) if i == max(index, 0)), ("", None))
-    if name not in layers:
+    names = list(dict.fromkeys(frame.layer for frame in frames.values()))[max(index, 0) :]
+    views = [name for name, frame in frames.items() if frame.layer in names[:1]][space.image_user.multilayer_view :]
+    if not views or views[0] not in layers:
         return None
-    images, shown = layers[name], space.image_user.multilayer_pass
+    images, frame, shown = layers[views[0]], frames[views[0]], space.image_user.multilayer_pass
     return ShownLayer(images, frame, index >= 0 and shown == 0, index >= 0 and shown == camera_pass(images))
 
 

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stereoscopy: a view layer has several pictures then, its views, each by a camera of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..solver.scene import Camera
+from .camera import Eye, read_camera
+from .warnings import Warnings
+
+NO_VIEWS = ("",)  # what view_names returns without stereoscopy
+
+
+def view_names(render) -> tuple[str, ...]:
+    """The views that a scene's render settings ask for, in Blender's order; NO_VIEWS if they ask for none."""
+    return tuple(each.name for each in _views(render)) or NO_VIEWS
+
+
+def view_suffixes(render) -> dict[str, str]:
+    """What the names of each view's files end with: Blender's suffixes, such as '_L', as Blender's own files do.
+
+    With only one view it is nothing. If two views share a suffix, all have their names instead.
+    """
+    suffixes = {each.name: each.file_suffix for each in _views(render)}
+    if len(suffixes) < 2:
+        return dict.fromkeys(view_names(render), "")
+    clash = len({each.lower() for each in suffixes.values()}) < len(suffixes)
+    return {name: f"_{name}" for name in suffixes} if clash else suffixes
+
+
+def _views(render) -> list:
+    if not render.use_multiview:
+        return []
+    return [each for each in (render.stereo_views if _has_eyes(render) else render.views) if each.use]
+
+
+def _has_eyes(render) -> bool:
+    """Whether views are two eyes of one camera object, else each has an object of its own."""
+    return render.views_format == "STEREO_3D"
+
+
+def ignored_view_settings(scene) -> Iterator[str]:
+    """What a scene's stereoscopy asks for and the engine does not do, and what it does instead."""
+    views, camera = _views(scene.render), scene.camera
+    if not views or camera is None or camera.type != "CAMERA":
+        return
+    if _has_eyes(scene.render):
+        if camera.data.type == "PANO" and camera.data.stereo.use_spherical_stereo:
+            yield f"Camera '{camera.name}': no spherical stereo; its panoramas are of two cameras side by side"
+        return
+    # as Blender finds them: the longest suffix at the end of the active camera's name is replaced by each view's
+    ends = [each.camera_suffix for each in views if camera.name.endswith(each.camera_suffix)]
+    stem = camera.name[: len(camera.name) - max(map(len, ends), default=0)]
+    for each in views:
+        twin = f"{stem}{each.camera_suffix}"
+        if not ends or twin not in scene.objects:
+            yield f"Stereoscopy: there is no camera '{twin}', so view '{each.name}' shows what '{camera.name}' sees"
+
+
+def read_view_camera(engine, depsgraph, view: str, warnings: Warnings) -> Camera:
+    """The solver's camera of a view, as the depsgraph is now; Blender is told that this is the view that it renders.
+
+    Raises SceneError as read_camera does.
+    """
+    if view:
+        engine.active_view_set(view)
+    obj = engine.camera_override or depsgraph.scene_eval.camera
+    if not view or obj is None or obj.type != "CAMERA":
+        return read_camera(depsgraph, obj, warnings)
+    eye = Eye(np.array(engine.camera_model_matrix(obj), dtype=np.float64), engine.camera_shift_x(obj))
+    return read_camera(depsgraph, obj, warnings, eye)
