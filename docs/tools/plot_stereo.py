@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw images/stereo.png: the example with two people for red and cyan glasses, as Blender writes it. Needs Blender as a
-Python module.
+"""Draw images/stereo.png: the example with two people for red and cyan glasses, as Blender writes it. Needs Blender as
+a Python module.
 
 python -m docs.tools.plot_stereo
 """
