@@ -13,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.measure_settings import add_tool  # noqa: E402
-from addon.rendering.frame_tools import frames_path, over_frames  # noqa: E402
+from addon.rendering.frame_tools import STRIP_LENGTH, Strip, frames_path, over_frames, reduced, strips  # noqa: E402
 from addon.rendering.last_render import finished_layers  # noqa: E402
 from addon.solver.physics.spectrum import apparent_temperature, sensor_radiance, uniform_edges  # noqa: E402
 from tests.helpers.blender import grey_plate, read_png, render_to_exr  # noqa: E402
@@ -144,8 +144,33 @@ def test_an_animation_is_followed_in_memory_and_in_a_file(infrared, tmp_path):
     bpy.ops.infrared.export_report(filepath=str(tmp_path / "report.html"))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Over frames" in text and text.count("<circle") == 12
+    assert text.count("<figcaption>") == 3 and "frames 1 to 3" in text
+    bpy.ops.infrared.export_report(filepath=str(tmp_path / "last.html"), frames=False)
+    assert "<figcaption>" not in (tmp_path / "last.html").read_text(encoding="utf-8")
+    small = strips(scene)["ViewLayer"]
+    last = finished_layers["ViewLayer"]["temperature"]
+    np.testing.assert_array_equal(small[3], last)  # which is narrower than a small picture may be
     render_to_exr(tmp_path)
-    assert over_frames(scene) == []  # another render
+    assert over_frames(scene) == [] and strips(scene) == {}  # another render
+
+
+def test_small_pictures_are_means_of_blocks():
+    picture = np.arange(7 * 401, dtype=np.float32).reshape(7, 401)
+    small = reduced(picture)
+    assert small.shape == (2, 133)  # 3 x 3 pixels each; a row and two columns remain
+    np.testing.assert_allclose(small[1, 2], picture[3:6, 6:9].mean())
+    assert reduced(picture[:2]).shape == (1, 133)
+
+
+@pytest.mark.parametrize("count", [1, STRIP_LENGTH, STRIP_LENGTH + 1, 1000])
+def test_small_pictures_are_spread_evenly_over_the_frames(count):
+    strip = Strip()
+    for frame in range(count):
+        strip.add(frame, np.full((2, 2), float(frame)))
+    kept = list(strip.frames)
+    assert kept[0] == 0 and len(set(np.diff(kept))) <= 1 and len(kept) <= STRIP_LENGTH
+    assert 2 * len(kept) > min(count, STRIP_LENGTH) and kept[-1] >= count - count / len(kept) - 1
+    assert all(image[0, 0] == frame for frame, image in strip.frames.items())
 
 
 def test_a_tool_that_is_keyed_is_read_as_it_is_in_the_frame(infrared, tmp_path):

@@ -21,6 +21,7 @@ from .table import SHORT_TITLES, ToolReading, by_tool, columns, row, short_row
 
 LEAST_WIDTH = 480  # px that a small picture is shown in
 MOST_ENLARGED = 8
+SHORT_BAR = 200  # px, height of the bar beside small pictures
 LETTER = 0.65  # width of a letter or figure, in heights of the text
 STYLE = """
 :root { color-scheme: light dark; }
@@ -40,6 +41,8 @@ table { border-collapse: collapse; margin: .4rem 0 1rem; font-variant-numeric: t
 th, td { text-align: left; padding: .25rem .8rem .25rem 0; border-bottom: 1px solid #d9d9de; vertical-align: top; }
 th { font-weight: 600; } td { overflow-wrap: break-word; max-width: 18rem; } .all { font-size: 13px; }
 .wide { overflow-x: auto; } svg.graph { width: 100%; max-width: 640px; height: auto; }
+.strip { display: flex; flex-wrap: wrap; gap: 8px; flex: 1; } figure { margin: 0; break-inside: avoid; }
+figcaption { font-size: 12px; color: #5c5c66; } figure img { image-rendering: pixelated; background: #18181c; }
 .grid { stroke: #8883; } .frame, .tick { stroke: currentColor; fill: none; }
 .curve { fill: none; stroke: #c2410c; stroke-width: 1.5; } .bar { fill: #c2410c; } .isotherm { fill: #22c55e55; }
 .legend span { margin-right: 1.2rem; } .legend i { display: inline-block; width: .8rem; height: .8rem;
@@ -71,9 +74,21 @@ class ReportedPicture:
 
 
 @dataclass(frozen=True)
+class Strip:
+    """Small pictures of an animation. title: such as the name of their view layer. pngs: by the number of the frame.
+    size: width and height of each in pixels. scale: of the colours of all, whose ends are known.
+    """
+
+    title: str
+    pngs: Mapping[int, bytes]
+    size: tuple[int, int]
+    scale: TemperatureScale
+
+
+@dataclass(frozen=True)
 class Report:
     """title, lead: what stands on top. unit: of all temperatures. facts: about all pictures, by heading and name.
-    frames: what tools read over an animation, if there is one.
+    frames: what tools read over an animation, if there is one. strips: small pictures of it.
     """
 
     title: str
@@ -82,6 +97,7 @@ class Report:
     pictures: Sequence[ReportedPicture]
     facts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     frames: Sequence[ToolReading] = ()
+    strips: Sequence[Strip] = ()
 
 
 def write_report(path: str | os.PathLike, report: Report) -> None:
@@ -103,6 +119,7 @@ def page(report: Report) -> str:
     ]
     for picture in report.pictures:
         parts.append(_picture(picture, report.unit))
+    parts += [_strip(strip, report.unit) for strip in report.strips]
     if report.frames:
         parts.append(_frames(report.frames, report.unit))
     parts.append(_facts(report.facts, "h2"))
@@ -131,10 +148,9 @@ def _thermal(picture: ReportedPicture, unit: TemperatureUnit) -> str:
     width, height = picture.size
     larger = min(MOST_ENLARGED, max(1, -(-LEAST_WIDTH // width)))
     text = 13 / larger  # of a label, in pixels of the picture
-    data = base64.b64encode(picture.png).decode("ascii")
     parts = [
         f'<svg class="thermal" width="{larger * width}" height="{larger * height}" viewBox="0 0 {width} {height}">',
-        f'<image width="{width}" height="{height}" href="data:image/png;base64,{data}"/>',
+        f'<image width="{width}" height="{height}" href="{_data(picture.png)}"/>',
     ]
     for mark in picture.marks:
         drawn = lines(mark, text)
@@ -161,6 +177,24 @@ def _graph(tool: ToolReading, unit: TemperatureUnit, isotherm: tuple[float, floa
     else:
         drawn = graphs.profile(tool.values, unit, label)
     return [f"<h3>{escape(label)}</h3>", drawn] if drawn else []
+
+
+def _strip(strip: Strip, unit: TemperatureUnit) -> str:
+    """Small pictures in a grid, each with the number of its frame under it, and the bar of all."""
+    width, height = strip.size
+    pictures = "\n".join(
+        f'<figure><img width="{width}" height="{height}" alt="Frame {frame}" src="{_data(png)}"/>'
+        f"<figcaption>{frame}</figcaption></figure>"
+        for frame, png in strip.pngs.items()
+    )
+    bar = graphs.bar(strip.scale, unit, SHORT_BAR)
+    parts = [f'<section>\n<h2>{escape(strip.title)}</h2>\n<div class="picture">', bar, '<div class="strip">', pictures]
+    return "\n".join([*parts, "</div>", "</div>", "</section>"])
+
+
+def _data(png: bytes) -> str:
+    """The address of an image that holds the image itself."""
+    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
 
 
 def _frames(frames: Sequence[ToolReading], unit: TemperatureUnit) -> str:

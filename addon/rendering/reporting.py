@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import datetime
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import bpy
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..heat_settings import read_scale, scene_unit
 from ..measure_settings import KIND_NAMES
-from ..measuring.report import Report, ReportedPicture
+from ..measuring.report import Report, ReportedPicture, Strip
 from ..measuring.table import SHORT_TITLES, ToolReading, difference_text, short_row
 from ..output.heat_picture import Beside, write_picture
 from ..output.marks import Mark
@@ -80,9 +80,11 @@ def differences(infrared, tools: Iterable[ToolReading], unit: TemperatureUnit) -
     return [(f"{first.number} {first.name} - {second.number} {second.name}", difference_text(first, second, unit))]
 
 
-def build_report(scene, layers: dict[str, dict], frames: dict[str, FinishedFrame], over_frames=()) -> Report:
+def build_report(
+    scene, layers: dict[str, dict], frames: dict[str, FinishedFrame], over_frames=(), strips: Mapping | None = None
+) -> Report:
     """The report of a finished render, with its measuring tools as they are now. layers, frames: see last_render.
-    over_frames: what tools read over an animation."""
+    over_frames, strips: what tools read over an animation, and its small pictures, see frame_tools."""
     unit = scene_unit(scene)
     pictures = [_reported(scene, layer, layers[layer], frames[layer], unit) for layer in layers if layer in frames]
     name = Path(bpy.data.filepath).name or "Infrared picture"
@@ -96,7 +98,17 @@ def build_report(scene, layers: dict[str, dict], frames: dict[str, FinishedFrame
             "Written": written,
         }
     }
-    return Report(name, f"Temperatures in {unit.symbol}. Scene '{scene.name}'.", unit, pictures, facts, over_frames)
+    lead = f"Temperatures in {unit.symbol}. Scene '{scene.name}'."
+    small = [_strip(scene, layer, images, unit) for layer, images in (strips or {}).items()]
+    return Report(name, lead, unit, pictures, facts, over_frames, small)
+
+
+def _strip(scene, layer: str, images: Mapping[int, np.ndarray], unit: TemperatureUnit) -> Strip:
+    """Small pictures of a view layer, all in the colours of one range: one that is fitted is so to all of them."""
+    scale = read_scale(scene.infrared).fitted(np.stack(list(images.values())))
+    height, width = next(iter(images.values())).shape
+    pngs = {frame: _png(image, scale, unit) for frame, image in images.items()}
+    return Strip(f"{layer}, frames {min(images)} to {max(images)}", pngs, (width, height), scale)
 
 
 def _reported(scene, layer: str, images: dict, frame: FinishedFrame, unit: TemperatureUnit) -> ReportedPicture:

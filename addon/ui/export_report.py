@@ -12,7 +12,7 @@ from bpy.types import Operator, Panel
 from ..heat_settings import scene_unit
 from ..measuring.report import write_report
 from ..measuring.table import write_table
-from ..rendering.frame_tools import over_frames
+from ..rendering.frame_tools import over_frames, strips
 from ..rendering.last_render import finished_frames, finished_layers
 from ..rendering.readings import finished_picture
 from ..rendering.reporting import build_report, frame_number, tool_readings
@@ -25,15 +25,16 @@ class ToolsExporter(AfterRender, Exporter):
 
     frames: BoolProperty(
         name="Over Frames",
-        description="What the tools read in each frame of the animation that was rendered last, if there is one",
+        description="What the tools read in each frame of the animation that was rendered last, if there is one; a "
+        "report has small pictures of its frames, too",
         default=True,
     )
 
     def execute(self, context):
         layers, frames = dict(finished_layers), dict(finished_frames)  # another render may begin meanwhile
-        read = over_frames(context.scene) if self.frames else []
+        over = (over_frames(context.scene), strips(context.scene)) if self.frames else ([], {})
         try:
-            self.write(Path(bpy.path.abspath(self.target())), context.scene, (layers, frames), read)
+            self.write(Path(bpy.path.abspath(self.target())), context.scene, (layers, frames), *over)
         except OSError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -57,7 +58,7 @@ class INFRARED_OT_export_table(Operator, ToolsExporter):
         cls.poll_message_set("There are no measuring tools")
         return False
 
-    def write(self, path, scene, rendered, read) -> None:
+    def write(self, path, scene, rendered, read, _strips) -> None:
         """read: over frames; without any, what the tools read in the pictures of the last render."""
         for layer, images in rendered[0].items() if not read else ():
             picture = finished_picture(images, rendered[1][layer])
@@ -75,9 +76,9 @@ class INFRARED_OT_export_report(Operator, ToolsExporter):
     extensions = (filename_ext, ".htm")
     filter_glob: StringProperty(default="*.html", options={"HIDDEN"})
 
-    def write(self, path, scene, rendered, read) -> None:
-        """read: what the tools read over frames."""
-        write_report(path, build_report(scene, *rendered, read))
+    def write(self, path, scene, rendered, *over) -> None:
+        """over: what the tools read over frames, and small pictures of these."""
+        write_report(path, build_report(scene, *rendered, *over))
 
 
 class INFRARED_PT_image_report(ImageSidebarPanel, Panel):
