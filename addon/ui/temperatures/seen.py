@@ -65,7 +65,8 @@ def _in_image_editor(space, region, scene) -> Seen | None:
     width, height = (size / pixels for size, pixels in zip(frame[2:], picture.window.size, strict=True))  # of a pixel
     rows, columns = picture.window.shape
     left, bottom = frame[0] + picture.window.origin[0] * width, frame[1] + picture.window.origin[1] * height
-    in_colours = shown.is_combined and space.display_channels in ("COLOR", "COLOR_ALPHA")
+    both_eyes = bool(shown.frame.view) and space.show_stereo_3d  # Blender does not tell which of them it draws
+    in_colours = shown.is_combined and not both_eyes and space.display_channels in ("COLOR", "COLOR_ALPHA")
     return Seen(picture, (left, bottom, columns * width, rows * height), frame, in_colours, shown.frame.told)
 
 
