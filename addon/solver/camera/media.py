@@ -53,7 +53,7 @@ def cross_media(tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce
         _cross(air, bounce, rows.image)
         return None
     scattered = empty_rays(count, bands, len(bounce.rays.passed) > 0)
-    shadows = empty_shadows(count if len(lighting.points.entry) else 0, bands)
+    shadows = empty_shadows(count if len(lighting.points.side_id) else 0, bands)
     room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
     found, sent = _scatter(air, stage, lighting, bounce, rows.image, (scattered, shadows), room)
     if sent:

@@ -236,7 +236,16 @@ def _fill_leaves(corners, sheet, leaf_triangle, leaves):
 def used_materials(surfaces: Surfaces) -> np.ndarray:
     """(n,) ascending indices of the materials that surfaces have, also in part."""
     mixed = surfaces.textures.mixed
-    return np.union1d(surfaces.material, mixed[mixed >= 0])
+    used = np.zeros(max(surfaces.material.max(), mixed.max(initial=-1)) + 1, np.bool_)
+    used[mixed[mixed >= 0]] = True
+    _mark(surfaces.material, used)
+    return np.flatnonzero(used)
+
+
+@njit(**KERNEL)
+def _mark(material, used):
+    for t in range(material.size):
+        used[material[t]] = True
 
 
 def sheet_count(surfaces: Surfaces) -> int:

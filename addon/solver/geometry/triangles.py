@@ -50,12 +50,18 @@ def centroid(corners, t):
     return point(corners, t, third, third)
 
 
+@njit(**INLINED)
+def area_of(corners, t):
+    """Area of triangle t, m2, float64."""
+    return 0.5 * normal(corners, t)[1]
+
+
 @njit(cache=True, nogil=True)
 def areas(corners):
     """(m,) float64 areas, m2."""
     area = np.empty(corners.shape[0])
     for t in range(corners.shape[0]):
-        area[t] = 0.5 * normal(corners, t)[1]
+        area[t] = area_of(corners, t)
     return area
 
 

@@ -22,8 +22,16 @@ from ..geometry.see_through import with_holes
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
 from ..geometry.surfaces import Geometry, Surfaces, build_surfaces, sheet_count, used_materials
-from ..geometry.triangles import areas, scene_radius
-from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, fill_surroundings, side_power
+from ..geometry.triangles import scene_radius
+from ..photons.emission import (
+    Batch,
+    Emitters,
+    Reach,
+    build_emitters,
+    build_surroundings,
+    fill_surroundings,
+    find_emission,
+)
 from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
@@ -126,11 +134,11 @@ def prepare(
     tracer = with_holes(tracer, surfaces, transmittance, in_thin_sheets=True)
     if scene.media:
         tracer = Atmosphere(tracer, scene.media, centre, scene.world_depth)
-    radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)
+    radius = scene_radius(surfaces.corners)
     eye = build_eye(scene.camera, centre, max(radius, radius_of_media(scene.media, centre)))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     grey = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1), _typical_fresnel(scene)))
-    pilot = explore(grey, tracer, eye, area)
+    pilot = explore(grey, tracer, eye)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
     if scene.media:
         if planned is None:
@@ -140,15 +148,14 @@ def prepare(
     layers = trace_apart(layers, reference)
     weighting = typical_source(sources, scene.band_edges, reference)
     stage = _build_stage(scene, grey, layers, reference, weighting)
-    emission = side_power(stage, area)
-    power = emission[0]
-    lit = float(np.sum(pilot.importance * power / area))
-    caustic = choose_caustic_lamps(surfaces, power, pilot, lit)
+    emission = find_emission(stage)
+    lit = float(np.sum(pilot.importance * emission.exitance[pilot.met], where=pilot.met >= 0))
+    caustic = choose_caustic_lamps(surfaces, emission.power, pilot, lit)
     sky = sky_layer(scene, layers)
     kelvin = layers[sky].traced if sky else scene.world_temperature
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
-    reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
+    reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.extent, pilot.openness)
     worth = None if planned is None else planned.worth
     lamps, worth = build_lamps(stage, tracer, pilot, emission, (lights, surroundings), caustic, worth)
     molecular = None
@@ -158,14 +165,13 @@ def prepare(
         molecular = build_molecular_media(scene.media, table, scene.band_edges, weighting, settings.seed)
         heat = build_heat_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
         tracer.fill(table if molecular is None else molecular.typical_table(2.0 * radius), heat)
-        reach = Reach(pilot.reachable, pilot.weight, pilot.weight, 1.0)  # from media light arrives everywhere
-        surroundings = fill_surroundings(
-            surroundings, tracer, stage, lights, reach, area, lamps, pass_key(0, AFAR, PILOT)
-        )
-    emitters = build_emitters(stage, surroundings, lights, reach, area, emission, lamps)
+        reach = reach._replace(arrival=pilot.weight, openness=1.0)  # from media light arrives everywhere
+        key = pass_key(0, AFAR, PILOT)
+        surroundings = fill_surroundings(surroundings, tracer, stage, lights, reach, lamps, key)
+    emitters = build_emitters(stage, surroundings, lights, reach, emission, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
-    photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
-    reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
+    photons = settings.photons_per_pass if emitters.light_end[-1] > 0.0 and storing else 0
+    reach2 = gather_reach(pilot, settings.photons_per_pass, settings.neighbours)
     gathering = Gathering(reach2, settings.neighbours, photons)
     if planned is None:
         _log_needs(scene, stage, reference if settings.reference_subtraction else None, photons)
@@ -175,7 +181,7 @@ def prepare(
     if photons:
         trial = trial_pass(tracer, stage, emitters, optics, cancelled)
         hits = len(trial.side_id) / trial.photons
-        sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
+        sheets = measure_sheets(stage, tracer, excess, pilot, trial, gathering, pass_key(0, SHEETS, PILOT))
     if planned is not None and _alike(planned, surfaces, photons):
         survey = planned.survey
     else:

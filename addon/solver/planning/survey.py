@@ -9,7 +9,6 @@ alone.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -313,7 +312,7 @@ class _Surveyor:
         met += rays.throughput * self._see(ends, rays)
         self._follow_through_media(met, scattered)
         sheet = shown.sheet[chosen]
-        stored = (ends.triangle >= 0) | ~self._open_sheets[sheet]
+        stored = (ends.triangle >= 0) | ~self.excess.surroundings.open[sheet]
         return _Tried(
             pixel=pixels[samples.number[chosen] // _SAMPLES].astype(np.int32),
             sheet=sheet,
@@ -324,13 +323,6 @@ class _Surveyor:
             density=1.0 / shown.footprint[chosen],
             rest=rest,
         )
-
-    @cached_property
-    def _open_sheets(self) -> np.ndarray:
-        """(labels,) bool, sheets on which photons from the surroundings are not stored."""
-        is_open = np.zeros(len(self.sheets.lit), np.bool_)
-        is_open[self.stage.surfaces.sheet[self.excess.surroundings.open]] = True
-        return is_open
 
 
 def _go_astray(rays: _Samples, scattered: Scattered) -> _Samples:
@@ -480,7 +472,7 @@ def _see(stage, hits, rays, around, seen, room):
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
         cosine = at.cosine if follows_fresnel(lobes_at(stage, at)) else _HEAD_ON
         radiance = emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, cosine), emitted)
-        seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, at) if density[i] < ALONE else 1.0)
+        seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, stage.surfaces, at) if density[i] < ALONE else 1.0)
 
 
 @njit(**KERNEL)
