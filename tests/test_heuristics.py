@@ -52,7 +52,7 @@ def test_rays_and_photons_leave_as_much_to_shadow_rays(distance, at_lamp, at_flo
     where its cosine on the floor is larger, a lamp point is seen under d^2 / cos; photons count alike."""
     lamps = Lamps(*[None] * len(Lamps._fields))
     sides, surfaces = (
-        unweighted(np.array([0.0, 2.0], np.float32), np.empty(0, np.int32)),
+        unweighted(np.array([0.0, 2.0], np.float32)),
         Surfaces(*[None] * len(Surfaces._fields)),
     )
     lamps = lamps._replace(sides=sides, share=np.array([0.0, density / 2.0]), cells=no_cells())

@@ -17,7 +17,7 @@ import pytest
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
 from addon.solver.camera.shadow_rays import Lighting, direct_irradiance, lamp_points
 from addon.solver.geometry.surfaces import unit_normal
-from addon.solver.geometry.triangles import areas
+from addon.solver.geometry.triangles import Corners, areas
 from addon.solver.photons.lights import light_spectrum
 from addon.solver.physics.lobes import ggx_albedo, interpolate_albedo
 from addon.solver.physics.spectrum import band_radiance
@@ -560,7 +560,7 @@ def test_shadow_rays_to_a_lone_ball_leave_nothing_to_chance():
 
 def areas_of(scene, first):
     """m2 of all triangles from one on, together."""
-    return areas(scene.vertices[scene.triangles[first:]].astype(np.float32)).sum()
+    return areas(Corners(scene.vertices, scene.triangles[first:])).sum()
 
 
 def test_shadow_rays_avoid_a_hidden_ball():

@@ -108,7 +108,7 @@ INTO_THE_NEAR_ROOM = look(EYE, (0.0, 0.4, 0.3))
 def test_what_a_partition_hides_does_not_matter():
     """Just the insides of the room that the camera is in do: not those of the next one, nor what faces outwards."""
     seen = explored(two_rooms(), INTO_THE_NEAR_ROOM)
-    near = np.all(seen.surfaces.corners[..., 0] + seen.centre[0] < 1 + 1e-6, axis=1)
+    near = np.all(seen.surfaces.corners.of()[..., 0] + seen.centre[0] < 1 + 1e-6, axis=1)
     expected = seen.faces(EYE) & near[:, None]
     assert expected.sum() == 12  # triangles of six walls
     np.testing.assert_array_equal(seen.of_sides("reachable"), expected)

@@ -62,7 +62,9 @@ class World(NamedTuple):
 
     def at(self, point):
         """The side_id of the upper side of the ground, triangles 0 and 1, at a point of the scene."""
-        return next(self.side_id(t) for t in (0, 1) if is_in(self.surfaces.corners[t], np.array(point) - self.centre))
+        return next(
+            self.side_id(t) for t in (0, 1) if is_in(self.surfaces.corners.of(t), np.array(point) - self.centre)
+        )
 
 
 def is_in(corners, point):

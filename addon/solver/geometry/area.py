@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..sampling.vectors import difference, dot, vector
+from ..sampling.vectors import difference, dot
 from ..system.kernels import FAST_KERNEL, INLINED, KERNEL, njit
 from .mesh import SAME_SURFACE
 from .point_tree import WIDTH, open_node, start_walk
 from .surfaces import LONGEST, sheet_of, unit_normal
-from .triangles import normal
+from .triangles import corner, normal
 
 # Most triangles whose area inside the disk of a gather is summed one by one; in finer meshes region_area measures.
 PATCH_LIMIT = 64
@@ -94,9 +94,9 @@ def area_in_ball(corners, t, ball):
     n, double_area = normal(corners, t)
     if double_area == 0.0:
         return 0.0
-    a = difference(vector(corners[t], 0), ball.center)
-    b = difference(vector(corners[t], 1), ball.center)
-    c = difference(vector(corners[t], 2), ball.center)
+    a = difference(corner(corners, t, 0), ball.center)
+    b = difference(corner(corners, t, 1), ball.center)
+    c = difference(corner(corners, t, 2), ball.center)
     height = dot(a, n)
     r2 = ball.radius2 - height * height
     if r2 <= 0.0:
@@ -127,8 +127,8 @@ def area_in_ball(corners, t, ball):
 @njit(**INLINED)
 def _edge_distance2(corners, t, i, point):
     """Squared distance of a point from edge i of triangle t."""
-    a = vector(corners[t], i)
-    d, p = difference(vector(corners[t], (i + 1) % 3), a), difference(point, a)
+    a = corner(corners, t, i)
+    d, p = difference(corner(corners, t, (i + 1) % 3), a), difference(point, a)
     length2 = dot(d, d)
     s = min(1.0, max(0.0, dot(p, d) / length2)) if length2 > 0.0 else 0.0
     p = (p[0] - s * d[0], p[1] - s * d[1], p[2] - s * d[2])

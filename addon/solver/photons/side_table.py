@@ -53,9 +53,9 @@ def build_side_table(
     return table
 
 
-def unweighted(exitance: np.ndarray, order: np.ndarray) -> SideTable:
-    """A SideTable that tells of the order and the power of sides alone."""
-    return SideTable(order, exitance, np.empty(0), np.zeros(1))
+def unweighted(exitance: np.ndarray) -> SideTable:
+    """A SideTable that tells of the power of sides alone, in the order of their numbers."""
+    return SideTable(np.empty(0, np.int32), exitance, np.empty(0), np.zeros(1))
 
 
 def without_sides(table: SideTable) -> SideTable:

@@ -16,7 +16,7 @@ from ..geometry.interaction import emit_at, leave
 from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of, sheet_of
-from ..geometry.triangles import CLEAR, area_of, areas
+from ..geometry.triangles import CLEAR, area_of, areas, corner
 from ..photons.cells import EmissionCells, choose_point, concentration, density_at
 from ..photons.emission import Emission, Surroundings
 from ..photons.lights import SUN, LightTable, light_totals, with_sky
@@ -102,19 +102,18 @@ def spheres(corners, sheet, row, count):
             n = row[sheet[t, side]]
             if n >= 0:
                 for i in range(3):
+                    at = corner(corners, t, i)
                     for axis in range(3):
-                        low[n, axis] = min(low[n, axis], corners[t, i, axis])
-                        high[n, axis] = max(high[n, axis], corners[t, i, axis])
+                        low[n, axis] = min(low[n, axis], at[axis])
+                        high[n, axis] = max(high[n, axis], at[axis])
     centre, square = 0.5 * (low + high), np.zeros(count)
     for t in range(sheet.shape[0]):
         for side in range(2):
             n = row[sheet[t, side]]
             if n >= 0:
                 for i in range(3):
-                    distance2 = 0.0
-                    for axis in range(3):
-                        distance2 += (corners[t, i, axis] - centre[n, axis]) ** 2
-                    square[n] = max(square[n], distance2)
+                    way = difference(corner(corners, t, i), vector(centre, n))
+                    square[n] = max(square[n], dot(way, way))
     return centre, np.sqrt(square)
 
 
@@ -139,10 +138,10 @@ def build_lamps(
         bright = mean_excess(np.abs(surroundings.sky))
         lights = with_sky(lights, 4.0 * math.pi * surroundings.cells.mean * bright / bright.sum())
     # in the order of a Morton curve: points at equal steps along this curve lie all around a lamp
-    sides = unweighted(emission.exitance, surfaces.leaf_triangle)
+    sides = unweighted(emission.exitance)
     power = np.where(pilot.reachable, emission.power, 0.0)
     need, visible, met, hidden = _need(stage, tracer, (emission, power), sides, pilot)
-    sides = build_side_table(surfaces, np.where(pilot.reachable, need, 0.0), sides.exitance, sides.order)
+    sides = build_side_table(surfaces, np.where(pilot.reachable, need, 0.0), emission.exitance, surfaces.leaf_triangle)
     light_power = light_totals(lights)
     of_lights = light_power * _light_need(lights, surroundings.cells, pilot)
     light_end = sides.before[-1] + np.concatenate(([0.0], np.cumsum(of_lights)))
@@ -354,10 +353,13 @@ class _Chances(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """Room for what CANDIDATES lamp points bring to a receiver. emitted: (b,) float64. sums: (2, 3) float64, see
-    _try_candidates. sheet: (CANDIDATES,) int32, label, -1 for lights, _SKY. taken: float64, share of the receiver's
-    cosine-weighted view that the sheet takes, as this point tells it. left: float64, variance of single random rays."""
+    """Room for what CANDIDATES lamp points bring to a receiver, twice. side_id: (2, CANDIDATES) int32, or -1 - i for
+    light i. chance: (2, CANDIDATES) float64. emitted: (b,) float64. sums: (2, 3) float64, see _try_candidates. sheet:
+    (CANDIDATES,) int32, label, -1 for lights, _SKY. taken: float64, share of the receiver's cosine-weighted view that
+    the sheet takes, as this point tells it. left: float64, variance of single random rays."""
 
+    side_id: np.ndarray
+    chance: np.ndarray
     emitted: np.ndarray
     sums: np.ndarray
     sheet: np.ndarray
@@ -374,32 +376,51 @@ def _best_worth(stage, pilot, chances, hidden) -> float:
     if len(pilot.point) == 0 or chances.light_end[-1] == 0.0:
         return _WORTHS[0]
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
-    key, emitted = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
-    room = _Found(emitted, np.empty((2, 3)), np.empty(CANDIDATES, np.int32), *np.empty((2, CANDIDATES)))
-    cost = [_cost_with(stage, receivers, chances, (worth, hidden, key), room) for worth in _WORTHS]
+    worths, cost, emitted = np.array(_WORTHS), np.zeros(len(_WORTHS)), np.empty(stage.radiometry.reference.size)
+    chosen = np.empty((2, CANDIDATES), np.int32), np.empty((2, CANDIDATES))
+    room = _Found(*chosen, emitted, np.empty((2, 3)), np.empty(CANDIDATES, np.int32), *np.empty((2, CANDIDATES)))
+    _add_costs(stage, receivers, chances, (hidden, pass_key(0, CANDIDATE_CHOICE, PILOT)), room, worths, cost)
     return _WORTHS[int(np.argmin(cost))]
 
 
 @njit(**KERNEL)
-def _cost_with(stage, receivers, chances, choice, room):
-    """Standard error of direct irradiance times the root of the time, summed over the receivers. choice: worth of a
-    shadow ray, variance of what it finds by what is hidden, and key of the random numbers.
+def _add_costs(stage, receivers, chances, choice, room, worths, cost):
+    """Add to cost (n,) the standard error of direct irradiance times the root of the time, summed over the receivers,
+    for each of these worths (n,) of a shadow ray. choice: variance of what such a ray finds by what is hidden, and key
+    of the random numbers.
 
     With m times as many rays the variance is a + b / m, and the time in proportion to _BESIDES + m. The product is
     least at m = (_BESIDES b / a)^(1/2): ((_BESIDES a)^(1/2) + b^(1/2))^2.
     """
-    (worth, hidden, key), sums, cost = choice, room.sums, 0.0
+    (hidden, key), sums = choice, room.sums
     for i in range(receivers.side_id.size):
         path, n = path_key(key, i), vector(receivers.normal, i)
         here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
         # two sets of candidates, as their strata differ less than single candidates do
         for row in range(2):
-            _try_candidates(stage, (here, n), chances, (worth, path_key(path, row)), room, sums[row])
-        mean = 0.5 * (sums[0, 0] + sums[1, 0])
-        of_shadows = 0.5 * (sums[0, 0] - sums[1, 0]) ** 2 + hidden * mean * mean
-        of_shadows += mean * 0.5 * (sums[0, 1] + sums[1, 1])
-        cost += math.sqrt(_BESIDES * of_shadows) + math.sqrt(0.5 * (sums[0, 2] + sums[1, 2]))
-    return cost
+            _choose_candidates(stage.surfaces, chances, path_key(path, row), room.side_id[row], room.chance[row])
+        for w in range(worths.size):
+            for row in range(2):
+                _try_candidates(stage, (here, n), chances, (worths[w], path_key(path, row), row), room, sums[row])
+            mean = 0.5 * (sums[0, 0] + sums[1, 0])
+            of_shadows = 0.5 * (sums[0, 0] - sums[1, 0]) ** 2 + hidden * mean * mean
+            of_shadows += mean * 0.5 * (sums[0, 1] + sums[1, 1])
+            cost[w] += math.sqrt(_BESIDES * of_shadows) + math.sqrt(0.5 * (sums[0, 2] + sums[1, 2]))
+
+
+@njit(**KERNEL)
+def _choose_candidates(surfaces, chances, path, side_id, chance):
+    """Choose CANDIDATES sides or lights. Fills side_id and chance (CANDIDATES,), see _Found."""
+    total = chances.light_end[-1]
+    for c in range(CANDIDATES):
+        number = number_in((c + uniform(path, 3 * c)) / CANDIDATES, total)
+        if number < chances.light_end[0]:
+            found = found_from(surfaces, chances.sides, number, first_found(chances.sides, number))
+            side_id[c], chance[c] = side_at(chances.sides, found.entry), (found.high - found.low) / total
+        else:
+            light = np.searchsorted(chances.light_end, number, side="right") - 1
+            side_id[c] = -1 - light
+            chance[c] = (chances.light_end[light + 1] - chances.light_end[light]) / total
 
 
 @njit(**KERNEL)
@@ -407,20 +428,17 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
     """Fill sums with what CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, as far
     as it is left to shadow rays; the part of it from points brighter or darker than their triangle, times the square of
     the difference; and the variance of what is left to TYPICAL_RAYS rays."""
-    (here, n), (worth, path) = receiver, choice
+    (here, n), (worth, path, row) = receiver, choice
     sums[:], room.sheet[:], room.taken[:], room.left[:] = 0.0, -1, 0.0, 0.0
     for c in range(CANDIDATES):
-        pick, total = (c + uniform(path, 3 * c)) / CANDIDATES, chances.light_end[-1]
-        number, s, w = number_in(pick, total), uniform(path, 3 * c + 1), uniform(path, 3 * c + 2)
-        if number >= chances.light_end[0]:
-            light = np.searchsorted(chances.light_end, number, side="right") - 1
+        side_id, chance = np.int64(room.side_id[row, c]), room.chance[row, c]
+        s, w = uniform(path, 3 * c + 1), uniform(path, 3 * c + 2)
+        if side_id < 0:
+            light = -1 - side_id
             if light == chances.light_power.size - 1 and chances.sky.cumulative.size:
-                chance = (chances.light_end[light + 1] - chances.light_end[light]) / total
                 sought = worth * chance, chances.light_power[light] / chances.disk / chance
                 _try_sky(n, chances.sky, sought, (s, w), (room, c), sums)
             continue
-        found = found_from(stage.surfaces, chances.sides, number, first_found(chances.sides, number))
-        chance, side_id = (found.high - found.low) / total, side_at(chances.sides, found.entry)
         t = side_id >> 1
         power = power_of(stage.surfaces, chances.sides, t)
         u, v, dense = choose_point(chances.cells, t, s, w)

@@ -224,7 +224,7 @@ def _view_width(surfaces: Surfaces, eye: Eye, hits: Hits) -> float:
     hit = hits.triangle >= 0
     if not hit.any():
         return math.inf
-    corners = surfaces.corners[hits.triangle[hit]]
+    corners = surfaces.corners.of(hits.triangle[hit])
     u, v = hits.u[hit, None], hits.v[hit, None]
     points = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
     distance = float(np.median(np.linalg.norm(points - eye.matrix[:, 3], axis=1)))

@@ -298,7 +298,7 @@ def _log_needs(scene: Scene, stage: Stage, reference: float | None, photons: int
     flags = np.bitwise_or.reduce(stage.radiometry.lobes.flags[used])
     log.info(
         "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
-        len(stage.surfaces.corners),
+        len(stage.surfaces.material),
         scene.band_count,
         len(used),
         ("rough specular" if flags & GLOSSY else "specular" if flags & SPECULAR else "diffuse")
