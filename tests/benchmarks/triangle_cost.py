@@ -27,6 +27,7 @@ import numpy as np
 from addon.solver import Settings, render
 from addon.solver import passes as pass_loop
 from addon.solver.memory import memory_of_triangles
+from docs.tools.pages import MADE_AT
 from tests.benchmarks.scaling import CORES, Size, in_own_process, room
 from tests.helpers.process import resident
 
@@ -138,6 +139,7 @@ def main():
     print("\n| of these, kept | bytes per triangle |\n|---|--:|")
     for name, size in costs[-1].parts.items():
         print(f"| {name} | {size:.1f} |")
+    print(f"\n{MADE_AT}")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 
 import logging
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from .mesh import distinct, find_neighbours, first_at_point, label_sheets
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order
 from .segments import Tracer
 from .textures import MATERIAL, TextureTable, build_textures, grain, mixed_share, row_of, temperature_in_image
-from .triangles import Corners, bounds, centroid, centroids, extended, longest_edge, normal, planes
+from .triangles import Corners, area_of, bounds, centroid, centroids, extended, longest_edge, planes
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +26,8 @@ _FLAT = 1.0 - 1e-6  # cosine from which on a normal is the triangle's own: 0.08 
 # surface: it is shaded flat.
 LEAST_LEAN = 0.1
 _TYPICAL = 8  # points along each axis of the unit square that tell a triangle's mean temperature
-LONGEST = 9  # row of a leaf of triangles that holds the length of the longest edge
+AREA, LONGEST = 3, 4  # rows of a leaf of triangles that hold the area and the length of the longest edge
+NORMAL_UNIT = 32767.0  # of the normals in leaf_facing
 
 
 class Surfaces(NamedTuple):
@@ -42,8 +44,10 @@ class Surfaces(NamedTuple):
     smooth: (m,) int32, row of corner_normal (s, 3, 3) float32, unit normals at the corners of the front of triangles
         that are shaded smooth; -1 for flat ones; (0,) if all are flat.
     textures: what varies over triangles besides `temperature`, see TextureTable.
-    mesh: tree over the triangles; the leaves hold centroid, normal, area, the sheets of both sides and the length of
-        the longest edge. leaf_triangle: (m,) int32, the triangle in each slot of the leaves.
+    mesh: tree over the triangles; the leaves hold centroid, area and the length of the longest edge. leaf_facing: (l,
+        5, w) int16, in each leaf the unit normals times NORMAL_UNIT, and the labels of the sheets of both sides, as far
+        as 16 bits hold them: with more sheets, two that are near each other may count as one, once in 65536 times.
+        leaf_triangle: (m,) int32, the triangle in each slot of the leaves.
 
     A side of a triangle has the number side_id = 2 t + side; side 0 is the front.
     """
@@ -54,6 +58,7 @@ class Surfaces(NamedTuple):
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
+    leaf_facing: np.ndarray
     leaf_triangle: np.ndarray
     plane: np.ndarray
     layer: np.ndarray
@@ -82,6 +87,7 @@ class Geometry(NamedTuple):
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
+    leaf_facing: np.ndarray
     leaf_triangle: np.ndarray
     plane: np.ndarray
 
@@ -124,14 +130,15 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     if kept is not None:
         triangles, stored = triangles[kept], stores[kept]
         hidden = None if hidden is None else hidden[kept]
-    tracer = Tracer(vertices, triangles, hidden)  # first, as Embree needs most memory while it builds
-    corners, neighbours = Corners(vertices, triangles), find_neighbours(triangles, first)
-    _part(stored, neighbours)
-    plane = planes(corners)
-    sheet = label_sheets(plane, neighbours)
+    corners = Corners(vertices, triangles)
+    with ThreadPoolExecutor(1) as pool:
+        connected = pool.submit(_connect, corners, first, stored)
+        tracer = Tracer(vertices, triangles, hidden)  # before the tree, as Embree needs most memory while it builds
+    neighbours, plane, sheet = connected.result()
     leaf_triangle = morton_order(centroids(corners))
     leaves = empty_leaves(len(triangles), LONGEST + 1)
-    _fill_leaves(corners, sheet, leaf_triangle, leaves)
+    leaf_facing = np.zeros((len(leaves), 5, WIDTH), np.int16)
+    _fill_leaves((corners, plane, sheet), leaf_triangle, leaves, leaf_facing)
     return Geometry(
         vertices=scene.vertices,
         triangles=scene.triangles,
@@ -144,18 +151,25 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         neighbours=neighbours,
         sheet=sheet,
         mesh=build_tree(leaves, LONGEST),
+        leaf_facing=leaf_facing,
         leaf_triangle=leaf_triangle,
         plane=plane,
     )
 
 
-@njit(**KERNEL)
-def _part(stored, neighbours):
-    """Let neighbours (m, 3) that do not store the same photons, (m,) uint8, be none."""
+@njit(cache=True, nogil=True)
+def _connect(corners, first, stored):
+    """neighbours, plane and sheet of Surfaces. first: see first_at_point. stored: (m,) uint8, see Geometry.
+
+    One kernel, as embreex copies a mesh without releasing the GIL: meanwhile no Python could go on to a second one.
+    """
+    neighbours = find_neighbours(corners.triangles, first)
     for t in range(stored.size):
         for i in range(3):
             if neighbours[t, i] >= 0 and stored[neighbours[t, i] >> 1] != stored[t]:
                 neighbours[t, i] = -1
+    plane = planes(corners)
+    return neighbours, plane, label_sheets(plane, neighbours)
 
 
 def _stores(scene: Scene) -> np.ndarray:
@@ -187,6 +201,7 @@ def build_surfaces(
         neighbours=geometry.neighbours,
         sheet=geometry.sheet,
         mesh=geometry.mesh,
+        leaf_facing=geometry.leaf_facing,
         leaf_triangle=geometry.leaf_triangle,
         plane=geometry.plane,
         layer=np.empty(0, np.uint8) if layer is None else np.ascontiguousarray(geometry.taken(layer), np.uint8),
@@ -257,18 +272,17 @@ def _fill_typical(table, temperature):
 
 
 @njit(**KERNEL)
-def _fill_leaves(corners, sheet, leaf_triangle, leaves):
-    """Put the triangles into the leaves of their tree."""
+def _fill_leaves(triangles, leaf_triangle, leaves, leaf_facing):
+    """Put the triangles into the leaves of their tree. triangles: Corners, plane and sheet, see Surfaces."""
+    corners, plane, sheet = triangles
     for i in range(leaf_triangle.size):
         t, leaf, slot = leaf_triangle[i], i // WIDTH, i % WIDTH
-        n, double_area = normal(corners, t)
         leaves[leaf, 0, slot], leaves[leaf, 1, slot], leaves[leaf, 2, slot] = centroid(corners, t)
-        leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = n
-        leaves[leaf, 6, slot] = 0.5 * double_area
-        # float32 tells 2^24 labels apart; with more sheets, which only loose triangles can be, two may count as one
-        # here
-        leaves[leaf, 7, slot], leaves[leaf, 8, slot] = sheet[t, 0], sheet[t, 1]
-        leaves[leaf, LONGEST, slot] = longest_edge(corners, t)
+        leaves[leaf, AREA, slot], leaves[leaf, LONGEST, slot] = area_of(corners, t), longest_edge(corners, t)
+        for axis in range(3):
+            leaf_facing[leaf, axis, slot] = np.int16(round(NORMAL_UNIT * plane[t, axis]))
+        for side in range(2):
+            leaf_facing[leaf, 3 + side, slot] = np.int16(sheet[t, side])
 
 
 def used_materials(surfaces: Surfaces) -> np.ndarray:

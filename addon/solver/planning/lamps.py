@@ -174,17 +174,18 @@ def _need(stage, tracer, emission, sides, pilot) -> tuple[np.ndarray, np.ndarray
     row[emitting] = np.arange(len(emitting))
     centre, radius = spheres(surfaces.corners, surfaces.sheet, row, len(emitting))
     radius /= np.sqrt(_spots(surfaces, emission)[emitting])
-    brought, seldom = np.zeros((2, len(emitting), len(receivers.point)))
-    _bring(centre, radius, receivers, brought, seldom)
-    choice, weight = _Sheets(sides, row, power[emitting]), power[emitting, None] * seldom
+    brought, weight = np.zeros(len(emitting)), np.zeros((len(emitting), len(receivers.point)))
+    _bring(centre, radius, receivers, brought, weight)
+    seldom, choice = weight.sum(axis=1), _Sheets(sides, row, power[emitting])
+    weight *= power[emitting, None]
     visible[emitting] = _visibility(surfaces, tracer, choice, weight, receivers)
     weight *= visible[emitting, None]
     gain = _signs(stage, sides, row, len(emitting)) / visible[emitting]
     variance = _variance(surfaces, tracer, choice, weight, receivers, gain)
-    mean = seldom.mean(axis=1) * visible[emitting]
+    mean = seldom / len(receivers.point) * visible[emitting]
     # never far below the mean, as few receivers tell of all
     need[emitting] = np.maximum(mean, _LEAST_NEED * mean.mean())
-    met[emitting] = brought.sum(axis=1) / np.maximum(seldom.sum(axis=1), 1e-300) - 1.0
+    met[emitting] = brought / np.maximum(seldom, 1e-300) - 1.0
     return need, visible, met, variance
 
 
@@ -221,17 +222,18 @@ def _add_signs(stage, sides, row, warmer):
 
 @njit(**KERNEL)
 def _bring(centre, radius, receivers, brought, seldom):
-    """Fill brought (n, r), m-2, with the irradiance that 1 W of each of n spheres brings to each of r receivers, as if
-    visible, and seldom with the part of it that shadow rays are needed for: a sphere that takes the share F of the
-    cosine-weighted view is met by TYPICAL_RAYS F rays of a final gather."""
+    """Add to brought (n,), m-2, the irradiance that 1 W of each of n spheres brings to all receivers, as if visible.
+    Fill seldom (n, r) with the part of it, at each receiver, that shadow rays are needed for: a sphere that takes the
+    share F of the cosine-weighted view is met by TYPICAL_RAYS F rays of a final gather."""
     for k in range(radius.size):
         c, r2 = vector(centre, k), radius[k] * radius[k]
         for i in range(receivers.side_id.size):
             way = difference(c, vector(receivers.point, i))
             d2 = max(dot(way, way), r2)
             cosine = min(1.0, max(0.0, dot(way, vector(receivers.normal, i)) + radius[k]) / math.sqrt(d2))
-            brought[k, i] = cosine / (4.0 * math.pi * d2)
-            seldom[k, i] = brought[k, i] / (1.0 + TYPICAL_RAYS * cosine * r2 / d2)
+            here = cosine / (4.0 * math.pi * d2)
+            brought[k] += here
+            seldom[k, i] = here / (1.0 + TYPICAL_RAYS * cosine * r2 / d2)
 
 
 class _Sheets(NamedTuple):
@@ -300,13 +302,14 @@ def _variance(surfaces, tracer, sheets, weight, receivers, gain) -> float:
     nothing, over the mean.
     """
     key, total, receiver = pass_key(1, LAMP_CHOICE, PILOT), weight.sum(axis=0), np.arange(weight.shape[1])
-    cumulative, each = np.cumsum(weight, axis=0), max(8, _AIMED // receiver.size)
+    cumulative, each = np.cumsum(weight.T, axis=1, out=np.empty(weight.shape[::-1])), max(8, _AIMED // receiver.size)
     keys = [pass_key(2 + ray, LAMP_CHOICE, PILOT) for ray in range(each)]
     picks = [(ray + uniforms(key, ray * receiver.size, receiver.size)) / each * total for ray in range(each)]
-    sheet = np.array([np.minimum((cumulative <= pick).sum(axis=0), len(weight) - 1) for pick in picks])
+    chosen = [np.searchsorted(*of, side="right") for of in zip(cumulative, np.transpose(picks), strict=True)]
+    sheet = np.minimum(np.transpose(chosen), len(weight) - 1)
     share = np.concatenate([uniforms(key, receiver.size, receiver.size) for key in keys])
-    chosen = _choose_sides(surfaces, sheets, sheet.ravel(), share).reshape(sheet.shape)
-    aimed = [_aimed(surfaces, tracer, some, (receiver, receivers), key) for some, key in zip(chosen, keys, strict=True)]
+    sides = _choose_sides(surfaces, sheets, sheet.ravel(), share).reshape(sheet.shape)
+    aimed = [_aimed(surfaces, tracer, some, (receiver, receivers), key) for some, key in zip(sides, keys, strict=True)]
     seen, faces = np.swapaxes(aimed, 0, 1)
     brought, count = seen * gain[sheet], np.maximum(faces.sum(axis=0), 1.0)
     mean = brought.sum(axis=0) / count
