@@ -14,8 +14,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                h (l - 1) b                    its further layers
     rays       (4 b + 90) min(P, 1024 t) n    of the tile of each thread: for each of 1024 pixels n rays, camera rays
                                               and those of final gathers, as many as where most are planned
-    geometry   280 m                          vertices, adjacency, trees of our own and Embree's, what they emit (of
-                                              closed meshes about 190; every sheet of loose triangles takes more)
+    geometry   240 m                          vertices, adjacency, trees of our own and Embree's, what they emit (of
+                                              closed meshes about 180; every sheet of loose triangles takes more)
                200 m                          where some are hidden from the camera: Embree's tree of the others
                44 m                           where some are shaded smooth: unit normals at corners, and their rows
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
@@ -99,7 +99,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
 def memory_of_triangles(count: int, smooth: bool = False, hidden: bool = False) -> float:
     """Bytes of the geometry of so many triangles. smooth: whether some are shaded smooth. hidden: whether the camera
     does not see some."""
-    return (280.0 + 44.0 * smooth + 200.0 * hidden) * count
+    return (240.0 + 44.0 * smooth + 200.0 * hidden) * count
 
 
 def memory_of_passes(
