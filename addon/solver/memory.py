@@ -9,7 +9,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                P (16 + 24 j)                  with molecules: what follows the j numbers that tell their draws
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     frame      20 F                           of F pixels around a render region: Combined, and as a screen shows it
-    photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
+    photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map, as are points of
+                                              what mirrors throw into gas, which count as hits; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
     rays       (4 b + 90) min(P, 1024 t) n    of the tile of each thread: for each of 1024 pixels n rays, camera rays

@@ -184,8 +184,8 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
 def _check(scene):
     if scene.lights or scene.groups or scene.response is not None:
         raise ValueError("Light objects, groups and responses are not traced")
-    if scene.corner_normals is not None or (scene.sky is not None and (scene.sky.zenith is not None or scene.media)):
-        raise ValueError("Smooth shading, skies by angle and skies with gas are not traced")
+    if scene.corner_normals is not None or (scene.sky is not None and scene.sky.zenith is not None):
+        raise ValueError("Smooth shading and skies by angle are not traced")
     check_gas(scene.media)
     camera = scene.camera
     if camera.kind == "PANORAMA" or camera.lens_radius or camera.window or camera.clip != (0.0, np.inf):

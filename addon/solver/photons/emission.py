@@ -30,7 +30,7 @@ from ..system.kernels import FAST_INLINED, FAST_KERNEL, INLINED, njit
 from .cells import EmissionCells, build_cells, choose_point, no_cells
 from .lights import SUN, LightTable, light_ray, light_totals, no_lights
 from .walk import collect
-from .wave import CAUSTIC, FORWARDS, FROM_SUN, STRAIGHT_FROM_LIGHT, empty_wave
+from .wave import CAUSTIC, FORWARDS, FROM_SUN, OF_LIGHT, STRAIGHT_FROM_LIGHT, empty_wave
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
@@ -153,9 +153,7 @@ def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: i
     sky, radiance = build_sky_table(scene.sky, scene.band_edges, reference), np.zeros_like(reference)
     if sky.size:
         flux = math.pi * float(mean_excess(np.abs(sky)).sum())
-        # in media photons bring what these emit, too
-        cells = no_sky_cells() if scene.media else build_sky_cells(sky)
-        return Surroundings(mean_excess(sky), sky, np.empty(0), cells, flux, layer, is_open)
+        return Surroundings(mean_excess(sky), sky, np.empty(0), build_sky_cells(sky), flux, layer, is_open)
     if kelvin != stage.radiometry.quiet:  # else photons would carry the rounding of the reference and nothing else
         radiance = band_radiance(scene.band_edges, kelvin) - reference
     flux = math.pi * float(np.abs(radiance).sum())
@@ -261,7 +259,7 @@ def _emit(emitters, stage, batch, wave, emitted, room):
         share = 1.0 / (batch.total * probability)
         caustic, layer = entry < surface_end and emitters.caustic[entry], 0
         wave.photon[i], wave.arrival[i] = photon, FORWARDS
-        wave.chain[i] = STRAIGHT_FROM_LIGHT if entry >= sky_end else CAUSTIC if caustic else 0
+        wave.chain[i] = STRAIGHT_FROM_LIGHT | OF_LIGHT if entry >= sky_end else CAUSTIC if caustic else 0
         wave.aimed[i] = np.inf if entry >= sky_end else 0.0
         if entry >= sky_end:
             light = entry - sky_end

@@ -27,6 +27,7 @@ from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_sur
 from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
+from ..photons.thrown import Thrown
 from ..photons.transport import Optics, trace_photons
 from ..physics.fresnel import FresnelTable, build_fresnel_table, in_one_band
 from ..physics.heat import build_heat_table
@@ -68,7 +69,8 @@ _PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
 class Model:
     """A scene made ready to render.
 
-    samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
+    throws: whether mirrors may throw light of lights into gas that scatters. samples: (pixels,) uint16, camera rays of
+    each pixel in a pass. reach2: m2, squared radius of the largest disk.
     estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons. looking:
     from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature
     groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's
@@ -85,6 +87,7 @@ class Model:
     emitters: Emitters
     lamps: Lamps
     optics: Optics
+    throws: bool
     eye: Eye
     samples: np.ndarray
     reach2: float
@@ -164,7 +167,8 @@ def prepare(
         )
     emitters = build_emitters(stage, surroundings, lights, reach, area, emission, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
-    photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
+    throws = optics.keep_caustic and len(scene.lights) > 0 and tracer.scatters
+    photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and (storing or throws) else 0
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
     gathering = Gathering(reach2, settings.neighbours, photons)
     if planned is None:
@@ -173,8 +177,9 @@ def prepare(
         return None
     excess, sheets, hits = Excess(surroundings, lamps), dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
-        trial = trial_pass(tracer, stage, emitters, optics, cancelled)
-        hits = len(trial.side_id) / trial.photons
+        thrown = [] if throws else None
+        trial = trial_pass(tracer, stage, emitters, optics, cancelled, thrown)
+        hits = (len(trial.side_id) + sum(len(each.straight) for each in thrown or ())) / trial.photons
         sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
     if planned is not None and _alike(planned, surfaces, photons):
         survey = planned.survey
@@ -200,6 +205,7 @@ def prepare(
         emitters=emitters,
         lamps=lamps,
         optics=optics,
+        throws=throws,
         eye=eye,
         samples=samples,
         reach2=reach2,
@@ -319,9 +325,14 @@ def photon_store(bands: int, optics: Optics) -> PhotonStore:
 
 
 def trial_pass(
-    tracer: Tracer, stage: Stage, emitters: Emitters, optics: Optics, cancelled: Callable[[], bool]
+    tracer: Tracer,
+    stage: Stage,
+    emitters: Emitters,
+    optics: Optics,
+    cancelled: Callable[[], bool],
+    thrown: list[Thrown] | None,
 ) -> Trial:
-    """The Trial by which splitting is planned: what a pass of _PLAN_PHOTONS stores."""
+    """The Trial by which splitting is planned: what a pass of _PLAN_PHOTONS stores. thrown: see trace_photons."""
 
     def told(hits: Photons):
         caustic = hits.caustic if optics.keep_caustic else np.zeros(len(hits.surface), np.bool_)
@@ -330,6 +341,6 @@ def trial_pass(
     count = _PLAN_PHOTONS
     batch = Batch(pass_key(0, 0, TRIAL), 0, count, count)
     nothing = photon_store(stage.radiometry.reference.size, optics).photons
-    batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled)
+    batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled, thrown=thrown)
     parts = zip(*map(told, itertools.chain([nothing], batches)), strict=True)
     return Trial(count, *map(np.concatenate, parts))
