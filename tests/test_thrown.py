@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from addon.solver import Material, Medium, PointLight, Settings, SpotLight, render
-from addon.solver.geometry.segments import RayBatch
-from addon.solver.photons.thrown import POINTS, build_thrown_map, leave_points
+from addon.solver.photons.thrown import build_thrown_map, leave_points
 from addon.solver.photons.wave import MIRRORED, OF_LIGHT, STRAIGHT_FROM_LIGHT, empty_wave
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning.preparation import prepare
@@ -82,10 +81,10 @@ def test_a_mirror_throws_light_into_fog_as_an_image_of_the_light_would(scatterin
 
 
 def test_points_tell_the_light_along_a_way():
-    """Their sum is the integral of what is left of the power along the way up to the end of the fog, in each band,
-    whether it scatters or not: within 4 standard errors. Photons that met no mirror, or that no light sent, leave none.
-    """
-    count, depth, power = 4000, 3.0, np.array([2.0, 1.0, 0.5], np.float32)
+    """Their sum is the integral of what is left of the power along the way in fog and half a metre around it, in each
+    band, whether it scatters or not: within 4 standard errors. Photons that met no mirror, or that no light sent, leave
+    none. Points know how far the surface is where the way ends."""
+    count, depth, reach, power = 4000, 3.0, 0.5, np.array([2.0, 1.0, 0.5], np.float32)
     edges = np.array([3.0, 4.0, 5.0, 6.0])
     absorption = np.array([[3.0, 0.1], [4.0, 0.1], [4.001, 1.0], [6.0, 1.0]])
     scattering = np.array([[3.0, 0.3], [4.0, 0.3], [4.001, 2.0], [5.0, 2.0], [5.001, 0.0], [6.0, 0.0]])
@@ -97,29 +96,31 @@ def test_points_tell_the_light_along_a_way():
         media=(medium,), lights=(lamp,), world_temperature=KELVIN,
     )  # fmt: skip
     model = prepare(lit, Settings(photons_per_pass=1000))
-    assert model.throws
+    centre = model.stage.surfaces.corners.reshape(-1, 3).mean(axis=0) - (0.0, 0.0, 9.0)  # of solver coordinates
     wave = empty_wave(count, 3, False)
-    wave.origin[:], wave.direction[:], wave.power[:] = (0.0, 0.0, -10.0), (0.0, 0.0, 1.0), power
+    wave.origin[:], wave.direction[:], wave.power[:] = centre - (0.0, 0.0, 10.0), (0.0, 0.0, 1.0), power
+    wave.origin[:, 0] += 0.1  # not where two triangles meet
     wave.photon[:], wave.arrival[:] = np.arange(count), -1
     wave.chain[:] = OF_LIGHT | MIRRORED | STRAIGHT_FROM_LIGHT
     wave.chain[: count // 4], wave.chain[count // 4 : count // 2] = OF_LIGHT | STRAIGHT_FROM_LIGHT, MIRRORED
-    centre = model.stage.surfaces.corners.reshape(-1, 3).mean(axis=0) - (0.0, 0.0, 9.0)  # of solver coordinates
-    wave.origin[:] += centre
-    air = model.tracer.cross(*RayBatch(wave.origin, wave.direction), np.full(count, np.inf, np.float32))
-    left = []
-    leave_points(air, wave, (np.uint64(3), 1), left)
-    (points,) = left
-    assert len(points.straight) == POINTS * count // 2 and points.straight.all()
-    each = points.power.reshape(-1, POINTS, 3).sum(axis=1, dtype=float)
+    hits = model.tracer.trace(wave.origin, wave.direction)
+    throwing = model.throwing._replace(reach=reach, left=[])
+    air = model.tracer.cross(wave.origin, wave.direction, hits.distance)
+    leave_points(model.tracer, hits, air, wave, (np.uint64(3), 1), throwing)
+    (points,) = throwing.left
+    assert len(points.straight) == 4 * count // 2 and points.straight.all()
+    each = points.power.reshape(-1, 4, 3).sum(axis=1, dtype=float)
     extinction = np.array([0.4, 3.0, 1.0])
-    truth = power * -np.expm1(-extinction * depth) / extinction
-    truth = truth + power * 10.0  # before the fog nothing is lost
+    left = np.exp(-extinction * depth)
+    truth = power * (reach + (1.0 - left) / extinction + reach * left)
     error = each.std(axis=0, ddof=1) / len(each) ** 0.5
     print(each.mean(axis=0) / truth, error / truth)
-    assert np.all(abs(each.mean(axis=0) - truth) < 4.0 * error) and np.all(error < 0.02 * truth)
-    found = build_thrown_map(points, 50, 0.5)
-    order = np.lexsort(points.position.T)
-    again = np.lexsort(found.points.position.T)
+    assert np.all(abs(each.mean(axis=0) - truth) < 4.0 * error) and np.all(error < 0.03 * truth)
+    assert np.all(points.height[:, 0] > 0.0)
+    np.testing.assert_allclose(points.height[:, 1], 9.0 + centre[2] - points.position[:, 2], atol=1e-4)
+    np.testing.assert_allclose(points.normal[:, 1], np.broadcast_to((0.0, 0.0, -1.0), (len(each) * 4, 3)), atol=1e-6)
+    found = build_thrown_map(points, 50, reach, 0.5)
+    order, again = np.lexsort(points.position.T), np.lexsort(found.points.position.T)
     np.testing.assert_array_equal(points.power[order], found.points.power[again])
 
 

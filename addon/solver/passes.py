@@ -36,7 +36,7 @@ from .moments import at_moment, step_of
 from .photons.emission import Batch
 from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
-from .photons.thrown import Thrown, build_thrown_map, empty_thrown
+from .photons.thrown import Thrown, ThrownMap, build_thrown_map, empty_thrown
 from .photons.transport import trace_photons
 from .planning.preparation import Model, photon_store, prepare
 from .sampling.rng import ALL_PASSES, CACHE, CAMERA, LAMPS, PHOTONS, pass_key
@@ -233,7 +233,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
         keys=(pass_key(settings.seed, ALL_PASSES, CAMERA), pass_key(settings.seed, index, CAMERA)),
         index=index,
         weights=model.layer_weights.astype(np.float32).ravel(),
-        thrown=build_thrown_map(thrown, estimate.neighbours, estimate.shrink2) if model.tracer.scatters else None,
+        thrown=map_thrown(model, thrown, estimate),
     )
 
     def render_tile(pixels: np.ndarray):
@@ -255,18 +255,27 @@ def shoot_photons(model: Model, key: np.uint64, work: Work) -> tuple[Photons, Th
     thrown = [empty_thrown(0, model.stage.radiometry.reference.size)]
 
     def trace(first: int):
-        left = [] if model.throws else None
+        left = []
         if work.cancelled():
             return [], left
+        throwing = model.throwing._replace(left=left) if model.throwing else None
         batch = Batch(key, first, min(PHOTON_CHUNK, total - first), total)
-        return list(trace_photons(*traced, batch, work.cancelled, thrown=left)), left
+        return list(trace_photons(*traced, batch, work.cancelled, thrown=throwing)), left
 
     work.store.clear()
     for chunk, left in work.pool.map(trace, range(0, total, PHOTON_CHUNK)):
         for hits in chunk:
             work.store.append(hits)
-        thrown += left or []
+        thrown += left
     return work.store.photons, Thrown(*map(np.concatenate, zip(*thrown, strict=True)))
+
+
+def map_thrown(model: Model, thrown: Thrown, estimate: Estimate) -> ThrownMap | None:
+    """The ThrownMap of a pass; None where no gas scatters."""
+    reach = model.throwing.reach if model.throwing else 0.0
+    if not model.tracer.scatters:
+        return None
+    return build_thrown_map(thrown, estimate.neighbours, reach, estimate.shrink2)
 
 
 def cache_irradiance(

@@ -38,7 +38,7 @@ from ..sampling.vectors import dot, put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
-from .thrown import Thrown
+from .thrown import Throwing
 from .walk import append, collect, fly_photons
 from .wave import (
     CAUSTIC,
@@ -84,7 +84,7 @@ def trace_photons(
     batch: Batch,
     cancelled: Callable[[], bool] = lambda: False,
     on_hits: Callable[[Hits, Wave], None] | None = None,
-    thrown: list[Thrown] | None = None,
+    thrown: Throwing | None = None,
 ) -> Iterator[Photons]:
     """Trace a batch of photons; yields the stored photons of each bounce.
 

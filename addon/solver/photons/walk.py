@@ -28,7 +28,7 @@ from ..sampling.heuristics import balance
 from ..sampling.rng import path_key, path_keys, uniform
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import KERNEL, njit
-from .thrown import Thrown, leave_points
+from .thrown import Throwing, leave_points
 from .wave import FORWARDS, FROM_SUN, Wave
 
 _WALKING, _COLLECTING = 1 << 20, 1 << 24  # first dimensions of a photon's random numbers in media
@@ -43,7 +43,7 @@ def fly_photons(
     wave: Wave,
     keys: tuple[np.uint64, int],
     scattered: Wave,
-    thrown: list[Thrown] | None = None,
+    thrown: Throwing | None = None,
 ) -> int:
     """Take from the photons of a wave what media take on their way to these hits. Those that are scattered arrive there
     without power, and go on as the first photons of `scattered`; returns how many do.
@@ -54,7 +54,7 @@ def fly_photons(
     from_sun = wave.arrival[:count] == FROM_SUN
     air = tracer.cross(wave.origin[:count], wave.direction[:count], ways(hits), from_sun if from_sun.any() else None)
     if thrown is not None:
-        leave_points(air, wave, keys, thrown)
+        leave_points(tracer, hits, air, wave, keys, thrown)
     if tracer.scatters:
         return _walk(air, wave, keys, scattered)
     _absorb(air, wave)

@@ -27,7 +27,7 @@ from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_sur
 from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
-from ..photons.thrown import Thrown
+from ..photons.thrown import Throwing, choose_reach, prepare_throwing
 from ..photons.transport import Optics, trace_photons
 from ..physics.fresnel import FresnelTable, build_fresnel_table, in_one_band
 from ..physics.heat import build_heat_table
@@ -63,14 +63,15 @@ from .survey import Survey, survey_pixels
 log = logging.getLogger(__name__)
 
 _PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
+_LARGEST_BALL = 1.0 / 8.0  # radius of a ball in gas, over that of the scene
 
 
 @dataclass(frozen=True)
 class Model:
     """A scene made ready to render.
 
-    throws: whether mirrors may throw light of lights into gas that scatters. samples: (pixels,) uint16, camera rays of
-    each pixel in a pass. reach2: m2, squared radius of the largest disk.
+    throwing: how photons tell what mirrors throw into gas; None if they throw nothing. samples: (pixels,) uint16,
+    camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
     estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons. looking:
     from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature
     groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's
@@ -87,7 +88,7 @@ class Model:
     emitters: Emitters
     lamps: Lamps
     optics: Optics
-    throws: bool
+    throwing: Throwing | None
     eye: Eye
     samples: np.ndarray
     reach2: float
@@ -168,6 +169,7 @@ def prepare(
     emitters = build_emitters(stage, surroundings, lights, reach, area, emission, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     throws = optics.keep_caustic and len(scene.lights) > 0 and tracer.scatters
+    throwing = prepare_throwing(surfaces, radius, scene.media, centre) if throws else None
     photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and (storing or throws) else 0
     reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
     gathering = Gathering(reach2, settings.neighbours, photons)
@@ -177,9 +179,12 @@ def prepare(
         return None
     excess, sheets, hits = Excess(surroundings, lamps), dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
-        thrown = [] if throws else None
-        trial = trial_pass(tracer, stage, emitters, optics, cancelled, thrown)
-        hits = (len(trial.side_id) + sum(len(each.straight) for each in thrown or ())) / trial.photons
+        trial = trial_pass(tracer, stage, emitters, optics, cancelled, throwing)
+        hits = len(trial.side_id) / trial.photons
+        if throwing:
+            hits += sum(len(each.straight) for each in throwing.left) / trial.photons
+            k, share = settings.neighbours, trial.photons / photons
+            throwing = throwing._replace(reach=choose_reach(throwing.left, k, share, _LARGEST_BALL * radius), left=[])
         sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
     if planned is not None and _alike(planned, surfaces, photons):
         survey = planned.survey
@@ -192,7 +197,7 @@ def prepare(
         plan_looking(splitting, reach2, settings.neighbours) if splitting else typical_looking(sheet_count(surfaces))
     )
     if planned is None:
-        price = max(splitting.price if splitting else 0.0, least_price(survey.variance))
+        price = max(splitting.price if splitting else 0.0, least_price(survey.variance, survey.in_fog))
         samples = choose_samples(survey.variance, survey.unknown, price)
         log.info("%.1f camera rays a pixel and pass", samples.mean())
     else:
@@ -205,7 +210,7 @@ def prepare(
         emitters=emitters,
         lamps=lamps,
         optics=optics,
-        throws=throws,
+        throwing=throwing,
         eye=eye,
         samples=samples,
         reach2=reach2,
@@ -330,9 +335,9 @@ def trial_pass(
     emitters: Emitters,
     optics: Optics,
     cancelled: Callable[[], bool],
-    thrown: list[Thrown] | None,
+    throwing: Throwing | None,
 ) -> Trial:
-    """The Trial by which splitting is planned: what a pass of _PLAN_PHOTONS stores. thrown: see trace_photons."""
+    """The Trial by which splitting is planned: what a pass of _PLAN_PHOTONS stores. throwing: see trace_photons."""
 
     def told(hits: Photons):
         caustic = hits.caustic if optics.keep_caustic else np.zeros(len(hits.surface), np.bool_)
@@ -341,6 +346,6 @@ def trial_pass(
     count = _PLAN_PHOTONS
     batch = Batch(pass_key(0, 0, TRIAL), 0, count, count)
     nothing = photon_store(stage.radiometry.reference.size, optics).photons
-    batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled, thrown=thrown)
+    batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled, thrown=throwing)
     parts = zip(*map(told, itertools.chain([nothing], batches)), strict=True)
     return Trial(count, *map(np.concatenate, parts))

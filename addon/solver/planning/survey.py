@@ -90,7 +90,7 @@ class Survey(NamedTuple):
     unknown: bool, whether the pixel shows a rough lobe, of which a few samples do not say all, or a specular surface
     where a sample ended, as its throughput was small or after too many reflections. estimated: bool, whether it shows a
     surface whose reflected light has to be estimated. All else is seen exactly, but for edges. block: int32, number of
-    the block that the pixel lies in.
+    the block that the pixel lies in. in_fog: whether there is gas that scatters.
     """
 
     sensitivity: np.ndarray
@@ -99,6 +99,7 @@ class Survey(NamedTuple):
     estimated: np.ndarray
     block: np.ndarray
     cells: Cells
+    in_fog: bool
 
 
 class _Samples(NamedTuple):
@@ -213,7 +214,9 @@ def survey_pixels(
     around = sum_around(variance.reshape(height, width), 1).ravel()
     estimated = unknown.copy()
     estimated[gathers.pixel] = True
-    return Survey(sensitivity, np.maximum(variance, _AROUND * around), unknown, estimated, block, cells)
+    return Survey(
+        sensitivity, np.maximum(variance, _AROUND * around), unknown, estimated, block, cells, tracer.scatters
+    )
 
 
 def _in_one_band(stage: Stage) -> Stage:
