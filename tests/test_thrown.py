@@ -18,7 +18,7 @@ pytestmark = pytest.mark.statistics
 EDGES, KELVIN = np.array([3.0, 5.0]), 300.0  # um; K, of all but the light
 MIRROR, PLATE, BLACK = Material("mirror", 0.0, 1.0), Material("plate", 0.4), Material("black", 1.0)
 FAR = (*quad((0, 50, 200), (0.01, 0, 0), (0, 0.01, 0)), KELVIN, 2)  # out of sight: a scene needs a surface
-SETTINGS = Settings(passes=64, photons_per_pass=5000, reference_temperature=KELVIN, threads=2)
+SETTINGS = Settings(passes=24, photons_per_pass=5000, reference_temperature=KELVIN, threads=2)
 
 
 def spot(side):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How many camera rays a pass should send through fog: what the cap on their mean brings.
 
-python -m tests.benchmarks.fog_rays [--caps 32 64 100 200] [--rays 2048] [--photons 100000]
+python -m tests.benchmarks.fog_rays [--scenes room street steam] [--caps 32 64 100 200] [--rays 1024] [--photons 100000]
 
 Prints, for each scene and cap, the camera rays of a pixel and pass, and 1 / (noise^2 x processor time), with the mean
 square of the noise of all pixels, over that of the first cap. Every render has about as many camera rays in all.
@@ -67,12 +67,14 @@ def main():
     """Render each scene with all caps."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--caps", type=float, nargs="+", default=[32.0, 64.0, 100.0, 200.0])
-    parser.add_argument("--rays", type=int, default=2048)
+    parser.add_argument("--rays", type=int, default=1024)
     parser.add_argument("--photons", type=int, default=100_000)
+    builders = {build.__name__: build for build in (room, street, steam)}
+    parser.add_argument("--scenes", nargs="+", choices=builders, default=list(builders))
     options = parser.parse_args()
-    for build in (room, street, steam):
-        told = [efficiency(build(), cap, options) for cap in options.caps]
-        print(f"{build.__name__:8}", *(f"{rays:6.1f} rays {each / told[0][1]:5.2f}" for rays, each in told), flush=True)
+    for name in options.scenes:
+        told = [efficiency(builders[name](), cap, options) for cap in options.caps]
+        print(f"{name:8}", *(f"{rays:6.1f} rays {each / told[0][1]:5.2f}" for rays, each in told), flush=True)
 
 
 if __name__ == "__main__":
