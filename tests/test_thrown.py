@@ -18,7 +18,7 @@ pytestmark = pytest.mark.statistics
 EDGES, KELVIN = np.array([3.0, 5.0]), 300.0  # um; K, of all but the light
 MIRROR, PLATE, BLACK = Material("mirror", 0.0, 1.0), Material("plate", 0.4), Material("black", 1.0)
 FAR = (*quad((0, 50, 200), (0.01, 0, 0), (0, 0.01, 0)), KELVIN, 2)  # out of sight: a scene needs a surface
-SETTINGS = Settings(passes=24, photons_per_pass=5000, reference_temperature=KELVIN, threads=2)
+SETTINGS = Settings(passes=32, photons_per_pass=5000, reference_temperature=KELVIN, threads=2)
 
 
 def spot(side):
@@ -76,7 +76,7 @@ def test_a_mirror_throws_light_into_fog_as_an_image_of_the_light_would(scatterin
     (mean, error), (truth, of_truth) = ((x.mean(axis=0), x.std(axis=0, ddof=1) / len(x) ** 0.5) for x in (ours, images))
     both, bright = np.hypot(error, of_truth), truth > truth.mean()
     print(f"scattering {scattering}: ratios {mean / truth} +- {both / truth}")
-    assert np.all(abs(mean - truth) < 4.0 * both)
+    assert np.all(abs(mean - truth) <= 4.0 * both)  # no pass may have met the fog at the edge of a block
     assert np.median((both / truth)[bright]) < 0.1
 
 
