@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.curved import reflecting
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.interaction import emit_at, interact, leave
 from ..geometry.segments import Hits, RayBatch, Tracer, empty_ray_batch
@@ -342,7 +343,8 @@ def _bounce(stage, key, bounce, hits, paths, gathers, tally):
             specular = 1.0 - diffuse_share(lobes) * one_reflectance_at(stage, at, BELOW, at.cosine) / total
         s, w = uniform(path, 3 * bounce + 9), uniform(path, 3 * bounce + 10)
         if lobes.flags & SPECULAR and uniform(path, 3 * bounce + 8) < specular:
-            leave(surfaces, at.side_id, at.point, sample_specular(lobes, at, s, w).direction, paths, i)
+            direction = sample_specular(lobes, reflecting(surfaces, lobes, at), s, w).direction
+            leave(surfaces, at.side_id, at.point, direction, paths, i)
             continue
         if not gathers.found[i]:
             put_vector(at.point, gathers.point, i)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.curved import reflecting
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.flight import NUMBERS
 from ..geometry.interaction import emit_at, interact, leave
@@ -508,7 +509,7 @@ def _follow(stage, bounce, hits, samples, unclear, onward):
         if not is_specular(lobes):
             continue
         s, w = uniform(path, _DIMENSION + 4 * bounce + 2), uniform(path, _DIMENSION + 4 * bounce + 3)
-        lobe = sample_specular(lobes, at, s, w)
+        lobe = sample_specular(lobes, reflecting(stage.surfaces, lobes, at), s, w)
         cosine = facet_cosine(lobes, at, lobe.direction)
         reflectance = one_reflectance_at(stage, at, FACET, cosine)
         throughput = samples.throughput[i] * lobes.specular * reflectance * lobe.weight
