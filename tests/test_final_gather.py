@@ -279,7 +279,7 @@ def test_neighbours_share_their_rays():
     surfaces, _, _ = build_surfaces(make_scene(vertices, triangles, kelvin, (GREY,), camera, EDGES, material))
     rows, columns, count, bands, shrink2 = 7, 12, 400, 2, 0.5
     triangle = np.where(random.random(count) < 0.5, random.integers(0, 2, count), random.integers(2, 40, count))
-    corners = surfaces.corners[triangle].astype(float)
+    corners = surfaces.corners.of(triangle).astype(float)
     point = corners.mean(axis=1)
     side_id = (2 * triangle + (random.random(count) < 0.3)).astype(np.int32)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

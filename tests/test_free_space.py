@@ -22,7 +22,7 @@ def space_around(point, *parts):
     scene = make_scene(*mesh, [Material()], look((0, 0, 5), (0, 0, 0)), [8.0, 12.0], material)
     surfaces, tracer, centre = build_surfaces(scene)
     points = np.tile(np.asarray(point, float) - centre, (len(TURNS), 1))
-    t = next(t for t in range(len(surfaces.corners)) if surfaces.sheet[t, 0] == surfaces.sheet[0, 0])
+    t = next(t for t in range(len(surfaces.sheet)) if surfaces.sheet[t, 0] == surfaces.sheet[0, 0])
     return free_space(tracer, surfaces, REACH2, points, np.full(len(TURNS), 2 * t, np.int32), TURNS)
 
 

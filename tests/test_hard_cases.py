@@ -28,7 +28,7 @@ from addon.solver import (
     SunLight,
     render,
 )
-from addon.solver.geometry.triangles import CLEAR, areas
+from addon.solver.geometry.triangles import CLEAR, Corners, areas
 from addon.solver.photons.lights import light_spectrum
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance
 from addon.solver.planning import preparation
@@ -182,7 +182,7 @@ def test_filament_beside_walls(settings):
     """
     inner, outer = sphere(3, 0.1), sphere(4, 1.0)
     e1, e2, b1, b2 = 0.4, 0.8, band_radiance(FILAMENT, 3000.0), band_radiance(FILAMENT, 300.0)
-    f = np.divide(*(areas(points[corners].astype(np.float32)).sum() for points, corners in (inner, outer)))
+    f = np.divide(*(areas(Corners(points, corners.astype(np.int32))).sum() for points, corners in (inner, outer)))
     equations = [[1.0, e1 - 1.0], [(e2 - 1.0) * f, 1.0 - (1.0 - e2) * (1.0 - f)]]
     j2 = np.linalg.solve(equations, [e1 * b1, e2 * b2])[1]
     vertices, triangles, kelvin, material = join((*inner, 3000.0, 0), (*outer, 300.0, 1))
@@ -324,7 +324,7 @@ def diffuse_sphere(e_hot, e_cold, subdivisions=2, kelvin=(400.0, 300.0), edges=E
     """
     vertices, triangles = sphere(subdivisions)
     hot = vertices[triangles].mean(axis=1)[:, 2] > 0.5
-    area = areas(vertices[triangles].astype(np.float32))
+    area = areas(Corners(vertices, triangles.astype(np.int32)))
     share = area[hot].sum() / area.sum()
     power = share * e_hot, (1 - share) * e_cold
     above, below = (band_radiance(edges, each) for each in kelvin)
@@ -827,7 +827,7 @@ def test_no_millionth_leaks_through_a_thin_wall(gap):
     did, the chance of that would be 5 % (rule of three)."""
     m = prepare(rooms(gap, False), QUICK)
     surfaces = m.stage.surfaces
-    corners, (normal, clear) = surfaces.corners.astype(float), np.split(surfaces.plane.astype(float), [3], axis=1)
+    corners, (normal, clear) = surfaces.corners.of().astype(float), np.split(surfaces.plane.astype(float), [3], axis=1)
     inwards = corners[12:].mean(axis=(0, 1)) - corners.mean(axis=1)
     normal *= np.sign(np.sum(normal * inwards, axis=1))[:, None]
     rng = np.random.default_rng(1)

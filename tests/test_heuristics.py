@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from addon.solver.geometry.interaction import Interaction
+from addon.solver.geometry.surfaces import Surfaces
 from addon.solver.photons.cells import no_cells
+from addon.solver.photons.side_table import unweighted
 from addon.solver.photons.wave import FORWARDS, empty_wave, stored_share
 from addon.solver.physics.lobes import diffuse_density, sample_diffuse
 from addon.solver.planning.lamps import Lamps, share_of_ray
@@ -49,9 +51,13 @@ def test_rays_and_photons_leave_as_much_to_shadow_rays(distance, at_lamp, at_flo
     """One way of light, from a lamp to a floor, of which each side has its cosine. A ray of a final gather is denser
     where its cosine on the floor is larger, a lamp point is seen under d^2 / cos; photons count alike."""
     lamps = Lamps(*[None] * len(Lamps._fields))
-    lamps = lamps._replace(density=np.array([(0.0, 0.0), (0.0, density)], np.float32), cells=no_cells())
-    density = float(lamps.density[1, 1])
-    by_rays = share_of_ray(TYPICAL_RAYS * at_floor / math.pi, lamps, met(distance, at_lamp))
+    sides, surfaces = (
+        unweighted(np.array([0.0, 2.0], np.float32)),
+        Surfaces(*[None] * len(Surfaces._fields)),
+    )
+    lamps = lamps._replace(sides=sides, share=np.array([0.0, density / 2.0]), cells=no_cells())
+    surfaces = surfaces._replace(sheet=np.array([(0, 0), (0, 1)], np.int32))
+    by_rays = share_of_ray(TYPICAL_RAYS * at_floor / math.pi, lamps, surfaces, met(distance, at_lamp))
     wave = empty_wave(1, 1, False)
     wave.aimed[0], wave.arrival[0] = density / at_lamp, FORWARDS
     by_photons = stored_share(wave, 0, met(distance, at_floor))

@@ -29,20 +29,20 @@ def tilted():
         rng.permutation(COUNT),
     )  # fmt: skip
     surfaces, tracer, _ = build_surfaces(scene)
-    assert len(surfaces.corners) == COUNT
+    assert len(surfaces.sheet) == COUNT
     return surfaces, tracer
 
 
 def front_normals(surfaces):
     """(m, 3) float64 unit normals of the fronts."""
-    a, b, c = surfaces.corners.astype(float).transpose(1, 0, 2)
+    a, b, c = surfaces.corners.of().astype(float).transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
 def points_at(surfaces, triangle, uv):
     """(n, 3) float64 points with barycentric coordinates (n, 2) of corners 1 and 2."""
-    a, b, c = surfaces.corners[triangle].astype(float).transpose(1, 0, 2)
+    a, b, c = surfaces.corners.of(triangle).astype(float).transpose(1, 0, 2)
     u, v = uv.T[:, :, None]
     return a + u * (b - a) + v * (c - a)
 
@@ -102,7 +102,7 @@ def test_rays_from_both_sides(tilted):
 def test_grazing_rays_count_as_meeting_a_surface(tilted):
     """In the plane of the triangle the cosine is nothing but the rounding of float32, and taken as LEAST_COSINE."""
     surfaces, _ = tilted
-    corners = surfaces.corners.astype(float)
+    corners = surfaces.corners.of().astype(float)
     for t in range(COUNT):
         along = corners[t, 1] - corners[t, 0]
         at = interact_at(surfaces, t, 0.2, 0.3, tuple(along), 2.0)

@@ -170,7 +170,7 @@ def test_a_wall_parts_what_is_recalled():
     rng = np.random.default_rng(7)
     x = rng.uniform(0.005, 0.1, 64) * np.where(np.arange(64) % 2, -1.0, 1.0)
     point = np.column_stack((x, rng.uniform(-0.3, 0.3, 64), 0 * x)) - centre
-    corners = surfaces.corners[:2].astype(float)
+    corners = surfaces.corners.of(slice(2)).astype(float)
     up = int(np.cross(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0])[2] < 0)
     on_second = point[:, 1] > point[:, 0]
     side_id = (2 * on_second + up).astype(np.int32)
@@ -198,7 +198,7 @@ def test_closeness_is_the_mean_of_inverse_distances():
     surfaces, tracer, centre = two_rooms()
     distance = 0.1
     point = np.tile(np.array((distance, 0.0, 0.0)) - centre, (4096, 1)).astype(np.float32)
-    corners = surfaces.corners[:1].astype(float)
+    corners = surfaces.corners.of(slice(1)).astype(float)
     up = int(np.cross(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0])[2] < 0)
     side_id = np.full(len(point), up, np.int32)
     closeness = look_around(tracer, surfaces, 0.04, (point, side_id), np.uint64(5), 0).closeness
@@ -227,7 +227,7 @@ def test_points_lie_where_rays_of_final_gathers_end():
         vertices, triangles, kelvin, (Material(),), look((0.5, 0.5, 0.5), (0.5, 0.5, 0)), EDGES, material
     )
     surfaces, tracer, centre = build_surfaces(scene)
-    floor = np.flatnonzero(np.all(surfaces.corners[:, :, 2] < -0.49, axis=1))[0]
+    floor = np.flatnonzero(np.all(surfaces.corners.of()[:, :, 2] < -0.49, axis=1))[0]
     inside = int(unit_normal(surfaces, 2 * floor)[2] < 0)
     point = np.array([(0.5, 0.5, 0.0), (0.5, 0.5, 1.0)]) - centre
     normal, side_id = np.array([(0, 0, 1.0), (0, 0, 1.0)]), np.full(2, 2 * floor + inside, np.int32)

@@ -17,7 +17,7 @@ import pytest
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
 from addon.solver.camera.shadow_rays import Lighting, direct_irradiance, lamp_points
 from addon.solver.geometry.surfaces import unit_normal
-from addon.solver.geometry.triangles import areas
+from addon.solver.geometry.triangles import Corners, areas
 from addon.solver.photons.lights import light_spectrum
 from addon.solver.physics.lobes import ggx_albedo, interpolate_albedo
 from addon.solver.physics.spectrum import band_radiance
@@ -346,7 +346,12 @@ def test_lights_together():
 
 def caustic_triangles(scene, reference=0.0):
     """Triangles with a side whose caustics photons find."""
-    return np.flatnonzero(prepare(scene, Settings(reference_temperature=reference)).lamps.caustic.any(axis=1))
+    return np.unique(caustic_sides(prepare(scene, Settings(reference_temperature=reference))) >> 1)
+
+
+def caustic_sides(model):
+    """Sides whose caustics photons find."""
+    return np.flatnonzero(model.lamps.caustic[model.stage.surfaces.sheet])
 
 
 def sphere_factor(centre, radius, spot):
@@ -508,18 +513,29 @@ def judged(scene, reference=0.0):
     return model, *seen["_need"], seen["_best_worth"]
 
 
+def chances(model):
+    """(t, 2) chances with which shadow rays go to the sides of triangles."""
+    sides, surfaces = model.lamps.sides, model.stage.surfaces
+    power = areas(surfaces.corners) * sides.exitance
+    return power[:, None] * sides.factor[surfaces.sheet] / model.lamps.light_end[-1]
+
+
+def densities(model):
+    """(t, 2) m-2, lamp points that compete for a shadow ray, on each m2 of a side."""
+    return model.lamps.sides.exitance[:, None] * model.lamps.share[model.stage.surfaces.sheet]
+
+
 def by_part(model, *counts):
     """Chance with which shadow rays go to each part of a scene, whose triangles lie one behind the other: of the parts
     behind the floor, which have these numbers of triangles."""
-    chance = np.diff(model.lamps.cumulative)[: len(model.lamps.side_id)]
-    of_triangle = np.bincount(model.lamps.side_id >> 1, chance, 2 + sum(counts))
+    of_triangle = chances(model).sum(axis=1)
+    assert len(of_triangle) == 2 + sum(counts)
     return np.add.reduceat(of_triangle, 2 + np.cumsum((0, *counts[:-1])))
 
 
 def sheet_under(model, triangle):
     """Label of the sheet to which the side of a triangle that shadow rays are sent to belongs."""
-    sides = model.lamps.side_id
-    return model.stage.surfaces.sheet.ravel()[sides[sides >> 1 == triangle][0]]
+    return model.stage.surfaces.sheet[triangle, np.argmax(chances(model)[triangle])]
 
 
 def test_shadow_rays_to_a_lone_ball_leave_nothing_to_chance():
@@ -530,22 +546,21 @@ def test_shadow_rays_to_a_lone_ball_leave_nothing_to_chance():
     model, need, visible, met, variance, worth_all = judged(scene)
     label = sheet_under(model, 2)
     assert visible[label] == 1.0 and variance < 1e-6
-    worth = model.lamps.density.ravel() * np.repeat(areas(model.stage.surfaces.corners), 2)
-    sides = model.lamps.side_id
-    assert sides.size == 1280 and np.count_nonzero(worth) == 1280
+    worth = densities(model) * areas(model.stage.surfaces.corners)[:, None]
+    assert np.count_nonzero(chances(model)) == 1280 and np.count_nonzero(worth) == 1280
     assert BEST / 4 <= worth_all <= BEST
     assert worth.sum() == pytest.approx(worth_all, rel=1e-5)
-    np.testing.assert_allclose(model.lamps.density.ravel()[sides], worth_all / areas_of(scene, 2), rtol=0.01)
+    np.testing.assert_allclose(densities(model)[worth > 0], worth_all / areas_of(scene, 2), rtol=0.01)
     # TYPICAL_RAYS F of those rays meet it: F = (r / d)^2 cos, on a floor of 0.6 m from 0.64 of what it is below it
     assert 0.5 * 256 * 0.2**2 < met[label] < 256 * 0.2**2
-    assert model.lamps.found[2] == pytest.approx(met[label] ** 2 / (met[label] ** 2 + worth_all**2), rel=1e-3)
+    assert model.lamps.found[label] == pytest.approx(met[label] ** 2 / (met[label] ** 2 + worth_all**2), rel=1e-3)
     # irradiance for each W, 1 / (4 pi d^2), without what those rays find of it
     assert need[label] == pytest.approx(1.0 / (4 * math.pi) / (1.0 + met[label]), rel=0.1)
 
 
 def areas_of(scene, first):
     """m2 of all triangles from one on, together."""
-    return areas(scene.vertices[scene.triangles[first:]].astype(np.float32)).sum()
+    return areas(Corners(scene.vertices, scene.triangles[first:])).sum()
 
 
 def test_shadow_rays_avoid_a_hidden_ball():
@@ -567,9 +582,8 @@ def test_shadow_rays_leave_out_the_side_of_a_plate_that_looks_away():
     plate = (*quad((0, 0, 1), (0.2, 0, 0), (0, 0.2, 0)), HOT, 1)
     mirror = (*quad((0, 0, 3), (1, 0, 0), (0, 1, 0)), 0.0, 1)
     model = judged(floor_scene((0.0, 0.0), plate, mirror, half=0.3))[0]
-    sides = model.lamps.side_id
-    chance = np.diff(model.lamps.cumulative)[: len(sides)]
-    up = [unit_normal(model.stage.surfaces, side)[2] > 0 for side in sides]
+    chance = chances(model).ravel()
+    up = [chance[side] > 0 and unit_normal(model.stage.surfaces, side)[2] > 0 for side in range(chance.size)]
     assert 0.0 < chance[up].sum() < 0.01
 
 
@@ -604,7 +618,7 @@ def test_hot_and_cold_balls_leave_their_difference_to_chance():
     assert 0.95 < variance < 1.15
     # which makes a shadow ray worth less than where nothing is left to chance
     assert worth_all < BEST
-    worth = model.lamps.density.ravel() * np.repeat(areas(model.stage.surfaces.corners), 2)
+    worth = densities(model) * areas(model.stage.surfaces.corners)[:, None]
     assert worth.sum() == pytest.approx(worth_all, rel=1e-4)
 
 
@@ -724,7 +738,7 @@ def test_inside_of_a_closed_ball_throws_none():
     vertices, triangles, temperature, material = join(WALLS, (*ball((2.0, 1.2, 0.7), 0.12), 500.0, 1))
     camera = look((0.2, 0.2, 1.6), (2.0, 1.5, 0.3), 24, 18, 0.8)
     scene = make_scene(vertices, triangles, temperature, (GREY, BLACK), camera, EDGES, material)
-    sides = np.flatnonzero(prepare(scene, Settings()).lamps.caustic)
+    sides = caustic_sides(prepare(scene, Settings()))
     corners = vertices[triangles[sides >> 1]]
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outwards *= np.where(sides & 1, -1.0, 1.0)[:, None]

@@ -51,9 +51,9 @@ _ERRORS = (0.01, 0.01, 0.01, 0.02, 0.04)  # relative errors at which references 
 _SECONDS = 240.0  # for one reference, about, if it does not get so good
 
 
-def _all_lamps(surfaces, side_power, pilot, lit):
-    """Instead of choose_caustic_lamps: every side that emits and that the image can depend on."""
-    return side_power[:, None] * pilot.reachable > 0.0
+def _all_lamps(surfaces, power, pilot, lit):
+    """Instead of choose_caustic_lamps: every sheet that emits and that the image can depend on."""
+    return power * pilot.reachable > 0.0
 
 
 _CAUSTIC, _END = "[Dds][GSds]+$", "[Dds].*[Dds]"  # chains with a caustic, and with ends of final gathers

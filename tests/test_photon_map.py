@@ -118,7 +118,8 @@ def test_nearest_in_tiny_and_huge_scenes(size):
     rng = np.random.default_rng(12)
     points = (rng.uniform(-size, size, (2000, 3))).astype(np.float32)
     queries = points[:100] + np.float32(0.01 * size)
-    corners = square().corners * np.float32(size)
+    corners = square().corners
+    corners = corners._replace(vertices=corners.vertices * np.float32(size))
     built = photon_map(points, square()._replace(corners=corners))
     distance2, _ = search_all(built.photons, 50, queries, UP, np.float32(4 * size**2))
     np.testing.assert_allclose(distance2, cKDTree(points).query(queries, [50])[0][:, 0] ** 2, rtol=6 * 2.0**-24)
@@ -212,7 +213,7 @@ def test_photons_round_the_corner_do_not_count():
     triangle = np.repeat(np.arange(12), 500)
     u, v = rng.random((2, len(triangle)))
     u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))
-    a, b, c = surfaces.corners[triangle].transpose(1, 0, 2)
+    a, b, c = surfaces.corners.of(triangle).transpose(1, 0, 2)
     points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
     built = photon_map(points, surfaces, 2 * triangle)
     index, area, _ = gather_one(built, 2 * 8, (0.0, 0.49, -0.5), DISK._replace(neighbours=100))

@@ -16,7 +16,7 @@ from addon.solver import Material
 from addon.solver.geometry.eye import build_eye
 from addon.solver.geometry.stage import Stage
 from addon.solver.geometry.surfaces import Surfaces, build_surfaces
-from addon.solver.geometry.triangles import areas, centroids, scene_radius
+from addon.solver.geometry.triangles import centroids, scene_radius
 from addon.solver.physics.radiometry import grey_radiometry, typical_emissivity
 from addon.solver.planning.pilot import _LEAST_DENSITY, _LEAST_ERROR, DEFENSIVE, Pilot, explore
 from tests.helpers.scenes import box, join, look, make_scene, quad
@@ -28,12 +28,21 @@ NADIR = look((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), tangent=1e-3)  # sees a point of 
 
 
 class Explored(NamedTuple):
-    """What the pilot found; its triangles, whose centre is where `centre` was in the scene; their areas, m2."""
+    """What the pilot found; its triangles, whose centre is where `centre` was in the scene."""
 
     pilot: Pilot
     surfaces: Surfaces
     centre: np.ndarray
-    area: np.ndarray
+
+    def of_sides(self, name):
+        """(t, 2) what the pilot says of each side by its sheet."""
+        return getattr(self.pilot, name)[self.surfaces.sheet]
+
+    @property
+    def importance(self):
+        """(t,) share of the light in the image that comes from each triangle."""
+        met, share = self.pilot.met, self.pilot.importance
+        return np.bincount(met[met >= 0], share[met >= 0], len(self.surfaces.sheet))
 
     def faces(self, point):
         """(t, 2) bool, sides that face a point of the scene."""
@@ -46,12 +55,10 @@ def explored(parts, camera, materials=(GREY, BLACK, MIRROR)):
     vertices, triangles, temperature, material = join(*((*mesh, 300.0, index) for *mesh, index in parts))
     scene = make_scene(vertices, triangles, temperature, materials, camera, EDGES, material)
     surfaces, tracer, centre = build_surfaces(scene)
-    area = areas(surfaces.corners)
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     stage = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1)))
     eye = build_eye(scene.camera, centre, scene_radius(surfaces.corners))
-    pilot = explore(stage, tracer, eye, area)
-    return Explored(pilot, surfaces, centre, area)
+    return Explored(explore(stage, tracer, eye), surfaces, centre)
 
 
 def sigma(share, paths=PATHS):
@@ -101,19 +108,20 @@ INTO_THE_NEAR_ROOM = look(EYE, (0.0, 0.4, 0.3))
 def test_what_a_partition_hides_does_not_matter():
     """Just the insides of the room that the camera is in do: not those of the next one, nor what faces outwards."""
     seen = explored(two_rooms(), INTO_THE_NEAR_ROOM)
-    near = np.all(seen.surfaces.corners[..., 0] + seen.centre[0] < 1 + 1e-6, axis=1)
+    near = np.all(seen.surfaces.corners.of()[..., 0] + seen.centre[0] < 1 + 1e-6, axis=1)
     expected = seen.faces(EYE) & near[:, None]
     assert expected.sum() == 12  # triangles of six walls
-    np.testing.assert_array_equal(seen.pilot.reachable, expected)
-    assert np.all(seen.pilot.weight[~expected] == DEFENSIVE) and np.all(seen.pilot.arrival[~expected] == DEFENSIVE)
-    assert seen.pilot.weight[expected].min() >= _LEAST_DENSITY
-    assert not seen.pilot.importance[~near].any()
+    np.testing.assert_array_equal(seen.of_sides("reachable"), expected)
+    weight, arrival = seen.of_sides("weight"), seen.of_sides("arrival")
+    assert np.all(weight[~expected] == DEFENSIVE) and np.all(arrival[~expected] == DEFENSIVE)
+    assert weight[expected].min() >= _LEAST_DENSITY
+    assert not seen.importance[~near].any()
 
 
 def test_a_gap_in_the_partition_lets_the_next_room_matter():
     seen = explored(two_rooms(gap=0.2), INTO_THE_NEAR_ROOM)
     inside = seen.faces(EYE) | seen.faces((1.6, 0.5, 0.6))
-    np.testing.assert_array_equal(seen.pilot.reachable, inside)
+    np.testing.assert_array_equal(seen.of_sides("reachable"), inside)
     assert inside.sum() == 2 * 10 + 4  # both sides of the partition
 
 
@@ -122,7 +130,7 @@ def test_what_no_path_meets_matters_if_it_sees_what_matters():
     tiny = quad((0.5, 0, 3), (5e-4, 0, 0), (0, 5e-4, 0))
     seen = explored(((*quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), 0), (*tiny, 0)), NADIR)
     assert not np.any(seen.pilot.met >= 2)  # the ground has two triangles
-    np.testing.assert_array_equal(seen.pilot.reachable, seen.faces((0.5, 0.0, 1.0)))
+    np.testing.assert_array_equal(seen.of_sides("reachable"), seen.faces((0.5, 0.0, 1.0)))
 
 
 # How much they matter -------------------------------------------------------------------------------------------------
@@ -132,10 +140,11 @@ def test_what_no_path_meets_matters_if_it_sees_what_matters():
 def test_importance_is_the_view_factor(half, height):
     """From the point of the floor that the camera sees; the rest is the sky's. Both halves of the plate alike."""
     factor = rectangle_factor(half, half, height)
-    pilot = explored(floor_and_plate(half, height), NADIR).pilot
-    assert pilot.importance[2:].sum() == pytest.approx(factor, abs=4 * sigma(factor))
-    np.testing.assert_allclose(pilot.importance[2:], factor / 2, rtol=0, atol=4 * sigma(factor / 2))
-    assert not pilot.importance[:2].any()
+    seen = explored(floor_and_plate(half, height), NADIR)
+    pilot = seen.pilot
+    assert seen.importance[2:].sum() == pytest.approx(factor, abs=4 * sigma(factor))
+    np.testing.assert_allclose(seen.importance[2:], factor / 2, rtol=0, atol=4 * sigma(factor / 2))
+    assert not seen.importance[:2].any()
     assert pilot.sky == pytest.approx(1 - factor, abs=4 * sigma(factor))
     assert not pilot.open.any()
 
@@ -143,16 +152,16 @@ def test_importance_is_the_view_factor(half, height):
 def test_importance_falls_with_every_reflection():
     """Between wide plates of reflectance 1/2, from the lower one: the upper one is met after 1, 3, 5 and 7 reflections,
     the lower one after 2, 4 and 6, and each halves what is carried. That is all that is followed."""
-    pilot = explored(floor_and_plate(1e3, 1.0, material=0), NADIR).pilot
-    assert pilot.importance[2:].sum() == pytest.approx(85 / 127, rel=1e-3)  # of 4096 paths hardly one leaves
-    assert pilot.importance[:2].sum() == pytest.approx(42 / 127, rel=1e-3)
-    assert pilot.sky < 1e-3
+    seen = explored(floor_and_plate(1e3, 1.0, material=0), NADIR)
+    assert seen.importance[2:].sum() == pytest.approx(85 / 127, rel=1e-3)  # of 4096 paths hardly one leaves
+    assert seen.importance[:2].sum() == pytest.approx(42 / 127, rel=1e-3)
+    assert seen.pilot.sky < 1e-3
 
 
 def test_all_light_in_a_closed_room_is_its_own():
-    pilot = explored([(*box(), 0)], look((0.5, 0.5, 0.9), (0.5, 0.5, 0.0))).pilot
-    assert pilot.importance.sum() == pytest.approx(1.0) and pilot.importance.min() > 0.0
-    assert pilot.sky == 0.0 and pilot.openness == 0.0
+    seen = explored([(*box(), 0)], look((0.5, 0.5, 0.9), (0.5, 0.5, 0.0)))
+    assert seen.importance.sum() == pytest.approx(1.0) and seen.importance.min() > 0.0
+    assert seen.pilot.sky == 0.0 and seen.pilot.openness == 0.0
 
 
 def test_density_is_that_of_paths_per_area():
@@ -160,11 +169,12 @@ def test_density_is_that_of_paths_per_area():
     least. What arrives from the sky arrives at the floor alone. The mean of few paths is drawn to 1 by four."""
     seen = explored(floor_and_plate(1.0, 0.6), NADIR)
     lower, upper = seen.faces((0, 0, 0.3)), ~seen.faces((0, 0, 0.3))
-    np.testing.assert_allclose(seen.pilot.weight[2:][lower[2:]], 2.0, rtol=4 / (PATHS / 2))
-    assert np.all(seen.pilot.weight[:2][lower[:2]] == _LEAST_DENSITY)
-    np.testing.assert_allclose(seen.pilot.arrival[:2][lower[:2]], 2.0, rtol=4 / (PATHS / 2))
-    assert np.all(seen.pilot.arrival[2:][lower[2:]] == _LEAST_DENSITY)
-    assert np.all(seen.pilot.weight[upper] == DEFENSIVE)
+    weight, arrival = seen.of_sides("weight"), seen.of_sides("arrival")
+    np.testing.assert_allclose(weight[2:][lower[2:]], 2.0, rtol=4 / (PATHS / 2))
+    assert np.all(weight[:2][lower[:2]] == _LEAST_DENSITY)
+    np.testing.assert_allclose(arrival[:2][lower[:2]], 2.0, rtol=4 / (PATHS / 2))
+    assert np.all(arrival[2:][lower[2:]] == _LEAST_DENSITY)
+    assert np.all(weight[upper] == DEFENSIVE)
 
 
 # How open the scene is ------------------------------------------------------------------------------------------------
@@ -189,8 +199,8 @@ def test_openness_is_the_mean_over_the_area():
 def test_open_ground_sees_the_sky_and_little_depends_on_it():
     """Rays say exactly what the sky sends there; the least weight that the pilot gives it is left."""
     seen = explored([(*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 0)], NADIR)
-    assert seen.pilot.openness == 1.0 and not seen.pilot.importance.any()
-    np.testing.assert_array_equal(seen.pilot.open, seen.faces((0, 0, 1)))
+    assert seen.pilot.openness == 1.0 and not seen.importance.any()
+    np.testing.assert_array_equal(seen.of_sides("open"), seen.faces((0, 0, 1)))
     assert seen.pilot.sky == pytest.approx(_LEAST_ERROR)
 
 
@@ -230,4 +240,4 @@ def test_the_background_is_the_share_of_camera_rays_that_meet_nothing():
 def test_a_camera_that_sees_nothing_needs_nothing():
     seen = explored([(*quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 0)], look((0, 0, 1), (0, 0, 2)))
     assert seen.pilot.view == math.inf and seen.pilot.openness == 0.0 and seen.pilot.background == 1.0
-    assert not seen.pilot.reachable.any() and not seen.pilot.importance.any() and len(seen.pilot.point) == 0
+    assert not seen.pilot.reachable.any() and not seen.importance.any() and len(seen.pilot.point) == 0

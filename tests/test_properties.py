@@ -141,9 +141,9 @@ def emitted_inwards(stage, area):
 
 def inner_sides(surfaces):
     """(t,) side_ids of the sides that face the origin."""
-    fronts = np.arange(0, 2 * len(surfaces.corners), 2)
+    fronts = np.arange(0, 2 * len(surfaces.sheet), 2)
     normals = np.array([unit_normal(surfaces, front) for front in fronts])
-    return fronts + (np.sum(normals * surfaces.corners.mean(axis=1), axis=1) > 0)
+    return fronts + (np.sum(normals * surfaces.corners.of().mean(axis=1), axis=1) > 0)
 
 
 def absorbed_inside(model, key):

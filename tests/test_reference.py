@@ -26,7 +26,8 @@ def sources_of(temperature, share):
 def gathered(scene, importance, sky):
     """The sources of a scene of whose triangles and sky so much light comes to the image."""
     surfaces, _, _ = build_surfaces(scene)
-    pilot = Pilot(*[None] * len(Pilot._fields))._replace(importance=np.asarray(importance, float), sky=sky)
+    met, importance = np.arange(len(surfaces.sheet), dtype=np.int32), np.asarray(importance, float)
+    pilot = Pilot(*[None] * len(Pilot._fields))._replace(met=met, importance=importance, sky=sky)
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     return gather_sources(scene, surfaces, pilot, emissivity)
 

@@ -62,7 +62,7 @@ def test_distance_is_that_of_the_plane(scattered):
     surfaces, tracer = scattered
     origin, direction = random_rays(np.random.default_rng(2), 5000)
     hits = tracer.trace(origin, direction)
-    triangle, distance, sure = first_crossings(surfaces.corners, origin, direction)
+    triangle, distance, sure = first_crossings(surfaces.corners.of(), origin, direction)
     assert sure.mean() > 0.9
     assert np.array_equal(hits.triangle[sure], triangle[sure])
     met = sure & (triangle >= 0)
@@ -98,7 +98,7 @@ def test_visible_is_where_nothing_is_met(scattered):
     surfaces, tracer = scattered
     rng = np.random.default_rng(4)
     start, end = (rng.uniform(-1, 1, (5000, 3)).astype(np.float32) for _ in range(2))
-    parameter, inside = crossings(surfaces.corners, start, end - start)
+    parameter, inside = crossings(surfaces.corners.of(), start, end - start)
     blocks = (parameter > 0) & (parameter < 1) & (inside > 0)
     near = (np.abs(parameter) < 1e-4) | (np.abs(parameter - 1) < 1e-4) | (np.abs(inside) < 1e-4)
     sure = ~np.any(near, axis=1)

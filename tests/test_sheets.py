@@ -62,7 +62,9 @@ class World(NamedTuple):
 
     def at(self, point):
         """The side_id of the upper side of the ground, triangles 0 and 1, at a point of the scene."""
-        return next(self.side_id(t) for t in (0, 1) if is_in(self.surfaces.corners[t], np.array(point) - self.centre))
+        return next(
+            self.side_id(t) for t in (0, 1) if is_in(self.surfaces.corners.of(t), np.array(point) - self.centre)
+        )
 
 
 def is_in(corners, point):
@@ -103,13 +105,17 @@ def measured(world, trial=None, sky=0.0, left_to_rays=None, **found):
     there is nothing else; point (n, 3) in the scene and side_id (n,), where paths gather, facing upwards; left and met,
     from which sheets rays went and what they met.
     """
-    sides = np.zeros((len(world.surfaces.corners), 2), bool)
-    found_share = np.ones(len(sides), np.float32) if left_to_rays is None else np.asarray(left_to_rays, np.float32)
+    labels = sheet_count(world.surfaces)
+    extent = np.bincount(world.surfaces.sheet.ravel(), np.repeat(areas(world.surfaces.corners), 2), labels)
+    found_share = np.ones(labels)
+    if left_to_rays is not None:
+        found_share[world.surfaces.sheet] = np.asarray(left_to_rays)[:, None]
     lamps = Lamps(*[None] * len(Lamps._fields))._replace(found=found_share)
     point = np.reshape(found.get("point", ()), (-1, 3)) - world.centre
     told = {name: np.asarray(found.get(name, ()), np.int32) for name in ("side_id", "left", "met")}
     pilot = Pilot(*[None] * len(Pilot._fields))._replace(
-        reachable=np.broadcast_to(found.get("reachable", True), sides.shape),
+        reachable=np.isin(np.arange(labels), world.surfaces.sheet[found.get("reachable", world.surfaces.sheet >= 0)]),
+        extent=extent,
         point=point,
         normal=np.tile((0.0, 0.0, 1.0), (len(point), 1)),
         **told,
@@ -117,10 +123,12 @@ def measured(world, trial=None, sky=0.0, left_to_rays=None, **found):
     surroundings = np.full(len(EDGES) - 1, sky / (len(EDGES) - 1))
     flux = math.pi * surroundings.sum()
     no_sky = np.empty((0, 0, len(surroundings)))
-    excess = Excess(Surroundings(surroundings, no_sky, surroundings, no_sky_cells(), flux, 0, sides), lamps)
+    excess = Excess(
+        Surroundings(surroundings, no_sky, surroundings, no_sky_cells(), flux, 0, np.zeros(labels, bool)), lamps
+    )
     gathering = Gathering(REACH2, NEIGHBOURS, PASS)
-    area, key = areas(world.surfaces.corners), pass_key(0, SHEETS, PILOT)
-    return measure_sheets(world.stage, world.tracer, excess, pilot, trial or no_hits(), area, gathering, key)
+    key = pass_key(0, SHEETS, PILOT)
+    return measure_sheets(world.stage, world.tracer, excess, pilot, trial or no_hits(), gathering, key)
 
 
 GROUND = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))  # 4 m2
@@ -286,12 +294,11 @@ def test_what_is_left_to_shadow_rays_is_not_of_rays():
     without the only hot thing nothing is uncertain."""
     world = half_hot()
     met = rays_from(world, (0, 0, 0))
-    hot = world.surfaces.temperature[:, 0] == HOT
     label = world.label(0)
     left = np.full(len(met), label)
     whole = measured(world, left=left, met=met).ray_noise[label]
     for share in (0.0, 0.3):
-        shares = np.where(hot, share, 1.0)
+        shares = np.full(len(world.surfaces.material), share)  # of what is not hot, too, but it emits nothing
         noise = measured(world, left=left, met=met, left_to_rays=shares).ray_noise[label]
         assert noise == pytest.approx(share**2 * whole, rel=1e-6)
 

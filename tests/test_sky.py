@@ -149,17 +149,22 @@ def test_directions_are_chosen_by_brightness():
     assert np.all(expected[SPOT.kelvin > 800.0] > 0.0)
 
 
-@pytest.mark.parametrize("open_sides", [True, pytest.param(False, marks=pytest.mark.long)])
-def test_a_hot_spot_lights_a_corner_as_in_a_path_tracer(monkeypatch, open_sides):
+@pytest.mark.parametrize(
+    "open_sides, fog", [(True, False), (True, True), pytest.param(False, False, marks=pytest.mark.long)]
+)
+def test_a_hot_spot_lights_a_corner_as_in_a_path_tracer(monkeypatch, open_sides, fog):
     """Directly, by mirrors, in rough lobes and by all later bounces, by shadow rays, rays that meet the spot, photons
     and recalled points together, with rays from the ends of final gathers and without: within 4 standard errors of both
-    in the mean, and no more than expected apart in pixels. The path tracer finds the spot by chance alone."""
+    in the mean, and no more than expected apart in pixels. The path tracer finds the spot by chance alone. Fog, too, is
+    lit by it, and lights the walls."""
     if not open_sides:
         monkeypatch.setattr(pilot, "_OPEN", 2.0)
     scene = lit_corner(SPOT)
-    traced = trace_paths(scene, 2048, batches=8, threads=2, reference=280.0).images.sum(axis=-1)
+    if fog:
+        scene = dataclasses.replace(scene, media=(Medium("fog", 0.1, 280.0, 0.3, 0.5),), world_depth=3.0)
+    traced = trace_paths(scene, 1024 if fog else 2048, batches=8, threads=2, reference=280.0).images.sum(axis=-1)
     background = band_radiance(EDGES, 280.0).sum()
-    settings = Settings(passes=24, photons_per_pass=10_000)
+    settings = Settings(passes=12 if fog else 24, photons_per_pass=10_000)
     ours = np.array([render(scene, dataclasses.replace(settings, seed=seed)).radiance() for seed in range(8)])
     ours = ours - background
     error = np.hypot(ours.std(axis=0, ddof=1), traced.std(axis=0, ddof=1)) / 8**0.5

@@ -16,7 +16,7 @@ from addon.solver.geometry.surfaces import build_surfaces, sheet_count
 from addon.solver.geometry.triangles import areas, normal, point
 from addon.solver.physics.radiometry import grey_radiometry
 from addon.solver.sampling.warps import cosine_direction, to_world, triangle_point
-from tests.helpers.scenes import box, cylinder, join, look, make_scene, sphere
+from tests.helpers.scenes import box, cylinder, join, look, loose, make_scene, sphere
 
 RIGHT_TRIANGLE = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], np.float32)
 
@@ -57,13 +57,14 @@ def test_normal_area_and_points():
     a, b, c = corners.astype(float).transpose(1, 0, 2)
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1)
+    corners = loose(corners)
     np.testing.assert_allclose(areas(corners), 0.5 * length, rtol=1e-12)
     for t in range(10):
         direction, double_area = normal(corners, t)
         np.testing.assert_allclose(direction, cross[t] / length[t], atol=1e-12)
         assert double_area == pytest.approx(length[t], rel=1e-12)
         np.testing.assert_allclose(point(corners, t, 0.2, 0.3), 0.5 * a[t] + 0.2 * b[t] + 0.3 * c[t], atol=1e-6)
-    assert normal(np.zeros((1, 3, 3), np.float32), 0) == ((0, 0, 0), 0)  # no NaN from a triangle without area
+    assert normal(loose(np.zeros((1, 3, 3), np.float32)), 0) == ((0, 0, 0), 0)  # no NaN from a triangle without area
 
 
 def test_temperature_is_linear_between_the_corners():
@@ -104,7 +105,7 @@ def test_temperature_is_linear_between_the_corners():
 )
 def test_area_in_ball(center, r, expected):
     for corners in (RIGHT_TRIANGLE, RIGHT_TRIANGLE[:, ::-1].copy()):  # either winding
-        area = area_in_ball(corners, 0, Ball(tuple(float(c) for c in center), float(r * r), NO_WALL))
+        area = area_in_ball(loose(corners), 0, Ball(tuple(float(c) for c in center), float(r * r), NO_WALL))
         assert abs(area) == pytest.approx(expected, abs=1e-9)  # float64; points are exact to 1e-16
 
 
@@ -115,11 +116,12 @@ def test_area_in_ball_adds_up():
         a, b, c = rng.integers(-64, 64, (3, 3)) / 8  # halves are exact in float32
         ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
         corners = np.array([(a, b, c), (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)], np.float32)
+        corners = loose(corners)
         x, y, z = (a + b + c) / 3 + rng.normal(size=3)
         r2 = rng.exponential(20.0)
         whole, *parts = [area_in_ball(corners, t, Ball((x, y, z), r2, NO_WALL)) for t in range(5)]
         assert whole == pytest.approx(sum(parts), abs=1e-9)
-        assert -1e-9 <= whole <= areas(corners[:1])[0] + 1e-9
+        assert -1e-9 <= whole <= areas(corners)[0] + 1e-9
 
 
 @pytest.mark.parametrize("nearest", [np.inf, 0.5])  # distance of walls, m
@@ -131,7 +133,7 @@ def test_area_in_ball_against_monte_carlo(nearest):
     walls = towards / np.linalg.norm(towards, axis=1, keepdims=True) / (nearest * rng.random((200, 1)))
     walls = [tuple(wall) for wall in walls.astype(np.float32)]
     balls = [Ball(*ball) for ball in zip(map(tuple, centre), r2, walls, strict=True)]
-    share = np.array([area_in_ball(corners, t, balls[t]) for t in range(200)]) / areas(corners)
+    share = np.array([area_in_ball(loose(corners), t, balls[t]) for t in range(200)]) / areas(loose(corners))
     count = 20_000
     ways = points_on(corners, rng, count) - centre[:, None]
     before = np.einsum("tij,tj->ti", ways, np.array(walls)) <= 1
@@ -201,7 +203,7 @@ def test_patch_ends_at_a_sharp_edge(bend, joined):
     angle = math.radians(bend)
     vertices = [(0, -1, 0), (0, 1, 0), (-2, 0, 0), (2 * math.cos(angle), 0, 2 * math.sin(angle))]
     surfaces, _, _ = build(np.array(vertices), [(0, 1, 2), (1, 0, 3)])
-    a, b = surfaces.corners[0, :2]
+    a, b = surfaces.corners.of(0)[:2]
     middle = 0.5 * (a + b)
     side_ids, area = patch(surfaces, 0, middle, 0.01)
     assert side_ids == ([0, 2] if joined else [0])
@@ -212,14 +214,14 @@ def test_edge_of_three_faces_is_a_border():
     vertices = [(0, -1, 0), (0, 1, 0), (-2, 0, 0), (2, 0, 0.01), (2, 0, 0.5)]
     surfaces, _, _ = build(np.array(vertices), [(0, 1, 2), (1, 0, 3), (1, 0, 4)])
     assert np.all(surfaces.neighbours == -1)
-    side_ids, area = patch(surfaces, 0, 0.5 * (surfaces.corners[0, 0] + surfaces.corners[0, 1]), 0.01)
+    side_ids, area = patch(surfaces, 0, surfaces.corners.of(0)[:2].mean(axis=0), 0.01)
     assert side_ids == [0] and area == pytest.approx(math.pi * 0.01 / 2, rel=1e-5)
 
 
 def test_fine_mesh_counts_as_plane():
     vertices, triangles = sphere(4)
     surfaces, _, _ = build(vertices, triangles)
-    center = surfaces.corners[7].mean(axis=0)
+    center = surfaces.corners.of(7).mean(axis=0)
     assert patch(surfaces, 7, center, 0.25) == ([], pytest.approx(math.pi * 0.25))
     side_ids, area = patch(surfaces, 7, center, 0.01)
     assert 1 < len(side_ids) <= PATCH_LIMIT
@@ -399,13 +401,14 @@ def test_closed_box_lets_no_ray_escape(scale):
     a, b = rng.integers(0, 3, (2, len(origin)))
     triangle = rng.integers(0, 12, len(origin))
     along = rng.integers(0, 5, (len(origin), 1)) / 4  # corners, middles and quarters of edges and diagonals
-    target = surfaces.corners[triangle, a] * (1 - along) + surfaces.corners[triangle, b] * along
+    corners, each = surfaces.corners.of(triangle), np.arange(len(origin))
+    target = corners[each, a] * (1 - along) + corners[each, b] * along
     assert np.all(tracer.trace(origin, (target - origin).astype(np.float32)).triangle >= 0)
 
 
 def inner_sides(surfaces):
     """(m,) int64, which side of each triangle of a convex body around the origin is the inner one."""
-    centroid = surfaces.corners.mean(axis=1)
+    centroid = surfaces.corners.of().mean(axis=1)
     return np.array([np.dot(normal(surfaces.corners, t)[0], centroid[t]) > 0 for t in range(len(centroid))], np.int64)
 
 

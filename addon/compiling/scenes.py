@@ -143,10 +143,12 @@ def _air() -> Scene:
 
 
 def _fog() -> Scene:
-    """A mesh filled with what absorbs, and air that only scatters."""
+    """A mesh filled with what absorbs, and air that only scatters, into which a mirror throws the lamp's light."""
     vertices, triangles = _box((0.5, 0.5, 0.1), (0.7, 0.7, 0.4))
     cloud = Medium("Cloud", 0.1, 400.0, vertices=vertices, triangles=triangles.astype(np.int32))
-    return replace(_room(), media=(cloud, Medium("Fog", 0.0, 293.0, scattering=0.01)), world_depth=10.0)
+    room, media = _room(), (cloud, Medium("Fog", 0.0, 293.0, scattering=0.01))
+    mirror = Material("Mirror", 0.3, specular=1.0)
+    return replace(room, materials=(room.materials[0], mirror), media=media, world_depth=10.0)
 
 
 # By name, what nearly every render needs first. Each builds a Scene.

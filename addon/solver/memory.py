@@ -9,16 +9,16 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                P (16 + 24 j)                  with molecules: what follows the j numbers that tell their draws
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     frame      20 F                           of F pixels around a render region: Combined, and as a screen shows it
-    photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map; a quarter as many
+    photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map, as are points of
+                                              what mirrors throw into gas, which count as hits; a quarter as many
                                               in the irradiance cache, which holds fewer for the first 4000 passes
                h (l - 1) b                    its further layers
     rays       (4 b + 90) min(P, 1024 t) n    of the tile of each thread: for each of 1024 pixels n rays, camera rays
                                               and those of final gathers, as many as where most are planned
-    geometry   560 m                          corners, adjacency, trees of our own and Embree's, emitters
-                                              (loose triangles; those of closed meshes take about 400)
+    geometry   240 m                          vertices, adjacency, trees of our own and Embree's, what they emit (of
+                                              closed meshes about 180; every sheet of loose triangles takes more)
                200 m                          where some are hidden from the camera: Embree's tree of the others
-               76 m                           where some are shaded smooth: normals at corners, given, normalised
-                                              and kept
+               44 m                           where some are shaded smooth: unit normals at corners, and their rows
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
                1024 (6 + 10 r) f b            what f materials that follow Fresnel's law reflect and emit at 256
                                               angles; e^r is the ratio of the highest to the lowest temperature
@@ -100,7 +100,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
 def memory_of_triangles(count: int, smooth: bool = False, hidden: bool = False) -> float:
     """Bytes of the geometry of so many triangles. smooth: whether some are shaded smooth. hidden: whether the camera
     does not see some."""
-    return (560.0 + 76.0 * smooth + 200.0 * hidden) * count
+    return (240.0 + 44.0 * smooth + 200.0 * hidden) * count
 
 
 def memory_of_passes(

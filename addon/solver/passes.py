@@ -36,6 +36,7 @@ from .moments import at_moment, step_of
 from .photons.emission import Batch
 from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
+from .photons.thrown import Thrown, ThrownMap, build_thrown_map, empty_thrown
 from .photons.transport import trace_photons
 from .planning.preparation import Model, photon_store, prepare
 from .sampling.rng import ALL_PASSES, CACHE, CAMERA, LAMPS, PHOTONS, pass_key
@@ -200,7 +201,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
     cancelled."""
     if model.molecular is not None:
         model.tracer.fill(model.molecular.table(index))
-    photons = shoot_photons(model, pass_key(settings.seed, index, PHOTONS), work)
+    photons, thrown = shoot_photons(model, pass_key(settings.seed, index, PHOTONS), work)
     if work.cancelled():
         return False
     photon_map = build_photon_map(photons, model.stage.surfaces, work.pool.map)
@@ -232,6 +233,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
         keys=(pass_key(settings.seed, ALL_PASSES, CAMERA), pass_key(settings.seed, index, CAMERA)),
         index=index,
         weights=model.layer_weights.astype(np.float32).ravel(),
+        thrown=map_thrown(model, thrown, estimate),
     )
 
     def render_tile(pixels: np.ndarray):
@@ -247,21 +249,33 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
     return not work.cancelled()
 
 
-def shoot_photons(model: Model, key: np.uint64, work: Work) -> Photons:
-    """The stored Photons of a pass, in work.store. key: of the pass's photons."""
-    total = model.photons_per_pass
+def shoot_photons(model: Model, key: np.uint64, work: Work) -> tuple[Photons, Thrown]:
+    """The stored Photons of a pass, in work.store, and what mirrors throw into gas. key: of the pass's photons."""
+    total, traced = model.photons_per_pass, (model.tracer, model.stage, model.emitters, model.optics)
+    thrown = [empty_thrown(0, model.stage.radiometry.reference.size)]
 
     def trace(first: int):
+        left = []
         if work.cancelled():
-            return []
+            return [], left
+        throwing = model.throwing._replace(left=left) if model.throwing else None
         batch = Batch(key, first, min(PHOTON_CHUNK, total - first), total)
-        return list(trace_photons(model.tracer, model.stage, model.emitters, model.optics, batch, work.cancelled))
+        return list(trace_photons(*traced, batch, work.cancelled, thrown=throwing)), left
 
     work.store.clear()
-    for chunk in work.pool.map(trace, range(0, total, PHOTON_CHUNK)):
+    for chunk, left in work.pool.map(trace, range(0, total, PHOTON_CHUNK)):
         for hits in chunk:
             work.store.append(hits)
-    return work.store.photons
+        thrown += left
+    return work.store.photons, Thrown(*map(np.concatenate, zip(*thrown, strict=True)))
+
+
+def map_thrown(model: Model, thrown: Thrown, estimate: Estimate) -> ThrownMap | None:
+    """The ThrownMap of a pass; None where no gas scatters."""
+    reach = model.throwing.reach if model.throwing else 0.0
+    if not model.tracer.scatters:
+        return None
+    return build_thrown_map(thrown, estimate.neighbours, reach, estimate.shrink2)
 
 
 def cache_irradiance(

@@ -36,6 +36,7 @@ import numpy as np
 
 from addon.solver import Settings, render
 from addon.solver.geometry.point_tree import morton_order
+from addon.solver.photons.side_table import build_side_table
 from addon.solver.system.kernel_cache import FOLDER_VARIABLE
 from docs.tools.pages import MADE_AT
 from tests.benchmarks.large_pictures import blocks
@@ -58,6 +59,11 @@ WALLS = {  # K, see the scenes
 def camera_samples(count):
     """Every pixel sends as many, but that those which show a specular surface send 16 at least."""
     return {"planning.antialiasing.FEWEST": count, "planning.antialiasing.MOST": count}
+
+
+def in_mesh_order(surfaces, factor, exitance, order):
+    """The SideTable of lamps in the order of the triangles' numbers."""
+    return build_side_table(surfaces, factor, exitance, np.arange(len(order), dtype=np.int32))
 
 
 _OPEN = {"planning.pilot._OPEN": -1.0, "planning.pilot._LEAST_OPEN": 0}
@@ -87,7 +93,7 @@ VARIANTS = {
         "camera.reflection.CANDIDATES": 1,
         "planning.lamps.CANDIDATES": 1,
     },
-    "lamps in mesh order": {"planning.lamps.morton_order": lambda points: np.arange(len(points))},
+    "lamps in mesh order": {"planning.lamps.build_side_table": in_mesh_order},
     "no final gathers": {"camera.eye_paths.choose_splits": no_final_gathers},
     "32 rays everywhere": {"camera.eye_paths.choose_splits": rays_everywhere},
     "rays not shared": {"planning.splitting._SHARING": 1e-12},

@@ -22,7 +22,7 @@ from addon.solver.geometry.interaction import leave
 from addon.solver.geometry.mesh import SAME_SURFACE
 from addon.solver.geometry.segments import empty_ray_batch
 from addon.solver.planning import preparation
-from addon.solver.planning.sheets import _radiance
+from addon.solver.planning.sheets import triangle_radiance
 from addon.solver.sampling.vectors import vector
 from addon.solver.sampling.warps import cosine_direction, to_world
 from tests.benchmarks.speed_scenes import SCENES
@@ -59,7 +59,8 @@ def gains(name: str, points: int, rays: int) -> tuple[float, float]:
     with patch.object(preparation, "explore", explore):
         model = preparation.prepare(SCENES[name](), Settings())
     (pilot,), surfaces, random = pilots, model.stage.surfaces, np.random.default_rng(0)
-    radiance = np.append(_radiance(model.stage), model.emitters.surroundings.radiance.sum())
+    every = np.arange(len(surfaces.material), dtype=np.int32)
+    radiance = np.append(triangle_radiance(model.stage, every), model.emitters.surroundings.radiance.sum())
 
     def look(i: int, side: int) -> np.ndarray:
         """(CELLS^2, n) radiance that rays from point i of the pilot meet, by cell."""

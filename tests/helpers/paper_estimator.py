@@ -19,6 +19,7 @@ import numpy as np
 from addon.solver.camera.final_gather import choose_splits
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.photons.emission import emit
+from addon.solver.photons.side_table import without_sides
 from addon.solver.planning.lamps import build_lamps
 from addon.solver.planning.pilot import DEFENSIVE
 
@@ -39,8 +40,9 @@ def no_lamps(*arguments):
     """Nothing that shadow rays are sent to: rays and photons count all that they find."""
     lamps, worth = build_lamps(*arguments)
     lamps = lamps._replace(
-        cumulative=np.zeros_like(lamps.cumulative),
-        density=np.zeros_like(lamps.density),
+        sides=without_sides(lamps.sides),
+        light_end=np.zeros_like(lamps.light_end),
+        share=np.zeros_like(lamps.share),
         found=np.ones_like(lamps.found),
         caustic=np.zeros_like(lamps.caustic),
     )
@@ -50,12 +52,10 @@ def no_lamps(*arguments):
 def lights_alone(*arguments):
     """Shadow rays are sent to lights alone: rays and photons count all that they find of surfaces."""
     lamps, worth = build_lamps(*arguments)
-    chance = np.diff(lamps.cumulative)
-    chance[: len(lamps.side_id)] = 0.0
-    cumulative = np.append(0.0, np.cumsum(chance))
     lamps = lamps._replace(
-        cumulative=cumulative / (cumulative[-1] or 1.0),
-        density=np.zeros_like(lamps.density),
+        sides=without_sides(lamps.sides),
+        light_end=lamps.light_end - lamps.light_end[0],
+        share=np.zeros_like(lamps.share),
         found=np.ones_like(lamps.found),
     )
     return lamps, worth
@@ -67,8 +67,8 @@ def emit_all(emitters, stage, batch, wave):
     wave.aimed[:] = 0.0
 
 
-def by_power_alone(count, sheet, area, reachable):
-    """Every reachable side emits by its power alone."""
+def by_power_alone(count, extent, reachable):
+    """Every reachable sheet emits by its power alone."""
     return np.where(reachable, 1.0, DEFENSIVE)
 
 
@@ -80,9 +80,9 @@ def no_walls(tracer, surfaces, reach2, point, *_):
 ALWAYS_RECALL = {"photons.irradiance_cache._RESOLVED": math.inf}
 
 
-def any_reach(area, pilot, photons, neighbours):
+def any_reach(pilot, photons, neighbours):
     """Disks as wide as the k-th neighbour is far: their limit holds k even where only 1 % of the photons are stored."""
-    return 100.0 * neighbours * float(area.sum()) / (math.pi * photons)
+    return 100.0 * neighbours * float(pilot.extent.sum() / 2.0) / (math.pi * photons)
 
 
 # What changes: "room.module.name" in addon.solver

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A plain path tracer, slow and hard to get wrong, as a reference for any scene of surfaces, surroundings and grey gas.
+"""A plain path tracer, slow and hard to get wrong, as a reference for any scene of surfaces, surroundings, lights with
+an extent and grey gas.
 
 Paths start in the camera and run until roulette ends them. There are no shadow rays, no cache, no guide, and no code of
 the solver but its data classes: Planck's law is that of exact_cases.py, rough lobes are drawn by another method. It
@@ -33,8 +34,10 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from scipy.stats import qmc
 
+from addon.solver import SunLight
 from tests.helpers.exact_cases import C1, C2, blackbody
 from tests.helpers.traced_gas import Bodies, Gas, build_gas, check_gas
+from tests.helpers.traced_lights import Lights, build_lights, light_met
 from tests.helpers.traced_textures import Painted, build_painted, kelvin_at, mixed_at
 
 LOBES = "DGS"  # diffuse, glossy (a rough lobe), specular (a mirror)
@@ -58,7 +61,8 @@ class _Tables(NamedTuple):
     specular (k,), alpha (k,) of materials. fresnel (k,) bool, whether the specular lobe follows Fresnel's law: with
     face (k, b), complex, the index, and share (k,), a factor on what a face reflects; beneath (k, b), what the body
     below reflects, over the mean (k, b) of what gets through the lobe. world (rows, columns, b) excess radiance of the
-    surroundings, an equirectangular image whose first row is the lowest. clearance: m. painted: textures.
+    surroundings, an equirectangular image whose first row is the lowest. clearance: m. painted: textures. lights: see
+    there.
     """
 
     corners: np.ndarray
@@ -82,11 +86,12 @@ class _Tables(NamedTuple):
     clearance: float
     gas: Gas
     painted: Painted
+    lights: Lights
 
 
 class _Paths(NamedTuple):
     """n paths: pixel (n,), origin and direction (n, 3), throughput (n, b), kind (n,): code of the lobes so far, bounces
-    (n,)."""
+    (n,); unseen (n,): whether they have met nothing but mirrors, in which lights are not seen."""
 
     pixel: np.ndarray
     origin: np.ndarray
@@ -94,6 +99,7 @@ class _Paths(NamedTuple):
     throughput: np.ndarray
     kind: np.ndarray
     bounces: np.ndarray
+    unseen: np.ndarray
 
 
 @dataclass
@@ -158,7 +164,7 @@ def kind_name(code):
 
 
 def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, reference=None, kinds=False):
-    """PathTraced of a Scene without light objects, with so many samples of every pixel in each of the batches.
+    """PathTraced of a Scene with so many samples of every pixel in each of the batches.
 
     A batch depends on seed and its index alone, so that renders can be continued and shared. Emissivities are constant
     within each band, which makes one reflectance exact. reference: T0, K; that of the surroundings if it is None.
@@ -182,10 +188,12 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
 
 
 def _check(scene):
-    if scene.lights or scene.groups or scene.response is not None:
-        raise ValueError("Light objects, groups and responses are not traced")
-    if scene.corner_normals is not None or (scene.sky is not None and (scene.sky.zenith is not None or scene.media)):
-        raise ValueError("Smooth shading, skies by angle and skies with gas are not traced")
+    if scene.groups or scene.response is not None:
+        raise ValueError("Groups and responses are not traced")
+    if any(isinstance(light, SunLight) for light in scene.lights) and any(m.outline is None for m in scene.media):
+        raise ValueError("Suns are not traced through gas of the world")
+    if scene.corner_normals is not None or (scene.sky is not None and scene.sky.zenith is not None):
+        raise ValueError("Smooth shading and skies by angle are not traced")
     check_gas(scene.media)
     camera = scene.camera
     if camera.kind == "PANORAMA" or camera.lens_radius or camera.window or camera.clip != (0.0, np.inf):
@@ -232,6 +240,7 @@ def _tables(scene, reference, centre):
             scene.media, scene.world_depth, centre, world[0, 0], lambda k: black_radiance(edges, k) - at_reference
         ),
         build_painted(scene.textures, len(scene.triangles)),
+        build_lights(scene.lights, edges, centre),
     )
 
 
@@ -347,6 +356,7 @@ def _camera_paths(camera, centre, pixel, bands, place):
         np.ones((len(pixel), bands)),
         np.zeros(len(pixel), np.int64),
         np.zeros(len(pixel), np.int64),
+        np.ones(len(pixel), np.bool_),
     )
 
 
@@ -360,16 +370,27 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
     brought, one = np.empty(image.shape[1]), np.ones(image.shape[1])
     for i in range(triangle.size):
         t, pixel, kind = triangle[i], paths.pixel[i], paths.kind[i]
-        throughput = paths.throughput[i]
+        throughput, unseen = paths.throughput[i], paths.unseen[i]
+        ray, way = (paths.origin[i], paths.direction[i]), float(distance[i]) if t >= 0 else np.inf
+        drawn = uniforms[i, 4], uniforms[i, 0]
+        for light in range(0 if unseen else tables.lights.kind.size):
+            to_light, share = light_met(tables.lights, light, *ray)
+            if share <= 0.0 or to_light < 0.0 or to_light > way or (to_light == np.inf and t >= 0):
+                continue
+            factor[:] = throughput
+            medium = -1
+            if has_gas:
+                _, medium = _fly(tables.gas, crossings, i, ray, to_light, factor, drawn, brought)
+            if medium < 0:
+                _add(factor, share * tables.lights.radiance[light], pixel, kind, image, tally)
         if has_gas:
-            ray, way = (paths.origin[i], paths.direction[i]), float(distance[i]) if t >= 0 else np.inf
-            drawn = uniforms[i, 4], uniforms[i, 0]
             free, medium = _fly(tables.gas, crossings, i, ray, way, throughput, drawn, brought)
             _add(one, brought, pixel, kind, image, tally)
             if medium >= 0:
                 survival = min(_MOST_SURVIVE, throughput.max())
                 if uniforms[i, 3] < survival:
                     paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, _CODES - 1, paths.bounces[i] + 1
+                    paths.unseen[kept] = False
                     paths.origin[kept] = paths.origin[i] + free * paths.direction[i]
                     g = tables.gas.anisotropy[medium]
                     paths.direction[kept] = _deflected(paths.direction[i], g, uniforms[i])
@@ -392,6 +413,7 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
             survival = 1.0 if paths.bounces[i] < _ROULETTE_FROM else min(_MOST_SURVIVE, throughput.max())
             if throughput.max() > 0.0 and uniforms[i, 3] < survival:
                 paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, kind, paths.bounces[i]
+                paths.unseen[kept] = unseen
                 ahead = paths.direction[i].copy()
                 _leave(tables, t, (u[i], v[i]), ahead, paths, kept)
                 paths.throughput[kept] = throughput / survival
@@ -411,7 +433,7 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
             continue
         paths.pixel[kept] = pixel
         paths.kind[kept] = min(4 * kind + lobe, _CODES - 1) if paths.bounces[i] < KIND_LENGTH else _CODES - 1
-        paths.bounces[kept] = paths.bounces[i] + 1
+        paths.bounces[kept], paths.unseen[kept] = paths.bounces[i] + 1, unseen and lobe == 3
         _leave(tables, t, (u[i], v[i]), direction, paths, kept)
         paths.throughput[kept] = throughput / survival
         kept += 1

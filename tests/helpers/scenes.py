@@ -4,6 +4,7 @@
 import numpy as np
 
 from addon.solver import Camera, Scene, render
+from addon.solver.geometry.triangles import Corners
 from addon.solver.photons.emission import Batch
 from addon.solver.photons.transport import trace_photons
 
@@ -88,6 +89,12 @@ def cylinder(count, radius, length):
     fan = np.column_stack((0 * a, a, b))[1:-1]
     sides = np.column_stack((a, b, b + count)), np.column_stack((a, b + count, a + count))
     return np.concatenate((ring, ring + (0, 0, length))), np.concatenate((*sides, fan, fan + count)).astype(np.int32)
+
+
+def loose(corners):
+    """Corners of triangles (m, 3, 3) that share no vertices."""
+    vertices = np.ascontiguousarray(corners).reshape(-1, 3)
+    return Corners(vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
 
 
 def make_scene(vertices, triangles, temperature, materials, camera, band_edges, material=None, **options):

@@ -55,7 +55,8 @@ def coverage_image(
     surfaces, tracer, centre = build_surfaces(scene, geometry)
     through = Transmittance(scene, tracer, centre) if scene.media else None
     radius = max(scene_radius(surfaces.corners), radius_of_media(scene.media, centre))
-    held = np.zeros(len(geometry.kept), np.bool_) if scene.holdout is None else scene.holdout[geometry.kept]
+    holdout = np.zeros(len(scene.triangles), np.bool_) if scene.holdout is None else scene.holdout
+    held = geometry.taken(holdout)
     sight = _Sight(
         build_eye(scene.camera, centre, radius),
         tracer.camera,

@@ -13,6 +13,7 @@ from ..geometry.segments import ENDLESS, Tracer
 from ..geometry.stage import Stage, transmits_anywhere
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
+from ..photons.thrown import ThrownMap
 from .final_gather import choose_splits, open_finals, share
 from .gathers import asking_photons, locate_gathers, meet, part_near
 from .media import cross_media
@@ -28,7 +29,7 @@ class CameraPass(NamedTuple):
 
     samples: (pixels,) uint16, camera rays of each pixel in a pass. photon_map, cache: of the pass. keys: two keys of
     the camera stream, of the seed and of this pass. index: of the pass. weights: (layers * b,) float32, by which each
-    band of each layer counts in the radiance over all bands.
+    band of each layer counts in the radiance over all bands. thrown: see photons.thrown; None if no gas scatters.
     """
 
     tracer: Tracer
@@ -42,6 +43,7 @@ class CameraPass(NamedTuple):
     keys: tuple[np.uint64, np.uint64]
     index: int
     weights: np.ndarray
+    thrown: ThrownMap | None = None
 
 
 def render_pixels(
@@ -70,7 +72,7 @@ def render_pixels(
         whole = rays._replace(pixel=rays.pixel.copy(), density=rays.density.copy()) if passes else rays
         if estimate.photons and number > 0:
             part_near(bounce, rows)
-        scattered = cross_media(tracer, stage, lighting, bounce, rows) if tracer.holds_media else None
+        scattered = cross_media(tracer, stage, lighting, bounce, rows, shared.thrown) if tracer.holds_media else None
         if passes:
             passed, left = pass_through(stage, bounce._replace(rays=whole), samples, limit)
         if estimate.photons and number > 0:

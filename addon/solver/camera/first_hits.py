@@ -91,7 +91,7 @@ def first_hit_images(
         normal, cosine = np.empty((len(met), 3), np.float32), np.empty(len(met))
         looked_up = _LookedUp(np.empty(len(met)), np.empty(len(met), np.int32), np.empty(len(met)))
         _meet(surfaces, hits, rays, normal, cosine, looked_up)
-        seen = _Seen(scene, radiometry, geometry.kept[hits.triangle], hits, normal, cosine, looked_up)
+        seen = _Seen(scene, radiometry, geometry.row(hits.triangle), hits, normal, cosine, looked_up)
         for name in of_surfaces:
             image = images[name]
             values = getattr(seen, name) if name in QUANTITIES else labels[name][seen.row]

@@ -127,11 +127,10 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
                 rows.image[pixel, sky + b] += throughput[b] * (share * around[b])
             continue
         at = interact(stage.surfaces, hits, i, rays.direction)
-        side = at.side_id & 1
-        share = np.float32(1.0)
+        label, share = sheet_of(stage.surfaces, at.side_id), np.float32(1.0)
         if rays.density[i] < ALONE:
-            share = np.float32(share_of_ray(abs(rays.density[i]), lamps, at))
-        elif rays.density[i] == BLIND and lamps.caustic[at.triangle, side]:
+            share = np.float32(share_of_ray(abs(rays.density[i]), lamps, stage.surfaces, at))
+        elif rays.density[i] == BLIND and lamps.caustic[label]:
             share = np.float32(0.0)
         if share > 0.0:
             radiance, first = emission_at(stage, at, emitted), bands * layer_at(stage, at)
@@ -139,7 +138,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
                 rows.image[pixel, first + b] += throughput[b] * (share * radiance[b])
         if asked_at(stage, at) == NONE:
             continue
-        asks_sky = surroundings.open[at.triangle, side] and not bounce.unresolved[i]
+        asks_sky = surroundings.open[label] and not bounce.unresolved[i]
         if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky or shares_by_lobe(lobes_at(stage, at), True)):
             continue  # the reflected light is recalled from the cache, or roulette has ended the path
         reflected = largest_throughput(throughput, reflectance_at(stage, at, room))

@@ -10,6 +10,8 @@ import numpy as np
 from ..geometry.flight import ARRIVED, NUMBERS, walk
 from ..geometry.segments import Tracer, glow, traverse, ways
 from ..geometry.stage import Stage
+from ..photons.photon_map import neighbours_room
+from ..photons.thrown import Receiver, ThrownMap, add_thrown
 from ..physics.media import mean_phase, weigh_phase
 from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, balance
 from ..sampling.rng import path_key
@@ -43,9 +45,12 @@ class _Vertex(NamedTuple):
     dimension: int
 
 
-def cross_media(tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce, rows: Rows) -> Rays | None:
+def cross_media(
+    tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce, rows: Rows, thrown: ThrownMap
+) -> Rays | None:
     """Add to the rows what media along the rays of a bounce emit, and take from the rays what media take. Those that
     are scattered meet nothing and carry nothing any more: they go on as the rays that are returned, if media scatter.
+    thrown: of the pass.
     """
     count, bands = len(bounce.hits.triangle), bounce.rays.throughput.shape[1]
     air = tracer.cross(bounce.rays.origin[:count], bounce.rays.direction[:count], ways(bounce.hits))
@@ -53,9 +58,9 @@ def cross_media(tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce
         _cross(air, bounce, rows.image)
         return None
     scattered = empty_rays(count, bands, len(bounce.rays.passed) > 0)
-    shadows = empty_shadows(count if len(lighting.points.entry) else 0, bands)
-    room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
-    found, sent = _scatter(air, stage, lighting, bounce, rows.image, (scattered, shadows), room)
+    shadows = empty_shadows(count if len(lighting.points.side_id) else 0, bands)
+    rooms = LampRoom(np.empty(CANDIDATES), np.empty(bands)), neighbours_room(thrown.neighbours)
+    found, sent = _scatter(air, stage, (lighting, thrown), bounce, rows.image, (scattered, shadows), rooms)
     if sent:
         add_unshadowed(tracer, stage, Shadows(*(column[:sent] for column in shadows)), rows.image)
     return Rays(*(column[:found] for column in scattered))
@@ -69,8 +74,9 @@ def _cross(air, bounce, image):
 
 
 @njit(**KERNEL)
-def _scatter(air, stage, lighting, bounce, image, onward, room):
-    (scattered, shadows), rays, hits = onward, bounce.rays, bounce.hits
+def _scatter(air, stage, light, bounce, image, onward, rooms):
+    (lighting, thrown), (room, neighbours), (scattered, shadows) = light, rooms, onward
+    rays, hits = bounce.rays, bounce.hits
     found, sent = np.int64(0), np.int64(0)
     for i in range(hits.triangle.size):
         glow(air, i, rays.throughput[i], image[rays.pixel[i]])
@@ -86,6 +92,10 @@ def _scatter(air, stage, lighting, bounce, image, onward, room):
             scattered.continued[found], scattered.doubts[found] = rays.continued[i], rays.doubts[i]
             scattered.density[found] = ASTRAY
             scattered.path[found] = path_key(rays.path[i], first + NUMBERS)
+            if thrown.points.straight.size:
+                at, before = vector(scattered.origin, found), rays.throughput[i]
+                receiver = Receiver(at, along, anisotropy, before, not rays.final[i])
+                add_thrown(thrown, receiver, neighbours, image[rays.pixel[i]])
             if shadows.reach.size:
                 vertex = _Vertex(vector(scattered.origin, found), along, anisotropy, rays, i, first + NUMBERS + 1)
                 scattered.density[found] = -SINGLE_RAY * mean_phase(

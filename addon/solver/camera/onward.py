@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from ..geometry.curved import reflecting
 from ..geometry.interaction import interact, leave
 from ..geometry.stage import diffuse_reflectance_at, enter, lobe_reflectance_at, lobes_at, lobes_met, reflectance_at
 from ..geometry.surfaces import clear_of, sheet_of
@@ -178,7 +179,8 @@ def _reflect_specularly(stage, at, bounce, i, counts, out, sent):
     and a room (b,)."""
     rays, lobes, (full, alike), (onward, room) = bounce.rays, lobes_at(stage, at), counts, out
     path, dimension = rays.path[i], DIMENSIONS * bounce.number
-    direction, weight = sample_specular(lobes, at, uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1))
+    s, w = uniform(path, dimension + LOBE), uniform(path, dimension + LOBE + 1)
+    direction, weight = sample_specular(lobes, reflecting(stage.surfaces, lobes, at), s, w)
     rho, scale = lobe_reflectance_at(stage, at, lobes, direction, room), lobes.specular * weight
     left = scale * largest_throughput(rays.throughput[i], rho)
     if left <= 0.0:  # full may be 0, too: float32 knows nothing of what gets through gas of a depth above 100

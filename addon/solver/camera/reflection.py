@@ -134,7 +134,7 @@ def _recall(stage, is_open, cache, estimate, bounce, image, continued, rooms):
         sheet = sheet_of(stage.surfaces, at.side_id)
         chance = min(recall_chance(splitting, sheet, reflected), 1.0 if bounce.number < _SURE else _LATE_SURVIVAL)
         survives = uniform(rays.path[i], RECALLING + bounce.number) < chance
-        if not survives and not is_open[at.triangle, at.side_id & 1]:
+        if not survives and not is_open[sheet]:
             continue
         query = query_at(stage.surfaces, at.side_id, at.point)
         known = recalled(cache, query, _FAR * estimate.shrink2 * estimate.reach2, walk)
@@ -175,10 +175,11 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, rooms):
     surroundings, rays, sky = lighting.surroundings, bounce.rays, lighting.surroundings.sky.size > 0
     for b in range(surroundings.radiance.size):
         sky |= surroundings.radiance[b] != 0.0
-    sent, lit = np.int64(0), lighting.points.entry.size > 0
+    sent, lit = np.int64(0), lighting.points.side_id.size > 0
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
+        label = sheet_of(stage.surfaces, at.side_id)
         lobes, dimension = lobes_at(stage, at), LAMPS + LAMP_NUMBERS * bounce.number
         in_lobe, lobe_weight = SINGLE_RAY if shares_by_lobe(lobes, rays.final[i]) else 0.0, 1.0
         if rays.final[i]:
@@ -187,13 +188,13 @@ def _send_shadows(stage, lighting, bounce, samples, gathers, shadows, rooms):
             if bounce.goes_on[i] > 0.0:  # the gather's weight makes up for roulette, which plays for the diffuse lobe
                 lobe_weight = 1.0 / bounce.goes_on[i]
         else:
-            looking = looking_from(lighting.looking, sheet_of(stage.surfaces, at.side_id))
+            looking = looking_from(lighting.looking, label)
             in_lobe *= samples[rays.pixel[i]]
         receiver = Receiver(
             at, lobes, diffuse_reflectance_at(stage, at, row), looking, (in_lobe, lobe_weight), rays.throughput[i],
             gathers.weight[g], rays.path[i], dimension, rays.pixel[i],
         )  # fmt: skip
-        if sky and surroundings.open[at.triangle, at.side_id & 1] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
+        if sky and surroundings.open[label] and gathers.rays[g] == 0 and not bounce.unresolved[i]:
             send_sky(lighting, stage, receiver, room, shadows, sent)
             sent += SKY_RAYS
         if lit and (looking.together > 0.0 or receiver.in_lobe[0] > 0.0):

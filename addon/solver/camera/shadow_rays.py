@@ -25,8 +25,8 @@ from ..geometry.stage import (
     nothing_emitted,
     transmits_anywhere,
 )
-from ..geometry.surfaces import clear_of
-from ..geometry.triangles import CLEAR, normal
+from ..geometry.surfaces import clear_of, sheet_of
+from ..geometry.triangles import CLEAR, area_of
 from ..photons import cells
 from ..photons.emission import Surroundings
 from ..photons.lights import (
@@ -41,6 +41,7 @@ from ..photons.lights import (
     area_light_point,
     spot_brightness,
 )
+from ..photons.side_table import first_found, found_from, number_in, power_of, side_at
 from ..physics.fresnel import ENTERING, FACET, reflectance_of
 from ..physics.lobes import (
     DIFFUSE,
@@ -55,7 +56,7 @@ from ..physics.lobes import (
 )
 from ..physics.radiometry import absolute_sum
 from ..physics.sky import choose_direction, density_towards, fill_sky, radiance_from
-from ..planning.lamps import Lamps, share_of_sky
+from ..planning.lamps import Lamps, lamp_density, share_of_sky
 from ..planning.pilot import SKY_RAYS
 from ..sampling.heuristics import CANDIDATES, TYPICAL_RAYS, Looking, balance, rays_to
 from ..sampling.rng import path_key, uniform
@@ -72,23 +73,25 @@ _COMPARING, _SHADOWING = 15, 16  # random numbers of such a point: for lamp_clos
 
 
 class LampPoints(NamedTuple):
-    """n points on lamps and lights for one pass, in the order of the entries of Lamps.
+    """n points on lamps and lights for one pass, in the order of Lamps.
 
     position, normal: (n, 3) float64, m; for suns and the sky position is _FAR times the direction towards them, from
-    wherever it is seen; normal is zero for suns and for point lights without a radius. entry: (n,) int32, of Lamps. u,
-    v: (n,) float64, barycentric coordinates on a lamp's triangle. density: (n,) float64, m-2, see Lamps, 0 on lights,
-    but of the sky on each m2 of a sphere with the radius _FAR.
+    wherever it is seen; normal is zero for suns and for point lights without a radius. side_id: (n,) int32, the side,
+    or -1 - i for light i. u, v: (n,) float64, barycentric coordinates on a lamp's triangle. density: (n,) float64, m-2,
+    lamp points that compete for a shadow ray; 0 on lights, but of the sky on each m2 of a sphere with the radius _FAR.
     brightness: (n,) float64, what the point emits over the mean of its triangle, where that varies by textures, or of
-    the sky, else 1. strength: (n,) float64, W, of the entry times the brightness, over the chance of the point.
+    the sky, else 1. power: (n,) float64, W, of the side or light, lowered where it is often hidden. strength: (n,)
+    float64, W, this times the brightness, over the chance of the point.
     """
 
     position: np.ndarray
     normal: np.ndarray
-    entry: np.ndarray
+    side_id: np.ndarray
     u: np.ndarray
     v: np.ndarray
     density: np.ndarray
     brightness: np.ndarray
+    power: np.ndarray
     strength: np.ndarray
 
 
@@ -105,7 +108,7 @@ class Lighting(NamedTuple):
 
 def lamp_points(lamps, stage, surroundings, key) -> LampPoints:
     """The LampPoints of a pass, POINTS of them, none without lamps. key: of the pass's lamps."""
-    count = POINTS if lamps.cumulative[-1] > 0.0 else 0
+    count = POINTS if lamps.light_end[-1] > 0.0 else 0
     points = LampPoints(
         np.zeros((count, 3)),
         np.zeros((count, 3)),
@@ -114,6 +117,7 @@ def lamp_points(lamps, stage, surroundings, key) -> LampPoints:
         np.zeros(count),
         np.zeros(count),
         np.ones(count),
+        np.zeros(count),
         np.zeros(count),
     )
     bands = stage.radiometry.reference.size
@@ -124,31 +128,37 @@ def lamp_points(lamps, stage, surroundings, key) -> LampPoints:
 @njit(**KERNEL)
 def _fill_points(lamps, stage, surroundings, key, rooms, points):
     """Fill in the LampPoints. rooms: for emission, and for the sky's radiance."""
-    (emitted, from_sky), sides = rooms, lamps.side_id.size
-    surfaces, last, entry, count = stage.surfaces, lamps.cumulative.size - 2, 0, points.entry.size
+    (emitted, from_sky), surfaces, count = rooms, stage.surfaces, points.side_id.size
+    of_sides, total, light = lamps.light_end[0], lamps.light_end[-1], np.int64(0)
+    found = first_found(lamps.sides, 0.0)
     for i in range(count):
         path = path_key(key, i)
-        pick = (i + uniform(path, 0)) / count
-        while entry < last and lamps.cumulative[entry + 1] <= pick:
-            entry += 1
-        points.entry[i] = entry
-        points.strength[i] = lamps.strength[entry] / (lamps.cumulative[entry + 1] - lamps.cumulative[entry])
-        s, w = uniform(path, 1), uniform(path, 2)
-        if entry < sides:
-            u, v, dense = cells.choose_point(lamps.cells, lamps.side_id[entry] >> 1, s, w)
-            at = emit_at(surfaces, lamps.side_id[entry], u, v, 1.0)
-            put_vector(clear_of(surfaces, at.side_id, at.point), points.position, i)
+        number, s, w = number_in((i + uniform(path, 0)) / count, total), uniform(path, 1), uniform(path, 2)
+        if number < of_sides:
+            found = found_from(surfaces, lamps.sides, number, found)
+            side_id = np.int32(side_at(lamps.sides, found.entry))
+            u, v, dense = cells.choose_point(lamps.cells, side_id >> 1, s, w)
+            at = emit_at(surfaces, side_id, u, v, 1.0)
+            put_vector(clear_of(surfaces, side_id, at.point), points.position, i)
             put_vector(at.normal, points.normal, i)
-            points.u[i], points.v[i] = u, v
-            points.density[i] = dense * lamps.density[at.triangle, at.side_id & 1]
+            points.side_id[i], points.u[i], points.v[i] = side_id, u, v
+            power = power_of(surfaces, lamps.sides, at.triangle)
+            points.power[i] = power * lamps.visible[sheet_of(surfaces, side_id)]
+            points.strength[i] = points.power[i] / (found.high - found.low) * total
+            points.density[i] = dense * lamp_density(lamps, surfaces, side_id)
             mean = cells.mean_radiance(lamps.cells, at.triangle)
             if mean > 0.0:
                 points.brightness[i] = max(absolute_sum(emission_at(stage, at, emitted)) / mean, _DARKEST)
                 points.strength[i] *= points.brightness[i] / dense
-        elif lamps.lights.kind[entry - sides] == SKY:
+            continue
+        while lamps.light_end[light + 1] <= number:
+            light += 1
+        points.side_id[i], points.power[i] = -1 - light, lamps.light_power[light]
+        points.strength[i] = points.power[i] / (lamps.light_end[light + 1] - lamps.light_end[light]) * total
+        if lamps.lights.kind[light] == SKY:
             _put_sky_point(lamps, surroundings, (s, w), from_sky, points, i)
         else:
-            position, n = _light_point(lamps.lights, entry - sides, s, w)
+            position, n = _light_point(lamps.lights, light, s, w)
             put_vector(position, points.position, i)
             put_vector(n, points.normal, i)
 
@@ -185,7 +195,7 @@ def _towards(lighting, i, at):
     """The way from an Interaction to lamp point i (m), and the irradiance from there, as if
     visible, m-2, for 1 W of power of the lamp."""
     lamps, points = lighting.lamps, lighting.points
-    lights, light = lamps.lights, points.entry[i] - lamps.side_id.size
+    lights, light = lamps.lights, -1 - points.side_id[i]
     position, n = vector(points.position, i), vector(points.normal, i)
     kind = lights.kind[light] if light >= 0 else RECTANGLE
     if kind in AFAR:
@@ -222,7 +232,7 @@ class _Facing(NamedTuple):
 @njit(inline="always")
 def towards_from(lighting, i, point):
     """_towards from a point in a medium, which receives what comes from any side: also returns the way's length."""
-    position, light = vector(lighting.points.position, i), lighting.points.entry[i] - lighting.lamps.side_id.size
+    position, light = vector(lighting.points.position, i), -1 - lighting.points.side_id[i]
     is_afar = light >= 0 and lighting.lamps.lights.kind[light] in AFAR
     way = position if is_afar else difference(position, point)
     distance = math.sqrt(dot(way, way))
@@ -356,17 +366,17 @@ def light_of(lighting, stage, i, start, total, value):
     its direction, how far it goes in units of that, and the layer of the image. Fills value (b,) with the light that it
     brings."""
     lamps, points = lighting.lamps, lighting.points
-    position, chosen = vector(points.position, i), points.entry[i]
+    position, chosen = vector(points.position, i), points.side_id[i]
     way, reach = difference(position, start), 1.0
     distance = math.sqrt(dot(way, way))
-    factor, light, layer = total / (CANDIDATES * lamps.strength[chosen]), chosen - lamps.side_id.size, 0
+    factor, light, layer = total / (CANDIDATES * points.power[i]), -1 - chosen, 0
     if light < 0:
         cosine = abs(dot(way, vector(points.normal, i))) / distance
         back = scaled(way, -1.0 / distance)
-        lamp = emit_towards(stage.surfaces, lamps.side_id[chosen], points.u[i], points.v[i], back, cosine)
+        lamp = emit_towards(stage.surfaces, chosen, points.u[i], points.v[i], back, cosine)
         layer = layer_at(stage, lamp)
         fill_emission(stage, lamp, value)
-        factor *= 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] * math.pi / points.brightness[i]
+        factor *= area_of(stage.surfaces.corners, lamp.triangle) * math.pi / points.brightness[i]
     else:
         kind, scene_radius = lamps.lights.kind[light], lamps.lights.scene_radius
         if kind in AFAR:
@@ -477,7 +487,7 @@ def lamp_closeness(surfaces, lighting, points, key, first) -> np.ndarray:
     """(n,) float64, 1 / m, mean of the inverse distance from points to lamps, weighted with the light that these would
     bring if nothing hid them; 0 where none would. points, key, first: see direct_irradiance."""
     closeness = np.zeros(len(points[1]))
-    if len(lighting.points.entry):
+    if len(lighting.points.side_id):
         _lamp_closeness(surfaces, lighting, points, (key, first), closeness)
     return closeness
 
@@ -506,7 +516,7 @@ def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray
     """
     bands, layers = stage.radiometry.reference.size, lighting.layers
     value = np.zeros((len(points[1]), layers * bands), np.float32)
-    shadows = empty_shadows(_FROM_POINTS * len(value) if len(lighting.points.entry) else 0, bands)
+    shadows = empty_shadows(_FROM_POINTS * len(value) if len(lighting.points.side_id) else 0, bands)
     if len(shadows.reach):
         room = LampRoom(np.empty(CANDIDATES), np.empty(bands))
         sent = _send_from_points(stage, lighting, points, (key, first), np.ones(bands, np.float32), shadows, room)

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..sampling.vectors import difference, dot, vector
+from ..sampling.vectors import difference, dot
 from ..system.kernels import FAST_KERNEL, INLINED, KERNEL, njit
 from .mesh import SAME_SURFACE
 from .point_tree import WIDTH, open_node, start_walk
-from .surfaces import LONGEST, sheet_of, unit_normal
-from .triangles import normal
+from .surfaces import AREA, LONGEST, NORMAL_UNIT, sheet_of, unit_normal
+from .triangles import corner, normal
 
 # Most triangles whose area inside the disk of a gather is summed one by one; in finer meshes region_area measures.
 PATCH_LIMIT = 64
@@ -94,9 +94,9 @@ def area_in_ball(corners, t, ball):
     n, double_area = normal(corners, t)
     if double_area == 0.0:
         return 0.0
-    a = difference(vector(corners[t], 0), ball.center)
-    b = difference(vector(corners[t], 1), ball.center)
-    c = difference(vector(corners[t], 2), ball.center)
+    a = difference(corner(corners, t, 0), ball.center)
+    b = difference(corner(corners, t, 1), ball.center)
+    c = difference(corner(corners, t, 2), ball.center)
     height = dot(a, n)
     r2 = ball.radius2 - height * height
     if r2 <= 0.0:
@@ -127,8 +127,8 @@ def area_in_ball(corners, t, ball):
 @njit(**INLINED)
 def _edge_distance2(corners, t, i, point):
     """Squared distance of a point from edge i of triangle t."""
-    a = vector(corners[t], i)
-    d, p = difference(vector(corners[t], (i + 1) % 3), a), difference(point, a)
+    a = corner(corners, t, i)
+    d, p = difference(corner(corners, t, (i + 1) % 3), a), difference(point, a)
     length2 = dot(d, d)
     s = min(1.0, max(0.0, dot(p, d) / length2)) if length2 > 0.0 else 0.0
     p = (p[0] - s * d[0], p[1] - s * d[1], p[2] - s * d[2])
@@ -220,25 +220,25 @@ def region_area(surfaces, side_id, ball, walk):
     x, y, z = np.float32(ball.center[0]), np.float32(ball.center[1]), np.float32(ball.center[2])
     nx, ny, nz = unit_normal(surfaces, side_id)
     nx, ny, nz, r2 = np.float32(nx), np.float32(ny), np.float32(nz), np.float32(ball.radius2)
-    sheet, facing = np.float32(sheet_of(surfaces, side_id)), np.float32(SAME_SURFACE)
+    sheet, facing = np.int16(sheet_of(surfaces, side_id)), np.float32(SAME_SURFACE * NORMAL_UNIT)
     total = 0.0
     depth = start_walk(tree, walk)
     while depth > 0:
         depth, children = open_node(tree, walk, depth, (x, y, z), r2)
         for c in range(children):
             leaf = walk.stack[depth + c]
-            p = tree.leaves[leaf]
+            p, n = tree.leaves[leaf], surfaces.leaf_facing[leaf]
             part, large = np.float32(0.0), np.int32(0)
             for j in range(WIDTH):  # no branch, so that a register holds the leaf
                 dx, dy, dz = p[0, j] - x, p[1, j] - y, p[2, j] - z
-                cosine = p[3, j] * nx + p[4, j] * ny + p[5, j] * nz
+                cosine = np.float32(n[0, j]) * nx + np.float32(n[1, j]) * ny + np.float32(n[2, j]) * nz
                 height = dx * nx + dy * ny + dz * nz
-                front = (cosine > facing) & (p[7, j] == sheet)
-                back = (cosine < -facing) & (p[8, j] == sheet)
+                front = (cosine > facing) & (n[3, j] == sheet)
+                back = (cosine < -facing) & (n[4, j] == sheet)
                 small = is_small(p[LONGEST, j], r2)
                 inside = small & (dx * dx + dy * dy + dz * dz < r2) & in_slab(height, r2)
                 inside &= beyond(wall, (dx, dy, dz)) <= np.float32(0.0)
-                part += p[6, j] if (front | back) & inside else np.float32(0.0)
+                part += p[AREA, j] if (front | back) & inside else np.float32(0.0)
                 near[j] = np.float32((front | back) & ~small)
                 large += np.int32((front | back) & ~small)
             total += part

@@ -48,7 +48,7 @@ def walk(air, i, rays, weight, numbers, out):
     put_vector((start[0] + end * way[0], start[1] + end * way[1], start[2] + end * way[2]), new_origin, n)
     g, c, along = air.table.anisotropy[medium], 0, scaled(way, 1.0 / air.length[i])
     if g.size > 1:
-        c = _pick(weight, uniform(path, first + 6) * absolute_sum(weight))
+        c = pick_band(weight, uniform(path, first + 6) * absolute_sum(weight))
     turned = deflect(g[c], along, uniform(path, first + 4), uniform(path, first + 5))
     put_vector(turned, new_direction, n)
     cosine = dot(along, turned)
@@ -60,7 +60,7 @@ def walk(air, i, rays, weight, numbers, out):
 
 
 @njit(**INLINED)
-def _pick(weight, u):
+def pick_band(weight, u):
     """The band in which the sum of |weight| (b,) up to it reaches u."""
     c, left = 0, u - abs(weight[0])
     while c < weight.size - 1 and left >= 0.0:
@@ -85,12 +85,12 @@ def fly(air, i, weight, u, v):
     table, total = air.table, absolute_sum(weight)
     if not total > 0.0:
         return np.inf
-    c = _pick(weight, u * total)
+    c = pick_band(weight, u * total)
     depth, scattered, scattering = air.bands.depth, air.bands.scattered, air.bands.scattering
     depth[:], scattered[:] = 0.0, 0.0
     left, t, stop, collides = -math.log1p(-v), 0.0, set_out(air, i), False
     while stop < np.inf and not collides:
-        of_c = _scattering_in(air, i, c) * air.length[i]
+        of_c = scattering_in(air, i, c) * air.length[i]
         collides = of_c * (stop - t) > left
         end = t + left / of_c if collides else stop
         left -= of_c * (stop - t)
@@ -111,7 +111,7 @@ def fly(air, i, weight, u, v):
 
 
 @njit(**INLINED)
-def _scattering_in(air, i, c):
+def scattering_in(air, i, c):
     """Scattering coefficient in band c at the present place of segment i, 1/m."""
     total = 0.0
     for s in range(air.first[i], air.first[i + 1]):

@@ -20,6 +20,7 @@ from ..system.kernels import INLINED, KERNEL, njit
 from .interaction import interact, leave
 from .segments import Tracer, empty_ray_batch
 from .surfaces import Surfaces, sheet_of, unit_normal
+from .triangles import corner
 
 _TURNS = 8  # directions along the surface
 _RISES = (0.02, 0.1)  # rise over length of the two feelers in each direction; the low one finds low steps and overhangs
@@ -178,8 +179,8 @@ def _rim(surfaces, at, n, feeler):
     for _ in range(_RIM_STEPS):
         edge, end, edge_along, edge_across = -1, begin, 0.0, 0.0
         for k in range(3):
-            p = difference(vector(surfaces.corners[t], k), at.point)
-            q = difference(vector(surfaces.corners[t], (k + 1) % 3), at.point)
+            p = difference(corner(surfaces.corners, t, k), at.point)
+            q = difference(corner(surfaces.corners, t, (k + 1) % 3), at.point)
             across, after = dot(p, aside), dot(q, aside)
             if (across < 0.0) != (after < 0.0):
                 along, on = dot(p, back) / length2, dot(q, back) / length2

@@ -3,12 +3,13 @@
 
 import logging
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 
 from ..physics.radiometry import stored_photons
-from ..sampling.vectors import dot, scaled
+from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..sampling.warps import triangle_point
 from ..scene import Scene, SceneError
 from ..system.kernels import INLINED, KERNEL, njit
@@ -16,7 +17,7 @@ from .mesh import distinct, find_neighbours, first_at_point, label_sheets
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order
 from .segments import Tracer
 from .textures import MATERIAL, TextureTable, build_textures, grain, mixed_share, row_of, temperature_in_image
-from .triangles import areas, centroid, centroids, longest_edge, normal, planes, point
+from .triangles import Corners, area_of, bounds, centroid, centroids, extended, longest_edge, planes
 
 log = logging.getLogger(__name__)
 
@@ -25,13 +26,14 @@ _FLAT = 1.0 - 1e-6  # cosine from which on a normal is the triangle's own: 0.08 
 # surface: it is shaded flat.
 LEAST_LEAN = 0.1
 _TYPICAL = 8  # points along each axis of the unit square that tell a triangle's mean temperature
-LONGEST = 9  # row of a leaf of triangles that holds the length of the longest edge
+AREA, LONGEST = 3, 4  # rows of a leaf of triangles that hold the area and the length of the longest edge
+NORMAL_UNIT = 32767.0  # of the normals in leaf_facing
 
 
 class Surfaces(NamedTuple):
     """Geometry in solver coordinates (world minus `centre`).
 
-    corners: (m, 3, 3) float32, m. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K; the mean where an
+    corners: see Corners. material: (m,) int32. temperature: (m, 1) or (m, 3) float32, K; the mean where an
         image of the textures says it.
     neighbours: (m, 3) int32, 2 t + flip, t the triangle across the edge from corner i to i + 1, -1 for none; flip is 1
         where the two triangles wind differently.
@@ -42,18 +44,21 @@ class Surfaces(NamedTuple):
     smooth: (m,) int32, row of corner_normal (s, 3, 3) float32, unit normals at the corners of the front of triangles
         that are shaded smooth; -1 for flat ones; (0,) if all are flat.
     textures: what varies over triangles besides `temperature`, see TextureTable.
-    mesh: tree over the triangles; the leaves hold centroid, normal, area, the sheets of both sides and the length of
-        the longest edge. leaf_triangle: (m,) int32, the triangle in each slot of the leaves.
+    mesh: tree over the triangles; the leaves hold centroid, area and the length of the longest edge. leaf_facing: (l,
+        5, w) int16, in each leaf the unit normals times NORMAL_UNIT, and the labels of the sheets of both sides, as far
+        as 16 bits hold them: with more sheets, two that are near each other may count as one, once in 65536 times.
+        leaf_triangle: (m,) int32, the triangle in each slot of the leaves.
 
     A side of a triangle has the number side_id = 2 t + side; side 0 is the front.
     """
 
-    corners: np.ndarray
+    corners: Corners
     material: np.ndarray
     temperature: np.ndarray
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
+    leaf_facing: np.ndarray
     leaf_triangle: np.ndarray
     plane: np.ndarray
     layer: np.ndarray
@@ -66,7 +71,7 @@ class Geometry(NamedTuple):
     """All that depends on the triangles of a scene alone: not on temperatures, and of materials only on `stores`.
 
     vertices, triangles, hidden: of the Scene. stores: (triangles,) uint8, which photons a triangle stores, see
-    `stored_photons`. kept: (m,) indices of the triangles that are not left out.
+    `stored_photons`. kept: (m,) int32, indices of the triangles that are not left out; None if all are there.
     centre: (3,) float64, m, subtracted from the vertices, so that float32 resolves small detail.
     tracer: see Tracer. The other fields: see Surfaces.
     """
@@ -75,15 +80,24 @@ class Geometry(NamedTuple):
     triangles: np.ndarray
     stores: np.ndarray
     hidden: np.ndarray | None
-    kept: np.ndarray
+    kept: np.ndarray | None
     centre: np.ndarray
     tracer: Tracer
-    corners: np.ndarray
+    corners: Corners
     neighbours: np.ndarray
     sheet: np.ndarray
     mesh: PointTree
+    leaf_facing: np.ndarray
     leaf_triangle: np.ndarray
     plane: np.ndarray
+
+    def taken(self, values: np.ndarray) -> np.ndarray:
+        """Values (triangles, ...) of the scene's triangles, of those that are not left out; the same if all are."""
+        return values if self.kept is None else values[self.kept]
+
+    def row(self, triangle: np.ndarray) -> np.ndarray:
+        """Indices (n,) in the scene of triangles (n,) that are not left out."""
+        return triangle if self.kept is None else self.kept[triangle]
 
 
 def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
@@ -101,26 +115,30 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     if earlier and all(np.array_equal(old, new) for old, new in zip(earlier[:4], mine, strict=True)):
         return earlier
     triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
-    centre = _middle(scene.vertices, triangles)
+    centre = 0.5 * np.add(*bounds(np.ascontiguousarray(scene.vertices), triangles))
     vertices = (scene.vertices - centre).astype(np.float32)
     first = first_at_point(vertices)
-    corners = vertices[triangles]
-    counts, extended = distinct(triangles, first), areas(corners) > 0.0
-    twice = np.count_nonzero(extended & ~counts)
+    counts, has_area = distinct(triangles, first), extended(Corners(vertices, triangles))
+    twice = np.count_nonzero(has_area & ~counts)
     if twice:
         log.warning("%d triangles lie exactly on others and are left out", twice)
-    kept = np.flatnonzero(counts & extended)
-    if len(kept) == 0:
+    counts &= has_area
+    if not counts.any():
         raise SceneError("No triangle of the scene has an area")
-    if len(kept) < len(triangles):
-        triangles, corners = triangles[kept], corners[kept]
-    neighbours = find_neighbours(triangles, first)
-    neighbours[stores[kept][neighbours >> 1] != stores[kept][:, None]] = -1
-    plane = planes(corners)
-    sheet = label_sheets(plane, neighbours)
+    kept = None if counts.all() else np.flatnonzero(counts).astype(np.int32)
+    stored, hidden = stores, scene.hidden
+    if kept is not None:
+        triangles, stored = triangles[kept], stores[kept]
+        hidden = None if hidden is None else hidden[kept]
+    corners = Corners(vertices, triangles)
+    with ThreadPoolExecutor(1) as pool:
+        connected = pool.submit(_connect, corners, first, stored)
+        tracer = Tracer(vertices, triangles, hidden)  # before the tree, as Embree needs most memory while it builds
+    neighbours, plane, sheet = connected.result()
     leaf_triangle = morton_order(centroids(corners))
-    leaves = empty_leaves(len(corners), LONGEST + 1)
-    _fill_leaves(corners, sheet, leaf_triangle, leaves)
+    leaves = empty_leaves(len(triangles), LONGEST + 1)
+    leaf_facing = np.zeros((len(leaves), 5, WIDTH), np.int16)
+    _fill_leaves((corners, plane, sheet), leaf_triangle, leaves, leaf_facing)
     return Geometry(
         vertices=scene.vertices,
         triangles=scene.triangles,
@@ -128,14 +146,30 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         hidden=scene.hidden,
         kept=kept,
         centre=centre,
-        tracer=Tracer(vertices, triangles, None if scene.hidden is None else scene.hidden[kept]),
+        tracer=tracer,
         corners=corners,
         neighbours=neighbours,
         sheet=sheet,
         mesh=build_tree(leaves, LONGEST),
+        leaf_facing=leaf_facing,
         leaf_triangle=leaf_triangle,
         plane=plane,
     )
+
+
+@njit(cache=True, nogil=True)
+def _connect(corners, first, stored):
+    """neighbours, plane and sheet of Surfaces. first: see first_at_point. stored: (m,) uint8, see Geometry.
+
+    One kernel, as embreex copies a mesh without releasing the GIL: meanwhile no Python could go on to a second one.
+    """
+    neighbours = find_neighbours(corners.triangles, first)
+    for t in range(stored.size):
+        for i in range(3):
+            if neighbours[t, i] >= 0 and stored[neighbours[t, i] >> 1] != stored[t]:
+                neighbours[t, i] = -1
+    plane = planes(corners)
+    return neighbours, plane, label_sheets(plane, neighbours)
 
 
 def _stores(scene: Scene) -> np.ndarray:
@@ -150,15 +184,6 @@ def _stores(scene: Scene) -> np.ndarray:
     return stores
 
 
-def _middle(vertices, triangles):
-    """The middle (3,) float64, m, of the box around all vertices that are corners of triangles."""
-    used = np.zeros(len(vertices), np.bool_)
-    used[triangles] = True
-    if not used.all():
-        vertices = vertices[used]
-    return 0.5 * (vertices.min(axis=0).astype(np.float64) + vertices.max(axis=0))
-
-
 def build_surfaces(
     scene: Scene, geometry: Geometry | None = None, layer: np.ndarray | None = None
 ) -> tuple[Surfaces, Tracer, np.ndarray]:
@@ -168,21 +193,23 @@ def build_surfaces(
     there is but one layer.
     """
     geometry = build_geometry(scene, geometry)
-    kept = geometry.kept
+    temperature = geometry.taken(scene.temperature.reshape(len(scene.triangles), -1))
     surfaces = Surfaces(
         corners=geometry.corners,
-        material=np.ascontiguousarray(scene.material[kept], dtype=np.int32),
-        temperature=np.ascontiguousarray(scene.temperature[kept].reshape(len(kept), -1), dtype=np.float32),
+        material=np.ascontiguousarray(geometry.taken(scene.material), dtype=np.int32),
+        temperature=np.ascontiguousarray(temperature, dtype=np.float32),
         neighbours=geometry.neighbours,
         sheet=geometry.sheet,
         mesh=geometry.mesh,
+        leaf_facing=geometry.leaf_facing,
         leaf_triangle=geometry.leaf_triangle,
         plane=geometry.plane,
-        layer=np.empty(0, np.uint8) if layer is None else np.ascontiguousarray(layer[kept], np.uint8),
+        layer=np.empty(0, np.uint8) if layer is None else np.ascontiguousarray(geometry.taken(layer), np.uint8),
         **_smooth(scene, geometry),
-        textures=build_textures(scene.textures, kept, len(scene.triangles)),
+        textures=build_textures(scene.textures, geometry.kept, len(scene.triangles)),
     )
     if scene.images_of_temperature:
+        surfaces = surfaces._replace(temperature=surfaces.temperature.copy())  # the scene's may be the same array
         _fill_typical(surfaces.textures, surfaces.temperature)
     return surfaces, geometry.tracer, geometry.centre
 
@@ -191,15 +218,41 @@ def _smooth(scene: Scene, geometry: Geometry) -> dict:
     """smooth and corner_normal of Surfaces: without the rows of triangles whose normals are all their own."""
     if scene.corner_normals is None:
         return {"smooth": np.empty(0, np.int32), "corner_normal": np.empty((0, 3, 3), np.float32)}
-    normals = scene.corner_normals[geometry.kept]
-    length = np.linalg.norm(normals, axis=2, keepdims=True)
-    normals = np.divide(
-        normals, length, out=np.broadcast_to(geometry.plane[:, None, :3], normals.shape).copy(), where=length > 0.0
-    )
-    curved = np.flatnonzero(np.einsum("mij,mj->mi", normals, geometry.plane[:, :3]).min(axis=1) < _FLAT)
-    smooth = np.full(len(normals) if len(curved) else 0, -1, np.int32)
-    smooth[curved] = np.arange(len(curved))
-    return {"smooth": smooth, "corner_normal": np.ascontiguousarray(normals[curved], np.float32)}
+    normals = np.ascontiguousarray(geometry.taken(scene.corner_normals), np.float32)
+    smooth = np.empty(len(normals), np.int32)
+    corner_normal = np.empty((_number_curved(normals, geometry.plane, smooth), 3, 3), np.float32)
+    _fill_normals(normals, geometry.plane, smooth, corner_normal)
+    return {"smooth": smooth if len(corner_normal) else smooth[:0], "corner_normal": corner_normal}
+
+
+@njit(**INLINED)
+def _unit_at(normals, plane, t, i):
+    """Unit normal at corner i of triangle t, its own where none is given."""
+    n = vector(normals[t], i)
+    length = math.sqrt(dot(n, n))
+    return scaled(n, 1.0 / length) if length > 0.0 else vector(plane, t)
+
+
+@njit(**KERNEL)
+def _number_curved(normals, plane, smooth):
+    """Fill smooth (m,), see Surfaces; returns how many triangles are curved."""
+    count = np.int32(0)
+    for t in range(smooth.size):
+        least = 1.0
+        for i in range(3):
+            least = min(least, dot(_unit_at(normals, plane, t, i), vector(plane, t)))
+        smooth[t] = count if least < _FLAT else -1
+        count += 1 if least < _FLAT else 0
+    return count
+
+
+@njit(**KERNEL)
+def _fill_normals(normals, plane, smooth, corner_normal):
+    """Fill in corner_normal, see Surfaces."""
+    for t in range(smooth.size):
+        if smooth[t] >= 0:
+            for i in range(3):
+                put_vector(_unit_at(normals, plane, t, i), corner_normal[smooth[t]], i)
 
 
 @njit(**KERNEL)
@@ -219,24 +272,32 @@ def _fill_typical(table, temperature):
 
 
 @njit(**KERNEL)
-def _fill_leaves(corners, sheet, leaf_triangle, leaves):
-    """Put the triangles into the leaves of their tree."""
+def _fill_leaves(triangles, leaf_triangle, leaves, leaf_facing):
+    """Put the triangles into the leaves of their tree. triangles: Corners, plane and sheet, see Surfaces."""
+    corners, plane, sheet = triangles
     for i in range(leaf_triangle.size):
         t, leaf, slot = leaf_triangle[i], i // WIDTH, i % WIDTH
-        n, double_area = normal(corners, t)
         leaves[leaf, 0, slot], leaves[leaf, 1, slot], leaves[leaf, 2, slot] = centroid(corners, t)
-        leaves[leaf, 3, slot], leaves[leaf, 4, slot], leaves[leaf, 5, slot] = n
-        leaves[leaf, 6, slot] = 0.5 * double_area
-        # float32 tells 2^24 labels apart; with more sheets, which only loose triangles can be, two may count as one
-        # here
-        leaves[leaf, 7, slot], leaves[leaf, 8, slot] = sheet[t, 0], sheet[t, 1]
-        leaves[leaf, LONGEST, slot] = longest_edge(corners, t)
+        leaves[leaf, AREA, slot], leaves[leaf, LONGEST, slot] = area_of(corners, t), longest_edge(corners, t)
+        for axis in range(3):
+            leaf_facing[leaf, axis, slot] = np.int16(round(NORMAL_UNIT * plane[t, axis]))
+        for side in range(2):
+            leaf_facing[leaf, 3 + side, slot] = np.int16(sheet[t, side])
 
 
 def used_materials(surfaces: Surfaces) -> np.ndarray:
     """(n,) ascending indices of the materials that surfaces have, also in part."""
     mixed = surfaces.textures.mixed
-    return np.union1d(surfaces.material, mixed[mixed >= 0])
+    used = np.zeros(max(surfaces.material.max(), mixed.max(initial=-1)) + 1, np.bool_)
+    used[mixed[mixed >= 0]] = True
+    _mark(surfaces.material, used)
+    return np.flatnonzero(used)
+
+
+@njit(**KERNEL)
+def _mark(material, used):
+    for t in range(material.size):
+        used[material[t]] = True
 
 
 def sheet_count(surfaces: Surfaces) -> int:
@@ -257,7 +318,12 @@ def shading_normal(surfaces, side_id, u, v):
     """Unit shading normal at (u, v) of a side of a triangle that is shaded smooth: between the normals at its corners
     (Phong 1975)."""
     n, row = unit_normal(surfaces, side_id), surfaces.smooth[side_id >> 1]
-    between = point(surfaces.corner_normal, row, u, v)
+    normals, w = surfaces.corner_normal[row], 1.0 - u - v
+    between = (
+        w * normals[0, 0] + u * normals[1, 0] + v * normals[2, 0],
+        w * normals[0, 1] + u * normals[1, 1] + v * normals[2, 1],
+        w * normals[0, 2] + u * normals[1, 2] + v * normals[2, 2],
+    )
     sign = 1.0 - 2.0 * (side_id & 1)
     length = math.sqrt(dot(between, between))
     if not sign * dot(between, n) >= LEAST_LEAN * length or length == 0.0:

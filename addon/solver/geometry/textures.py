@@ -55,14 +55,15 @@ _NONE = Textures(
 )
 
 
-def build_textures(textures: Textures | None, kept: np.ndarray, triangles: int) -> TextureTable:
-    """The TextureTable of the triangles that are kept, (m,) indices of the scene's, of which there are so many."""
+def build_textures(textures: Textures | None, kept: np.ndarray | None, triangles: int) -> TextureTable:
+    """The TextureTable of the triangles that are kept, (m,) indices of the scene's, of which there are so many; None
+    for all."""
     textures = textures or _NONE
     row = np.full(triangles if len(textures.triangle) else 0, -1, np.int32)
     row[textures.triangle] = np.arange(len(textures.triangle))
     sizes = np.array([image.values.shape[::-1] for image in textures.images], np.int64).reshape(-1, 2)
     return TextureTable(
-        row[kept] if row.size else row,
+        row[kept] if row.size and kept is not None else row,
         np.ascontiguousarray(textures.uv, np.float32),
         *(np.ascontiguousarray(index, np.int32) for index in (textures.temperature_image, textures.mixed)),
         np.ascontiguousarray(textures.share, np.float32),

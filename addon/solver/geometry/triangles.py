@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Quantities of single triangles, from the corners (m, 3, 3) float32, m, of all triangles."""
+"""Quantities of single triangles, from the Corners of all triangles."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,11 +12,29 @@ from ..system.kernels import INLINED, njit
 CLEAR = 2.0**-20  # distance from a plane that float32 tells for sure, over the largest coordinate or length involved
 
 
+class Corners(NamedTuple):
+    """The corners of m triangles. vertices: (n, 3) float32, m. triangles: (m, 3) int32, indices of vertices. Most
+    vertices belong to six triangles: the coordinates of all corners would take six times the memory."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+
+    def of(self, triangle: np.ndarray | slice | int = slice(None)) -> np.ndarray:
+        """(..., 3, 3) float32 coordinates, m, of the corners of some triangles, of all by default."""
+        return self.vertices[self.triangles[triangle]]
+
+
+@njit(**INLINED)
+def corner(corners, t, i):
+    """Corner i of triangle t, m, float64."""
+    return vector(corners.vertices, corners.triangles[t, i])
+
+
 @njit(**INLINED)
 def normal(corners, t):
     """Unit normal of triangle t and twice its area, m2, float64."""
-    a = vector(corners[t], 0)
-    n = cross(difference(vector(corners[t], 1), a), difference(vector(corners[t], 2), a))
+    a = corner(corners, t, 0)
+    n = cross(difference(corner(corners, t, 1), a), difference(corner(corners, t, 2), a))
     length = math.sqrt(dot(n, n))
     return scaled(n, 1.0 / length if length > 0.0 else 0.0), length
 
@@ -23,19 +42,15 @@ def normal(corners, t):
 @njit(**INLINED)
 def point(corners, t, u, v):
     """Point of triangle t, m, with barycentric coordinates u, v of corners 1 and 2."""
-    w = 1.0 - u - v
-    return (
-        w * corners[t, 0, 0] + u * corners[t, 1, 0] + v * corners[t, 2, 0],
-        w * corners[t, 0, 1] + u * corners[t, 1, 1] + v * corners[t, 2, 1],
-        w * corners[t, 0, 2] + u * corners[t, 1, 2] + v * corners[t, 2, 2],
-    )
+    a, b, c, w = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2), 1.0 - u - v
+    return w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], w * a[2] + u * b[2] + v * c[2]
 
 
 @njit(**INLINED)
 def barycentric(corners, t, at):
     """Barycentric coordinates u, v of corners 1 and 2 of a point in the plane of triangle t; 0 without an area."""
-    a = vector(corners[t], 0)
-    e, f, way = difference(vector(corners[t], 1), a), difference(vector(corners[t], 2), a), difference(at, a)
+    a = corner(corners, t, 0)
+    e, f, way = difference(corner(corners, t, 1), a), difference(corner(corners, t, 2), a), difference(at, a)
     n = cross(e, f)
     square = dot(n, n)
     if not square > 0.0:
@@ -50,20 +65,47 @@ def centroid(corners, t):
     return point(corners, t, third, third)
 
 
+@njit(**INLINED)
+def area_of(corners, t):
+    """Area of triangle t, m2, float64."""
+    return 0.5 * normal(corners, t)[1]
+
+
 @njit(cache=True, nogil=True)
 def areas(corners):
     """(m,) float64 areas, m2."""
-    area = np.empty(corners.shape[0])
-    for t in range(corners.shape[0]):
-        area[t] = 0.5 * normal(corners, t)[1]
+    area = np.empty(corners.triangles.shape[0])
+    for t in range(area.size):
+        area[t] = area_of(corners, t)
     return area
+
+
+@njit(cache=True, nogil=True)
+def extended(corners):
+    """(m,) bool, whether triangles have an area."""
+    has_area = np.empty(corners.triangles.shape[0], np.bool_)
+    for t in range(has_area.size):
+        has_area[t] = area_of(corners, t) > 0.0
+    return has_area
+
+
+@njit(cache=True, nogil=True)
+def bounds(vertices, triangles):
+    """Lowest and highest coordinates, (3,) float64 each, m, of vertices (n, 3) that are corners of triangles (m, 3)."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for t in range(triangles.shape[0]):
+        for i in range(3):
+            at = vector(vertices, triangles[t, i])
+            for axis in range(3):
+                low[axis], high[axis] = min(low[axis], at[axis]), max(high[axis], at[axis])
+    return low, high
 
 
 @njit(cache=True, nogil=True)
 def centroids(corners):
     """(m, 3) float32 centroids, m."""
-    middle = np.empty((corners.shape[0], 3), np.float32)
-    for t in range(corners.shape[0]):
+    middle = np.empty((corners.triangles.shape[0], 3), np.float32)
+    for t in range(middle.shape[0]):
         middle[t, 0], middle[t, 1], middle[t, 2] = centroid(corners, t)
     return middle
 
@@ -72,21 +114,18 @@ def centroids(corners):
 def scene_radius(corners):
     """Radius (m) of the smallest sphere around the origin that holds all triangles."""
     most = 0.0
-    for t in range(corners.shape[0]):
+    for t in range(corners.triangles.shape[0]):
         for i in range(3):
-            x, y, z = np.float64(corners[t, i, 0]), np.float64(corners[t, i, 1]), np.float64(corners[t, i, 2])
-            most = max(most, x * x + y * y + z * z)
+            at = corner(corners, t, i)
+            most = max(most, dot(at, at))
     return math.sqrt(most)
 
 
 @njit(**INLINED)
 def _edge(corners, t, i):
     """Length of the edge of triangle t from corner i to the next, m, float64."""
-    square = 0.0
-    for axis in range(3):
-        edge = np.float64(corners[t, (i + 1) % 3, axis]) - corners[t, i, axis]
-        square += edge * edge
-    return math.sqrt(square)
+    edge = difference(corner(corners, t, (i + 1) % 3), corner(corners, t, i))
+    return math.sqrt(dot(edge, edge))
 
 
 @njit(**INLINED)
@@ -112,8 +151,8 @@ def offset(corners, t):
     reach, edges = 0.0, 1.0
     for i in range(3):
         edges *= _edge(corners, t, i)
-        for axis in range(3):
-            reach = max(reach, abs(corners[t, i, axis]))
+        x, y, z = corner(corners, t, i)
+        reach = max(reach, abs(x), abs(y), abs(z))
     double_area = normal(corners, t)[1]
     if double_area > 0.0:
         reach = max(reach, edges / (2.0 * double_area))
@@ -123,8 +162,8 @@ def offset(corners, t):
 @njit(cache=True, nogil=True)
 def planes(corners):
     """(m, 4) float32 unit normal and clearance (m, see `offset`) of each triangle."""
-    plane = np.empty((corners.shape[0], 4), np.float32)
-    for t in range(corners.shape[0]):
+    plane = np.empty((corners.triangles.shape[0], 4), np.float32)
+    for t in range(plane.shape[0]):
         plane[t, 0], plane[t, 1], plane[t, 2] = normal(corners, t)[0]
         plane[t, 3] = offset(corners, t)
     return plane

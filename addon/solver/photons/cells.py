@@ -73,18 +73,17 @@ def bytes_of_textures(textures: Textures | None) -> float:
     return 4.0 * texels + 16.0 * min(_MOST_CELLS, _FEWEST_CELLS * rows + texels) + 80.0 * rows
 
 
-def concentration(cells: EmissionCells, triangles: int) -> np.ndarray:
-    """(triangles,) float64, mean over what a triangle emits of its radiance over that of the whole triangle: 1 where it
-    is even, n where all comes from an n-th of it."""
-    found = np.ones(triangles)
-    if cells.cumulative.size:
-        chance = np.diff(cells.cumulative, prepend=0.0)
-        chance[cells.first[cells.edge > 0]] = cells.cumulative[cells.first[cells.edge > 0]]
-        row = np.repeat(np.arange(len(cells.edge)), cells.edge**2)
-        mean = np.bincount(row, chance**2, len(cells.edge)) * cells.edge**2
-        varies = np.flatnonzero(cells.row >= 0)
-        found[varies] = np.maximum(mean[cells.row[varies]], 1.0)
-    return found
+def concentration(cells: EmissionCells) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (n,) over which emission varies, and the mean (n,) float64, over what each emits, of its radiance over
+    that of the whole triangle: 1 where it is even, k where all comes from a k-th of it."""
+    if not cells.cumulative.size:
+        return np.empty(0, np.int64), np.empty(0)
+    chance = np.diff(cells.cumulative, prepend=0.0)
+    chance[cells.first[cells.edge > 0]] = cells.cumulative[cells.first[cells.edge > 0]]
+    row = np.repeat(np.arange(len(cells.edge)), cells.edge**2)
+    mean = np.bincount(row, chance**2, len(cells.edge)) * cells.edge**2
+    varies = np.flatnonzero(cells.row >= 0)
+    return varies, np.maximum(mean[cells.row[varies]], 1.0)
 
 
 def _texels_under(table: TextureTable) -> np.ndarray:

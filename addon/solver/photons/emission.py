@@ -9,8 +9,10 @@ import numpy as np
 from ..geometry.interaction import LEAST_COSINE, emit_at, emit_towards, leave
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage, emission_at, fill_emission, layer_at, nothing_emitted
-from ..geometry.surfaces import unit_normal
+from ..geometry.surfaces import sheet_count, sheet_of, unit_normal
 from ..geometry.textures import row_of
+from ..geometry.triangles import area_of
+from ..physics.radiometry import absolute_sum
 from ..physics.sky import (
     SkyCells,
     build_sky_cells,
@@ -26,11 +28,12 @@ from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, put_vector
 from ..sampling.warps import cosine_direction, to_world, triangle_point
 from ..scene import Scene
-from ..system.kernels import FAST_INLINED, FAST_KERNEL, INLINED, njit
+from ..system.kernels import FAST_INLINED, FAST_KERNEL, INLINED, KERNEL, njit
 from .cells import EmissionCells, build_cells, choose_point, no_cells
 from .lights import SUN, LightTable, light_ray, light_totals, no_lights
+from .side_table import SideTable, build_side_table, first_found, found_from, number_in
 from .walk import collect
-from .wave import CAUSTIC, FORWARDS, FROM_SUN, STRAIGHT_FROM_LIGHT, empty_wave
+from .wave import CAUSTIC, FORWARDS, FROM_SUN, OF_LIGHT, STRAIGHT_FROM_LIGHT, empty_wave
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
@@ -57,8 +60,8 @@ class Surroundings(NamedTuple):
     which photons start; 1 where there are media, as only their segment tells what photons bring; (0,) of a sky, whose
     photons bring what it has in their direction. cells: directions in which shadow rays and photons look for a sky of
     which a small part is bright. flux: W m-2, what typically arrives on a surface from directions in which it sees
-    surroundings. layer: of the image, to which this radiance adds (see layers). open: (t, 2) bool, sides from which
-    shadow rays are sent to the surroundings, so that photons that come from there are not stored there.
+    surroundings. layer: of the image, to which this radiance adds (see layers). open: (labels,) bool, sheets from
+    which shadow rays are sent to the surroundings, so that photons that come from there are not stored there.
     """
 
     radiance: np.ndarray
@@ -71,72 +74,84 @@ class Surroundings(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """What the image can depend on, as far as the pilot knows; see Pilot.
+    """What the image can depend on, as far as the pilot knows, by label of the sheet; see Pilot.
 
-    reachable: (t, 2) bool, sides that the image can depend on. weight: (t, 2) float64, factor on the probability that a
-    side emits. arrival: (t, 2) float64, factor on the probability that photons from the surroundings arrive on a side.
-    openness: share of the directions from reachable sides that leave the scene, 0..1.
+    reachable: (labels,) bool, sheets that the image can depend on. weight: (labels,) float64, factor on the probability
+    that a sheet emits. arrival: (labels,) float64, factor on the probability that photons from the surroundings arrive
+    on a sheet. extent: (labels,) float64, m2. openness: share of the directions from reachable sides that leave the
+    scene, 0..1.
     """
 
     reachable: np.ndarray
     weight: np.ndarray
     arrival: np.ndarray
+    extent: np.ndarray
     openness: float
+
+
+class Emission(NamedTuple):
+    """What surfaces emit.
+
+    exitance: (t,) float32, |excess| of all bands that each m2 of either side of a triangle emits, W m-2. power:
+    (labels,) float64, that of each sheet, W. cells: of the triangles over which it varies by textures.
+    """
+
+    exitance: np.ndarray
+    power: np.ndarray
+    cells: EmissionCells
 
 
 class Emitters(NamedTuple):
     """Everything that emits, as entries of one discrete distribution: surface sides, surroundings, lights.
 
-    cumulative: (e + 1,) float64, from 0 to 1, the cumulative probability of the entries; zeros where nothing emits.
-    surface: (n,) int32, side_ids of the sides that emit: entries 0..n-1. caustic: (n,) bool, whether photons find the
-        caustics of such a side. aimed: (n,) float32, m-2, points on it that compete for a shadow ray, in the mean.
-        aimed_afar: see Lamps.
-    sky: (m,) int32, side_ids of the sides on which photons from the surroundings arrive: entries n..n+m-1.
-    area: (t,) float64, of the triangles, m2.
-    cells: where photons start on sides that vary by textures. surroundings: see Surroundings. lights: see LightTable;
-        entries from n + m on. Lights add to the first layer.
+    surface: sides that emit. sky: sides on which photons from the surroundings arrive. light_end: (l + 1,) float64, sum
+        of the weights of all sides and of the lights before each; last of all that emits, 0 where nothing does.
+    caustic: (labels,) bool, whether photons find the caustics of a sheet. aimed: (labels,) float64, W-1, lamp
+        points that compete for a shadow ray on a side, in the mean, over what it emits. aimed_afar: see Lamps.
+    cells: where photons start on sides that vary by textures. surroundings: see Surroundings. lights: see LightTable.
+        Lights add to the first layer.
     """
 
-    cumulative: np.ndarray
-    surface: np.ndarray
+    surface: SideTable
+    sky: SideTable
+    light_end: np.ndarray
     caustic: np.ndarray
     aimed: np.ndarray
     aimed_afar: float
-    sky: np.ndarray
-    area: np.ndarray
     cells: EmissionCells
     surroundings: Surroundings
     lights: LightTable
 
 
-def side_power(stage: Stage, area: np.ndarray) -> tuple[np.ndarray, EmissionCells]:
-    """(t,) float64 |excess| power of one side of each triangle, over all bands, W, and the cells of those over which it
-    varies by textures. Of others it is the mean over corners and centre."""
-    power, cells = _side_power(stage, area), build_cells(stage)
+def find_emission(stage: Stage) -> Emission:
+    """The Emission of a stage. What varies over a triangle other than by textures is the mean over corners and
+    centre."""
+    surfaces, cells = stage.surfaces, build_cells(stage)
+    exitance, power = np.empty(len(surfaces.sheet), np.float32), np.zeros(sheet_count(surfaces))
+    _fill_exitance(stage, np.empty(stage.radiometry.reference.size), exitance)
     if len(cells.edge):
         varies = np.flatnonzero((cells.row >= 0) & (cells.edge[cells.row] > 0))
-        power[varies] = math.pi * area[varies] * cells.mean[cells.row[varies]]
-    return power, cells
+        exitance[varies] = math.pi * cells.mean[cells.row[varies]]
+    _add_power(surfaces, exitance, power)
+    return Emission(exitance, power, cells)
 
 
-@njit(cache=True, nogil=True)
-def _side_power(stage, area):
-    surfaces, power = stage.surfaces, np.empty(area.size)
-    value = np.empty(stage.radiometry.reference.size)
+@njit(**KERNEL)
+def _fill_exitance(stage, value, exitance):
+    """Fill exitance (t,). value: room for (b,) float64."""
+    surfaces = stage.surfaces
     samples = 4 if surfaces.temperature.shape[1] == 3 else 1
     before, total = -1, 0.0  # the triangle whose emission in all bands is known, and that emission
-    for t in range(area.size):
+    for t in range(exitance.size):
         if before < 0 or samples > 1 or not _emit_alike(surfaces, before, t):
             total = 0.0
             for sample in range(samples):
                 u = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 2 else 0.0)
                 v = 1.0 / 3.0 if sample == 0 else (1.0 if sample == 3 else 0.0)
                 fill_emission(stage, emit_at(surfaces, 2 * t, u, v, 2.0 / 3.0), value)
-                for b in range(value.size):
-                    total += abs(value[b])
+                total += absolute_sum(value)
             before = t
-        power[t] = math.pi * area[t] * total / samples
-    return power
+        exitance[t] = math.pi * total / samples
 
 
 @njit(**INLINED)
@@ -147,15 +162,22 @@ def _emit_alike(surfaces, s, t):
     return same and row_of(textures, s) < 0 and row_of(textures, t) < 0
 
 
+@njit(**KERNEL)
+def _add_power(surfaces, exitance, power):
+    """Add to power (labels,) what both sides of all triangles emit, W."""
+    for t in range(exitance.size):
+        if exitance[t] > 0.0:
+            for side in range(2):
+                power[surfaces.sheet[t, side]] += area_of(surfaces.corners, t) * exitance[t]
+
+
 def build_surroundings(scene: Scene, stage: Stage, is_open: np.ndarray, layer: int, kelvin: float) -> Surroundings:
     """The Surroundings of a scene. is_open, layer: see there. kelvin: the temperature at which they are traced, K."""
     reference = stage.radiometry.reference
     sky, radiance = build_sky_table(scene.sky, scene.band_edges, reference), np.zeros_like(reference)
     if sky.size:
         flux = math.pi * float(mean_excess(np.abs(sky)).sum())
-        # in media photons bring what these emit, too
-        cells = no_sky_cells() if scene.media else build_sky_cells(sky)
-        return Surroundings(mean_excess(sky), sky, np.empty(0), cells, flux, layer, is_open)
+        return Surroundings(mean_excess(sky), sky, np.empty(0), build_sky_cells(sky), flux, layer, is_open)
     if kelvin != stage.radiometry.quiet:  # else photons would carry the rounding of the reference and nothing else
         radiance = band_radiance(scene.band_edges, kelvin) - reference
     flux = math.pi * float(np.abs(radiance).sum())
@@ -168,69 +190,50 @@ def fill_surroundings(
     stage: Stage,
     lights: LightTable,
     reach: Reach,
-    area: np.ndarray,
     lamps,
     key: np.uint64,
 ) -> Surroundings:
     """The Surroundings of a scene with media: photons that arrive from media belong to them, and their flux is the root
     mean square of what some photons bring, for which a number of photons has the least variance.
 
-    area: (t,) float64, m2. lamps: see planning.lamps. key: of the photons' random numbers.
+    lamps: see planning.lamps. key: of the photons' random numbers.
     """
     afar = surroundings._replace(
         sent=np.ones_like(surroundings.radiance), flux=1.0, open=np.zeros_like(surroundings.open)
     )
-    dark = np.zeros_like(area), no_cells()
-    emitters = build_emitters(stage, afar, no_lights(lights), reach, area, dark, lamps)
+    dark = Emission(np.zeros(len(stage.surfaces.sheet), np.float32), np.zeros_like(reach.extent), no_cells())
+    emitters = build_emitters(stage, afar, no_lights(lights), reach, dark, lamps)
     wave = empty_wave(_AFAR, len(afar.radiance), False)
     emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
     collect(tracer, stage, wave, key, surroundings)
     power = np.abs(wave.power).sum(axis=1, dtype=np.float64)
-    return afar._replace(flux=float(np.sqrt(np.mean(power**2))) * _AFAR / float((area[:, None] * reach.arrival).sum()))
+    return afar._replace(flux=float(np.sqrt(np.mean(power**2))) * _AFAR / float(reach.extent @ reach.arrival))
 
 
 def build_emitters(
-    stage: Stage,
-    surroundings: Surroundings,
-    lights: LightTable,
-    reach: Reach,
-    area: np.ndarray,
-    emission: tuple[np.ndarray, EmissionCells],
-    lamps,
+    stage: Stage, surroundings: Surroundings, lights: LightTable, reach: Reach, emission: Emission, lamps
 ) -> Emitters:
-    """The Emitters.
-
-    area: (t,) float64, m2. emission: see side_power. lamps: see planning.lamps.
-    """
-    power, cells = emission
-    sky_power, sky = np.empty(0), np.empty(0, np.int32)
-    if surroundings.flux > 0:
-        sky_power = (area[:, None] * reach.arrival).ravel()
-        sky = np.flatnonzero(sky_power > 0).astype(np.int32)
-        sky_power = surroundings.flux * sky_power[sky]
-    light_total = light_totals(lights)
-    surface_power, reachable = power[:, None] * reach.weight, reach.reachable
-    hidden, others = surface_power[~reachable].sum(), surface_power[reachable].sum() + light_total.sum()
+    """The Emitters. lamps: see planning.lamps."""
+    surfaces, weight, light_total = stage.surfaces, reach.weight, light_totals(lights)
+    power = emission.power * weight
+    hidden, others = power[~reach.reachable].sum(), power[reach.reachable].sum() + light_total.sum()
     if hidden > _HIDDEN * others > 0.0:
-        surface_power[~reachable] *= _HIDDEN * others / hidden
-    surface_power = surface_power.ravel()
-    surface = np.flatnonzero(surface_power > 0).astype(np.int32)
+        weight = np.where(reach.reachable, weight, weight * (_HIDDEN * others / hidden))
+        hidden = _HIDDEN * others
     # Of the photons from the surroundings only the share `openness` arrives. The variance at a given number of photons
     # is least where a class is chosen in proportion to power / sqrt(share that arrives) (by a Lagrange multiplier).
     # Some photons come from the surroundings even where the scene seems closed: the pilot may have missed a hole.
-    others = surface_power.sum() + light_total.sum()
-    if reach.openness > 0:
-        sky_chosen = sky_power * math.sqrt(reach.openness)
+    arriving, others = surroundings.flux * float(reach.extent @ reach.arrival), hidden + others
+    if reach.openness > 0.0:
+        chosen = math.sqrt(reach.openness)
     else:
-        sky_chosen = sky_power * (_SKY_DEFENSIVE * others / sky_power.sum() if others > 0 and sky.size else 1.0)
-    cumulative = np.zeros(len(surface) + len(sky) + len(light_total) + 1)
-    chosen = cumulative[1:]
-    np.concatenate((surface_power[surface], sky_chosen, light_total), out=chosen)
-    np.cumsum(chosen, out=chosen)
-    if cumulative[-1] > 0:
-        cumulative /= cumulative[-1]
-    caustic, aimed = lamps.caustic.ravel()[surface], lamps.density.ravel()[surface]
-    return Emitters(cumulative, surface, caustic, aimed, lamps.afar, sky, area, cells, surroundings, lights)
+        chosen = _SKY_DEFENSIVE * others / arriving if others > 0.0 and arriving > 0.0 else 1.0
+    surface = build_side_table(surfaces, weight, emission.exitance)
+    sky = build_side_table(surfaces, reach.arrival * (surroundings.flux * chosen))
+    light_end = surface.before[-1] + sky.before[-1] + np.concatenate(([0.0], np.cumsum(light_total)))
+    return Emitters(
+        surface, sky, light_end, lamps.caustic, lamps.share, lamps.afar, emission.cells, surroundings, lights
+    )
 
 
 def emit(emitters: Emitters, stage: Stage, batch: Batch, wave) -> None:
@@ -245,60 +248,65 @@ def _emit(emitters, stage, batch, wave, emitted, room):
     # Positions and directions are independent random numbers: the estimate from the k nearest photons assumes that
     # photons lie at random. A low-discrepancy sequence lays them out evenly, and the estimate then counts half a photon
     # of the k too few (measured under a point light).
-    surroundings, lights = emitters.surroundings, emitters.lights
+    surfaces, surroundings, lights = stage.surfaces, emitters.surroundings, emitters.lights
     shift = uniform(batch.key, 0)
-    surface_end = emitters.surface.size
-    sky_end = surface_end + emitters.sky.size
-    last = emitters.cumulative.size - 2
-    entry = min(last, np.searchsorted(emitters.cumulative, (batch.first + shift) / batch.total, side="right") - 1)
+    of_surfaces, of_sides, total = emitters.surface.before[-1], emitters.light_end[0], emitters.light_end[-1]
+    surface, sky, light = first_found(emitters.surface, 0.0), first_found(emitters.sky, 0.0), np.int64(0)
     for i in range(wave.photon.size):
         photon = batch.first + i
-        number, path = (photon + shift) / batch.total, path_key(batch.key, photon)
+        number, path = number_in((photon + shift) / batch.total, total), path_key(batch.key, photon)
         s0, s1, s2, s3 = uniform(path, 0), uniform(path, 1), uniform(path, 2), uniform(path, 3)
-        while entry < last and emitters.cumulative[entry + 1] <= number:
-            entry += 1
-        probability = emitters.cumulative[entry + 1] - emitters.cumulative[entry]
-        share = 1.0 / (batch.total * probability)
-        caustic, layer = entry < surface_end and emitters.caustic[entry], 0
-        wave.photon[i], wave.arrival[i] = photon, FORWARDS
-        wave.chain[i] = STRAIGHT_FROM_LIGHT if entry >= sky_end else CAUSTIC if caustic else 0
-        wave.aimed[i] = np.inf if entry >= sky_end else 0.0
-        if entry >= sky_end:
-            light = entry - sky_end
+        wave.photon[i], wave.arrival[i], layer = photon, FORWARDS, 0
+        of_sky = min(number - of_surfaces, number_in(1.0, emitters.sky.before[-1]))
+        if i == 0:
+            surface, sky = first_found(emitters.surface, number), first_found(emitters.sky, max(of_sky, 0.0))
+        if number >= of_sides:
+            while emitters.light_end[light + 1] <= number:
+                light += 1
+            share = total / (batch.total * (emitters.light_end[light + 1] - emitters.light_end[light]))
             origin, direction, brightness = light_ray(lights, light, (s0, s1, s2, s3))
             put_vector(origin, wave.origin, i)
             put_vector(direction, wave.direction, i)
+            wave.chain[i], wave.aimed[i] = STRAIGHT_FROM_LIGHT | OF_LIGHT, np.inf
             if lights.kind[light] == SUN:
                 wave.arrival[i] = FROM_SUN
             _set_power(wave, i, lights.power[light], brightness * share)
         else:
-            side_id = emitters.surface[entry] if entry < surface_end else emitters.sky[entry - surface_end]
+            is_surface = number < of_surfaces
+            if is_surface:
+                surface = found_from(surfaces, emitters.surface, number, surface)
+            else:
+                sky = found_from(surfaces, emitters.sky, of_sky, sky)
+            found = surface if is_surface else sky
+            side_id, share = np.int32(found.entry), total / (batch.total * (found.high - found.low))
             (u, v), density = triangle_point(s0, s1), 1.0
-            if entry < surface_end:
+            if is_surface:
                 u, v, density = choose_point(emitters.cells, side_id >> 1, s0, s1)
-            normal = unit_normal(stage.surfaces, side_id)
-            if entry >= surface_end and surroundings.cells.cumulative.size:
+            normal = unit_normal(surfaces, side_id)
+            if not is_surface and surroundings.cells.cumulative.size:
                 direction, cosine, density = _towards_sky(surroundings.cells, normal, s2, s3)
             else:
                 local = cosine_direction(s2, s3)
                 direction, cosine = to_world(local, normal), local[2]
-            at = emit_towards(stage.surfaces, side_id, u, v, direction, cosine)
-            scale = math.pi * emitters.area[at.triangle] * share / density
-            if entry < surface_end:
+            at, label = emit_towards(surfaces, side_id, u, v, direction, cosine), sheet_of(surfaces, side_id)
+            scale = math.pi * area_of(surfaces.corners, at.triangle) * share / density
+            wave.chain[i] = CAUSTIC if is_surface and emitters.caustic[label] else 0
+            if is_surface:
                 layer = layer_at(stage, at)
-                wave.aimed[i] = emitters.aimed[entry] * density / max(cosine, LEAST_COSINE)
+                aimed = emitters.aimed[label] * emitters.surface.exitance[at.triangle]
+                wave.aimed[i] = aimed * density / max(cosine, LEAST_COSINE)
                 _set_power(wave, i, emission_at(stage, at, emitted), scale)
             else:
                 layer = surroundings.layer
                 wave.arrival[i], wave.u[i], wave.v[i] = side_id, u, v
                 wave.aimed[i] = emitters.aimed_afar * density_towards(surroundings.cells, direction)
-                if surroundings.open[at.triangle, side_id & 1]:
+                if surroundings.open[label]:
                     wave.aimed[i] = np.inf
                 if surroundings.sent.size > 0:
                     _set_power(wave, i, surroundings.sent, scale)
                 else:
                     _set_power(wave, i, radiance_from(surroundings, direction, room), scale)
-            leave(stage.surfaces, side_id, at.point, direction, wave, i)
+            leave(surfaces, side_id, at.point, direction, wave, i)
         if wave.layer.size:
             wave.layer[i] = layer
 

@@ -340,7 +340,7 @@ def leaf_distances(leaf, query, other, near):
 
 
 @njit(inline="always")
-def _search(photon_map, query, k, bound, room):
+def search(photon_map, query, k, bound, room):
     """List the photons of a Query that are nearer than sqrt(bound), and perhaps some others, in room.
 
     Returns how many are listed, and the squared distance within which all are listed: that of the k-th photon, or bound
@@ -408,7 +408,7 @@ def _gather(photon_map, surfaces, side_id, point, disk, guess, room):
     smallest = np.float32(1e-12) * limit  # photons that all coincide still get an area
     bound = max(np.float32(min(_GUESS * guess, disk.reach2)), smallest)
     while True:
-        count, r2 = _search(photon_map, query, k, bound, room)
+        count, r2 = search(photon_map, query, k, bound, room)
         if count >= k or bound >= limit:
             break
         bound = min(np.float32(4.0) * bound, limit)

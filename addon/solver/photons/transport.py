@@ -38,8 +38,20 @@ from ..sampling.vectors import dot, put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
+from .thrown import Throwing
 from .walk import append, collect, fly_photons
-from .wave import CAUSTIC, FORWARDS, MIRRORED, STRAIGHT_FROM_LIGHT, Wave, arrive, empty_wave, has_arrived, stored_share
+from .wave import (
+    CAUSTIC,
+    FORWARDS,
+    MIRRORED,
+    OF_LIGHT,
+    STRAIGHT_FROM_LIGHT,
+    Wave,
+    arrive,
+    empty_wave,
+    has_arrived,
+    stored_share,
+)
 
 # Largest chance with which a photon survives a bounce, so that a path between two facing mirrors ends, too. The weight
 # of the survivors makes up for it.
@@ -72,10 +84,12 @@ def trace_photons(
     batch: Batch,
     cancelled: Callable[[], bool] = lambda: False,
     on_hits: Callable[[Hits, Wave], None] | None = None,
+    thrown: Throwing | None = None,
 ) -> Iterator[Photons]:
     """Trace a batch of photons; yields the stored photons of each bounce.
 
-    on_hits(hits, wave) is called before every bounce with the Hits of the wave's rays.
+    on_hits(hits, wave) is called before every bounce with the Hits of the wave's rays. thrown: gets what mirrors throw
+    into gas that scatters; None where nothing needs it.
     """
     bands = stage.radiometry.reference.size
     passes = transmits_anywhere(stage)
@@ -95,7 +109,7 @@ def trace_photons(
             let_through(tracer.trace_uncut, stage, hits, (rays, reach), wave.power, back)
         if tracer.holds_media:
             hits.triangle[wave.arrival[:count] >= 0] = -1  # they have arrived, whatever their ray met
-            flying = fly_photons(tracer, hits, wave, (batch.key, bounce), scattered)
+            flying = fly_photons(tracer, hits, wave, (batch.key, bounce), scattered, thrown)
         if on_hits:
             on_hits(hits, wave)
         stored = photon_arrays(count, bands, optics.keep_incoming, optics.keep_caustic, optics.keep_layer)
@@ -176,7 +190,7 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             chain = wave.chain[i]
             if chain != 0:
                 wide_first = is_wide(lobes) and chain & MIRRORED == 0
-                chain = 0 if wide_first else MIRRORED | (CAUSTIC if is_glossy(lobes) else chain)
+                chain = 0 if wide_first else MIRRORED | (CAUSTIC | chain & OF_LIGHT if is_glossy(lobes) else chain)
         leave(stage.surfaces, at.side_id, at.point, direction, wave, alive)
         factor = np.float32(scale)
         for b in range(rho.size):

@@ -11,7 +11,7 @@ from ..sampling.heuristics import TYPICAL_RAYS, balance
 from ..sampling.vectors import scaled, vector
 from ..system.kernels import INLINED, njit
 
-STRAIGHT_FROM_LIGHT, CAUSTIC, MIRRORED = 1, 2, 4  # flags, see Wave.chain
+STRAIGHT_FROM_LIGHT, CAUSTIC, MIRRORED, OF_LIGHT = 1, 2, 4, 8  # flags, see Wave.chain
 FORWARDS, FROM_SUN = -1, -2  # see Wave.arrival
 
 
@@ -23,7 +23,8 @@ class Wave(NamedTuple):
     where the next hit is direct light, see stored_share; 0 where shadow rays find nothing of the light, infinite where
     they find all; sr-1 for photons from the surroundings. chain: (n,) int8, STRAIGHT_FROM_LIGHT where the photon has
     met nothing but mirrors since a light emitted it, CAUSTIC where it has met nothing but specular surfaces, rough ones
-    too but no wide one first, since a light or a lamp that throws caustics emitted it, else 0.
+    too but no wide one first, since a light or a lamp that throws caustics emitted it, else 0. MIRRORED once it has met
+    one of these, OF_LIGHT if a light emitted it.
     arrival: (n,) int32. A photon from the surroundings starts where it arrives, on the side with this side_id, and its
     ray leads back: it arrives if that ray leaves the scene. FORWARDS for photons that travel so, FROM_SUN for those of
     them that have met nothing yet since a sun sent them. u, v: (n,) float32, barycentric coordinates on that side.

@@ -20,21 +20,20 @@ _LEAST_SHARE = 0.03  # share of the light in the image that a lamp contributes a
 _LEAST_OF_ALL = 0.3  # share that all lamps contribute at least
 
 
-def choose_caustic_lamps(surfaces: Surfaces, side_power: np.ndarray, pilot: Pilot, lit: float) -> np.ndarray:
+def choose_caustic_lamps(surfaces: Surfaces, power: np.ndarray, pilot: Pilot, lit: float) -> np.ndarray:
     """Choose the sheets that throw caustics: small against their distance, and a good part of the light in the image.
 
-    side_power: (t,) float64 |excess| power of one side of each triangle, W. pilot: tells which sides can light the
-    image (the inside of a closed lamp cannot), and where camera paths gather. lit: W m-2, mean irradiance from all
-    surfaces where camera paths gather, as far as known.
-    Returns (t, 2) bool, which sides of triangles belong to a lamp.
+    power: (labels,) float64 |excess| power of each sheet, W. pilot: tells which sheets can light the image (the inside
+    of a closed lamp cannot), and where camera paths gather. lit: W m-2, mean irradiance from all surfaces where camera
+    paths gather, as far as known.
+    Returns (labels,) bool, which sheets are such lamps.
     """
-    sheet = surfaces.sheet
-    power = np.bincount(sheet.ravel(), (side_power[:, None] * pilot.reachable).ravel())
+    power = np.where(pilot.reachable, power, 0.0)
     chosen = np.zeros(power.size, np.bool_)
     labels = np.argsort(-power, kind="stable")[:_MOST]
     labels = labels[power[labels] > 0]
     if len(pilot.point) == 0 or len(labels) == 0:
-        return chosen[sheet]
+        return chosen
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
     irradiance, nearness = _judge(surfaces, labels, power, receivers)
     compact = (irradiance > 0) & (nearness < _COMPACT)
@@ -42,7 +41,7 @@ def choose_caustic_lamps(surfaces: Surfaces, side_power: np.ndarray, pilot: Pilo
     compact &= irradiance > _LEAST_SHARE * lit
     if irradiance[compact].sum() > _LEAST_OF_ALL * lit:
         chosen[labels[compact]] = True
-    return chosen[sheet]
+    return chosen
 
 
 def _judge(surfaces, labels, power, receivers) -> tuple[np.ndarray, np.ndarray]:

@@ -13,14 +13,23 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import emit_at, leave
-from ..geometry.point_tree import morton_order
 from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of, sheet_of
-from ..geometry.triangles import CLEAR, areas, centroids, normal
+from ..geometry.triangles import CLEAR, area_of, areas, corner
 from ..photons.cells import EmissionCells, choose_point, concentration, density_at
-from ..photons.emission import Surroundings
+from ..photons.emission import Emission, Surroundings
 from ..photons.lights import SUN, LightTable, light_totals, with_sky
+from ..photons.side_table import (
+    SideTable,
+    build_side_table,
+    first_found,
+    found_from,
+    number_in,
+    power_of,
+    side_at,
+    unweighted,
+)
 from ..physics.radiometry import absolute_sum
 from ..physics.sky import SkyCells, choose_direction, density_towards, mean_excess
 from ..sampling.heuristics import BEST, CANDIDATES, TYPICAL_RAYS, balance
@@ -47,22 +56,24 @@ _LEAST_NEED = 1.0 / 64.0  # least need of a lamp, over the mean, as the points s
 
 
 class Lamps(NamedTuple):
-    """What shadow rays are sent to, as entries of one discrete distribution: sides of triangles, then lights.
+    """What shadow rays are sent to: sides of triangles, then lights.
 
-    cumulative: (e + 1,) float64, from 0 to 1. side_id: (n,) int32 of entries 0..n-1. lights: entries from n on, see
-    LightTable. strength: (e,) float64, W, power of the entries, lowered for those that are often hidden. density: (t,
-    2) float32, m-2, lamp points that compete for a shadow ray, on each m2 of a side, in the mean over its points; cells
-    tell how they lie on sides that emit unevenly. afar: points that compete in all directions of the sky together;
-    cells of the Surroundings tell how they lie. found: (t,) float32, share of a triangle's direct light that is left to
-    rays of final gathers, in the mean. caustic: (t, 2) bool, sides whose light in specular lobes photons find, see
+    sides: of sheets that can light the image. lights: see LightTable. light_end: (l + 1,) float64, sum of the weights
+    of all sides and of the lights before each; last that of all lamps, 0 where nothing shines. visible: (labels,)
+    float64, share of a sheet's light that no surface hides. light_power: (l,) float64, W. share: (labels,) float64,
+    W-1, lamp points that compete for a shadow ray on a side of the sheet, in the mean, over what it emits; cells tell
+    how they lie on sides that emit unevenly. afar: points that compete in all directions of the sky together; cells of
+    the Surroundings tell how they lie. found: (labels,) float64, share of a sheet's direct light that is left to rays
+    of final gathers, in the mean. caustic: (labels,) bool, sheets whose light in specular lobes photons find, see
     choose_caustic_lamps.
     """
 
-    cumulative: np.ndarray
-    side_id: np.ndarray
+    sides: SideTable
     lights: LightTable
-    strength: np.ndarray
-    density: np.ndarray
+    light_end: np.ndarray
+    visible: np.ndarray
+    light_power: np.ndarray
+    share: np.ndarray
     afar: float
     found: np.ndarray
     caustic: np.ndarray
@@ -91,19 +102,18 @@ def spheres(corners, sheet, row, count):
             n = row[sheet[t, side]]
             if n >= 0:
                 for i in range(3):
+                    at = corner(corners, t, i)
                     for axis in range(3):
-                        low[n, axis] = min(low[n, axis], corners[t, i, axis])
-                        high[n, axis] = max(high[n, axis], corners[t, i, axis])
+                        low[n, axis] = min(low[n, axis], at[axis])
+                        high[n, axis] = max(high[n, axis], at[axis])
     centre, square = 0.5 * (low + high), np.zeros(count)
     for t in range(sheet.shape[0]):
         for side in range(2):
             n = row[sheet[t, side]]
             if n >= 0:
                 for i in range(3):
-                    distance2 = 0.0
-                    for axis in range(3):
-                        distance2 += (corners[t, i, axis] - centre[n, axis]) ** 2
-                    square[n] = max(square[n], distance2)
+                    way = difference(corner(corners, t, i), vector(centre, n))
+                    square[n] = max(square[n], dot(way, way))
     return centre, np.sqrt(square)
 
 
@@ -111,7 +121,7 @@ def build_lamps(
     stage: Stage,
     tracer: Tracer,
     pilot: Pilot,
-    emission: tuple[np.ndarray, EmissionCells],
+    emission: Emission,
     afar: tuple[LightTable, Surroundings],
     caustic: np.ndarray,
     worth: float | None = None,
@@ -119,54 +129,42 @@ def build_lamps(
     """The Lamps of a scene: all sides that emit and can light the image, all lights, and a sky of which a small part is
     bright; and how many rays a shadow ray counts as.
 
-    emission: (t,) float64 |excess| power of one side of each triangle, W, and how it lies on them. pilot: tells which
-    sides can light the image, and where camera paths gather. afar: lights and surroundings. caustic: see Lamps. worth:
-    how many rays a shadow ray counts as; None looks for what costs least.
+    pilot: tells which sides can light the image, and where camera paths gather. afar: lights and surroundings. caustic:
+    see Lamps. worth: how many rays a shadow ray counts as; None looks for what costs least.
     """
-    surfaces, (side_power, cells), (lights, surroundings) = stage.surfaces, emission, afar
+    surfaces, (lights, surroundings) = stage.surfaces, afar
     shines = surroundings.cells.cumulative.size > 0
     if shines:
         bright = mean_excess(np.abs(surroundings.sky))
         lights = with_sky(lights, 4.0 * math.pi * surroundings.cells.mean * bright / bright.sum())
-    side_id = np.flatnonzero((side_power[:, None] * pilot.reachable).ravel()).astype(np.int32)
     # in the order of a Morton curve: points at equal steps along this curve lie all around a lamp
-    side_id = side_id[morton_order(centroids(surfaces.corners)[side_id >> 1])]
-    power = np.concatenate((side_power[side_id >> 1], light_totals(lights)))
-    label = surfaces.sheet.ravel()[side_id]
-    kelvin = surfaces.temperature[side_id >> 1].mean(axis=1)
-    sign = np.ones(int(surfaces.sheet.max()) + 1)
-    sign[label] = np.sign(kelvin - stage.radiometry.quiet)
-    need, visible, met, hidden = _need(surfaces, tracer, emission, side_id, pilot, sign)
-    chance = power * np.concatenate((need[label], _light_need(lights, surroundings.cells, pilot)))
-    cumulative = np.zeros(len(chance) + 1)
-    np.cumsum(chance, out=cumulative[1:])
-    if cumulative[-1] > 0.0:
-        cumulative /= cumulative[-1]
-    chance, visible = np.diff(cumulative), np.concatenate((visible[label], np.ones(len(lights.kind))))
-    of_sheet = np.bincount(label, chance[: len(side_id)], len(need))
+    sides = unweighted(emission.exitance)
+    power = np.where(pilot.reachable, emission.power, 0.0)
+    need, visible, met, hidden = _need(stage, tracer, (emission, power), sides, pilot)
+    sides = build_side_table(surfaces, np.where(pilot.reachable, need, 0.0), emission.exitance, surfaces.leaf_triangle)
+    light_power = light_totals(lights)
+    of_lights = light_power * _light_need(lights, surroundings.cells, pilot)
+    light_end = sides.before[-1] + np.concatenate(([0.0], np.cumsum(of_lights)))
+    of_sheet = power * need / max(light_end[-1], 1e-300)
     disk = math.pi * lights.scene_radius**2
-    chances = _Chances(side_id, cumulative, of_sheet, power, visible, cells, surroundings.cells, disk)
+    chances = _Chances(sides, light_end, of_sheet, light_power, visible, emission.cells, surroundings.cells, disk)
     best = _best_worth(stage, pilot, chances, hidden) if worth is None else worth
-    weight = best * chance[: len(side_id)]
-    density, found = np.zeros(surfaces.sheet.shape, np.float32), np.ones(len(surfaces.sheet), np.float32)
-    density.ravel()[side_id] = weight / np.maximum(areas(surfaces.corners)[side_id >> 1], 1e-30)
+    share = best * sides.factor / max(light_end[-1], 1e-300)
     # the power heuristic, as in balance
-    found[side_id >> 1] = met[label] ** 2 / np.maximum(met[label] ** 2 + (best * of_sheet[label]) ** 2, 1e-300)
-    of_sky = best * float(chance[-1]) if shines else 0.0
-    return Lamps(cumulative, side_id, lights, power * visible, density, of_sky, found, caustic, cells), best
+    found = np.where(power > 0.0, met**2 / np.maximum(met**2 + (best * of_sheet) ** 2, 1e-300), 1.0)
+    of_sky = best * float(of_lights[-1] / max(light_end[-1], 1e-300)) if shines else 0.0
+    return Lamps(sides, lights, light_end, visible, light_power, share, of_sky, found, caustic, emission.cells), best
 
 
-def _need(surfaces, tracer, emission, side_id, pilot, sign) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def _need(stage, tracer, emission, sides, pilot) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """By label of the sheet, (labels,) float64 each: how much irradiance, m-2, that rays of final gathers seldom find
     each W of the sheet's power brings to where camera paths gather; the share of that which no surface hides; and how
     many of those rays meet the sheet, in the mean over its light. And the variance, see _variance.
 
-    emission, side_id: see build_lamps. sign: (labels,) -1 for sheets that are colder than the reference, else 1.
+    emission: and the power of each sheet that can light the image, (labels,) float64 W. sides: see `unweighted`.
     """
-    labels, (side_power, cells) = int(surfaces.sheet.max()) + 1 if surfaces.sheet.size else 0, emission
-    label, of_side = surfaces.sheet.ravel()[side_id], side_power[side_id >> 1]
-    power = np.bincount(label, of_side, labels)
-    emitting = np.flatnonzero(power > 0.0)
+    surfaces, (emission, power) = stage.surfaces, emission
+    labels, emitting = len(power), np.flatnonzero(power > 0.0)
     need, visible, met = np.ones(labels), np.ones(labels), np.ones(labels)
     if len(pilot.point) == 0 or len(emitting) == 0:
         return need, visible, met, 0.0
@@ -175,103 +173,156 @@ def _need(surfaces, tracer, emission, side_id, pilot, sign) -> tuple[np.ndarray,
     row = np.full(labels, -1, np.int32)
     row[emitting] = np.arange(len(emitting))
     centre, radius = spheres(surfaces.corners, surfaces.sheet, row, len(emitting))
-    # a sheet that emits in spots is met as seldom as a smaller one
-    spots = np.bincount(label, of_side * concentration(cells, len(side_power))[side_id >> 1], labels)
-    radius /= np.sqrt(spots[emitting] / power[emitting])
-    brought, seldom = np.zeros((2, len(emitting), len(receivers.point)))
-    _bring(centre, radius, receivers, brought, seldom)
-    sides, weight = _sides(surfaces, side_power, side_id), power[emitting, None] * seldom
-    visible[emitting] = _visibility(surfaces, tracer, sides, weight, receivers)
+    radius /= np.sqrt(_spots(surfaces, emission)[emitting])
+    brought, weight = np.zeros(len(emitting)), np.zeros((len(emitting), len(receivers.point)))
+    _bring(centre, radius, receivers, brought, weight)
+    seldom, choice = weight.sum(axis=1), _Sheets(sides, row, power[emitting])
+    weight *= power[emitting, None]
+    visible[emitting] = _visibility(surfaces, tracer, choice, weight, receivers)
     weight *= visible[emitting, None]
-    gain = sign[emitting] / visible[emitting]
-    variance = _variance(surfaces, tracer, sides, weight, receivers, gain)
-    mean = seldom.mean(axis=1) * visible[emitting]
+    gain = _signs(stage, sides, row, len(emitting)) / visible[emitting]
+    variance = _variance(surfaces, tracer, choice, weight, receivers, gain)
+    mean = seldom / len(receivers.point) * visible[emitting]
     # never far below the mean, as few receivers tell of all
     need[emitting] = np.maximum(mean, _LEAST_NEED * mean.mean())
-    met[emitting] = brought.sum(axis=1) / np.maximum(seldom.sum(axis=1), 1e-300) - 1.0
+    met[emitting] = brought / np.maximum(seldom, 1e-300) - 1.0
     return need, visible, met, variance
+
+
+def _spots(surfaces, emission) -> np.ndarray:
+    """(labels,) float64, at least 1: a sheet that emits in spots is met as seldom as one that is so much smaller."""
+    varies, more = concentration(emission.cells)
+    if not len(varies):
+        return np.ones(len(emission.power))
+    power, label = areas(surfaces.corners)[varies] * emission.exitance[varies], surfaces.sheet[varies].ravel()
+    further = np.bincount(label, np.repeat(power * (more - 1.0), 2), len(emission.power))
+    return 1.0 + further / np.maximum(emission.power, 1e-300)
+
+
+def _signs(stage, sides, row, count) -> np.ndarray:
+    """(n,) of n sheets, -1 for those that are colder than the reference in the mean over what they emit, else 1. row:
+    see spheres."""
+    warmer = np.zeros(count)
+    _add_signs(stage, sides, row, warmer)
+    return np.where(warmer < 0.0, -1.0, 1.0)
+
+
+@njit(**KERNEL)
+def _add_signs(stage, sides, row, warmer):
+    surfaces, quiet = stage.surfaces, stage.radiometry.quiet
+    for t in range(surfaces.sheet.shape[0]):
+        excess = -quiet
+        for i in range(surfaces.temperature.shape[1]):
+            excess += surfaces.temperature[t, i] / surfaces.temperature.shape[1]
+        for side in range(2):
+            n = row[surfaces.sheet[t, side]]
+            if n >= 0 and excess != 0.0:
+                warmer[n] += math.copysign(power_of(surfaces, sides, t), excess)
 
 
 @njit(**KERNEL)
 def _bring(centre, radius, receivers, brought, seldom):
-    """Fill brought (n, r), m-2, with the irradiance that 1 W of each of n spheres brings to each of r receivers, as if
-    visible, and seldom with the part of it that shadow rays are needed for: a sphere that takes the share F of the
-    cosine-weighted view is met by TYPICAL_RAYS F rays of a final gather."""
+    """Add to brought (n,), m-2, the irradiance that 1 W of each of n spheres brings to all receivers, as if visible.
+    Fill seldom (n, r) with the part of it, at each receiver, that shadow rays are needed for: a sphere that takes the
+    share F of the cosine-weighted view is met by TYPICAL_RAYS F rays of a final gather."""
     for k in range(radius.size):
         c, r2 = vector(centre, k), radius[k] * radius[k]
         for i in range(receivers.side_id.size):
             way = difference(c, vector(receivers.point, i))
             d2 = max(dot(way, way), r2)
             cosine = min(1.0, max(0.0, dot(way, vector(receivers.normal, i)) + radius[k]) / math.sqrt(d2))
-            brought[k, i] = cosine / (4.0 * math.pi * d2)
-            seldom[k, i] = brought[k, i] / (1.0 + TYPICAL_RAYS * cosine * r2 / d2)
+            here = cosine / (4.0 * math.pi * d2)
+            brought[k] += here
+            seldom[k, i] = here / (1.0 + TYPICAL_RAYS * cosine * r2 / d2)
 
 
-class _Sides(NamedTuple):
-    """Sides that emit, the sides of a sheet one behind the other. side_id: (n,) int32. total: (n + 1,) float64, W,
-    running sum of their power. first, stop: (sheets,) int64, of each emitting sheet."""
+class _Sheets(NamedTuple):
+    """n sheets that emit. sides: see _need. row: see spheres. power: (n,) float64, W."""
 
-    side_id: np.ndarray
-    total: np.ndarray
-    first: np.ndarray
-    stop: np.ndarray
+    sides: SideTable
+    row: np.ndarray
+    power: np.ndarray
 
 
-def _sides(surfaces, side_power, side_id) -> _Sides:
-    """The _Sides with these side_ids (n,)."""
-    side_id = side_id[np.argsort(surfaces.sheet.ravel()[side_id], kind="stable")]
-    _, first, count = np.unique(surfaces.sheet.ravel()[side_id], return_index=True, return_counts=True)
-    total = np.concatenate(([0.0], np.cumsum(side_power[side_id >> 1])))
-    return _Sides(side_id, total, first, first + count)
+def _choose_sides(surfaces, sheets, sheet, share) -> np.ndarray:
+    """(k,) int32 side_ids of sides of emitting sheets (k,), chosen by power: each where this share (k,), in [0, 1), of
+    the sheet's power lies on sides before it."""
+    order, wanted = np.lexsort((share, sheet)), share * sheets.power[sheet]
+    first = np.searchsorted(sheet[order], np.arange(len(sheets.power) + 1))
+    chosen, found = np.empty(len(sheet), np.int32), np.empty(len(sheet), np.int32)
+    last = np.empty(len(sheets.power), np.int32)
+    _find_sides(surfaces, sheets, wanted[order], first, (np.zeros(len(last)), last), found)
+    chosen[order] = found
+    return chosen
 
 
-def _visibility(surfaces, tracer, sides, weight, receivers) -> np.ndarray:
+@njit(**KERNEL)
+def _find_sides(surfaces, sheets, wanted, first, room, found):
+    """Fill found (k,): the sides at which the sum of a sheet's power exceeds wanted (k,), ascending for each sheet.
+
+    first: (n + 1,) int64, where those of each sheet begin; overwritten. room: (n,) zeros, and (n,) int32.
+    """
+    passed, last = room
+    for n in range(last.size):
+        last[n] = first[n + 1]
+    for entry in range(2 * surfaces.sheet.shape[0]):
+        side_id = side_at(sheets.sides, entry)
+        n = sheets.row[surfaces.sheet[side_id >> 1, side_id & 1]]
+        if n < 0 or first[n] == last[n]:
+            continue
+        power = power_of(surfaces, sheets.sides, side_id >> 1)
+        if power > 0.0:
+            passed[n] += power
+            for i in range(first[n], last[n]):
+                found[i] = side_id  # this one if by rounding the sum ends below what is wanted
+                if wanted[i] >= passed[n]:
+                    break
+                first[n] = i + 1
+
+
+def _visibility(surfaces, tracer, sheets, weight, receivers) -> np.ndarray:
     """(n,) float64 share of the light of n sheets that no surface hides, of that which faces the receivers at all; told
     by rays between pairs of sheets and receivers that are chosen in proportion to weight (n, r)."""
     key, cumulative = pass_key(0, LAMP_CHOICE, PILOT), np.cumsum(weight.ravel())
     picks = (np.arange(_AIMED) + uniforms(key, 0, _AIMED)) / _AIMED * cumulative[-1]
     pair = np.minimum(np.searchsorted(cumulative, picks, side="right"), cumulative.size - 1)
     sheet, receiver = np.divmod(pair, weight.shape[1])
-    seen, faces = _aimed(surfaces, tracer, sides, (sheet, receiver, receivers), key)
+    chosen = _choose_sides(surfaces, sheets, sheet, uniforms(key, _AIMED, _AIMED))
+    seen, faces = _aimed(surfaces, tracer, chosen, (receiver, receivers), key)
     tried, met, seen = (np.bincount(sheet, some, len(weight)) for some in (np.ones(_AIMED), faces, seen))
     # of a sheet that faces nothing, such as the back of a plate, nothing is seen
     return (seen + 1.0) / (np.where(met > 0.0, met, tried) + 1.0)
 
 
-def _variance(surfaces, tracer, sides, weight, receivers, gain) -> float:
+def _variance(surfaces, tracer, sheets, weight, receivers, gain) -> float:
     """Variance of a shadow ray over the square of the light that it looks for, as a mean over the receivers.
 
     The choice of a lamp leaves what it cannot know: whether the lamp is hidden. And cold lamps take light away. weight:
     (n, r), in proportion to which sheets are chosen at a receiver. gain: (n,) what a ray to a sheet brings if it meets
     nothing, over the mean.
     """
-    key, total = pass_key(1, LAMP_CHOICE, PILOT), weight.sum(axis=0)
-    cumulative, each = np.cumsum(weight, axis=0), max(8, _AIMED // weight.shape[1])
-    brought, faces = np.zeros((2, each, weight.shape[1]))
-    for ray in range(each):
-        receiver = np.arange(weight.shape[1])
-        picks = (ray + uniforms(key, ray * receiver.size, receiver.size)) / each * total
-        sheet = np.minimum((cumulative <= picks).sum(axis=0), len(weight) - 1)
-        seen, faces[ray] = _aimed(
-            surfaces, tracer, sides, (sheet, receiver, receivers), pass_key(2 + ray, LAMP_CHOICE, PILOT)
-        )
-        brought[ray] = seen * gain[sheet]
-    count = np.maximum(faces.sum(axis=0), 1.0)
+    key, total, receiver = pass_key(1, LAMP_CHOICE, PILOT), weight.sum(axis=0), np.arange(weight.shape[1])
+    cumulative, each = np.cumsum(weight.T, axis=1, out=np.empty(weight.shape[::-1])), max(8, _AIMED // receiver.size)
+    keys = [pass_key(2 + ray, LAMP_CHOICE, PILOT) for ray in range(each)]
+    picks = [(ray + uniforms(key, ray * receiver.size, receiver.size)) / each * total for ray in range(each)]
+    chosen = [np.searchsorted(*of, side="right") for of in zip(cumulative, np.transpose(picks), strict=True)]
+    sheet = np.minimum(np.transpose(chosen), len(weight) - 1)
+    share = np.concatenate([uniforms(key, receiver.size, receiver.size) for key in keys])
+    sides = _choose_sides(surfaces, sheets, sheet.ravel(), share).reshape(sheet.shape)
+    aimed = [_aimed(surfaces, tracer, some, (receiver, receivers), key) for some, key in zip(sides, keys, strict=True)]
+    seen, faces = np.swapaxes(aimed, 0, 1)
+    brought, count = seen * gain[sheet], np.maximum(faces.sum(axis=0), 1.0)
     mean = brought.sum(axis=0) / count
     variance = np.sum(faces * (brought - mean) ** 2, axis=0) / np.maximum(count - 1.0, 1.0)
     return float(np.sum(total**2 * variance) / max(np.sum(total**2), 1e-300))
 
 
-def _aimed(surfaces, tracer, sides, pairs, key) -> tuple[np.ndarray, np.ndarray]:
-    """For pairs of sheets and receivers (numbers of both, (n,) each, and the Receivers): whether a point of the sheet,
-    by power, is visible, (n,) bool, and whether it faces the receiver at all, (n,) bool. key: of the random numbers."""
-    sheet, receiver, receivers = pairs
-    low, high = sides.total[sides.first[sheet]], sides.total[sides.stop[sheet]]
-    picks = low + uniforms(key, len(sheet), len(sheet)) * (high - low)
-    chosen = sides.side_id[np.minimum(np.searchsorted(sides.total, picks, side="right"), len(sides.side_id)) - 1]
-    rays, faces = empty_ray_batch(len(sheet)), np.zeros(len(sheet), np.bool_)
-    _aim(surfaces, chosen, receiver, receivers, key, rays, faces)
-    return faces & tracer.visible(*rays, np.ones(len(sheet), np.float32)), faces
+def _aimed(surfaces, tracer, chosen, receiver, key) -> tuple[np.ndarray, np.ndarray]:
+    """For sides (n,) and receivers (numbers of these, (n,), and the Receivers): whether a point of the side is visible,
+    (n,) bool, and whether it faces the receiver at all, (n,) bool. key: of the random numbers."""
+    rays, faces = empty_ray_batch(len(chosen)), np.zeros(len(chosen), np.bool_)
+    _aim(surfaces, chosen, *receiver, key, rays, faces)
+    return faces & tracer.visible(*rays, np.ones(len(chosen), np.float32)), faces
 
 
 @njit(**KERNEL)
@@ -290,15 +341,14 @@ def _aim(surfaces, chosen, receiver, receivers, key, rays, faces):
 
 
 class _Chances(NamedTuple):
-    """How shadow rays choose among sides that emit, (n,), and lights behind them. side_id, cumulative: see Lamps.
-    of_sheet: (labels,) float64, chance of all sides of a sheet. power: (e,) float64, W. visible: (e,) float64, see
-    _visibility. cells: see Lamps. sky: see Surroundings; the last of the lights, if it has cells. disk: m2, across
-    which the sky's power falls, see light_totals."""
+    """How shadow rays choose among sides and lights. sides, light_end, light_power, visible, cells: see Lamps.
+    of_sheet: (labels,) float64, chance of all sides of a sheet. sky: see Surroundings; the last of the lights, if it
+    has cells. disk: m2, across which the sky's power falls, see light_totals."""
 
-    side_id: np.ndarray
-    cumulative: np.ndarray
+    sides: SideTable
+    light_end: np.ndarray
     of_sheet: np.ndarray
-    power: np.ndarray
+    light_power: np.ndarray
     visible: np.ndarray
     cells: EmissionCells
     sky: SkyCells
@@ -306,10 +356,13 @@ class _Chances(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """Room for what CANDIDATES lamp points bring to a receiver. emitted: (b,) float64. sums: (2, 3) float64, see
-    _try_candidates. sheet: (CANDIDATES,) int32, label, -1 for lights, _SKY. taken: float64, share of the receiver's
-    cosine-weighted view that the sheet takes, as this point tells it. left: float64, variance of single random rays."""
+    """Room for what CANDIDATES lamp points bring to a receiver, twice. side_id: (2, CANDIDATES) int32, or -1 - i for
+    light i. chance: (2, CANDIDATES) float64. emitted: (b,) float64. sums: (2, 3) float64, see _try_candidates. sheet:
+    (CANDIDATES,) int32, label, -1 for lights, _SKY. taken: float64, share of the receiver's cosine-weighted view that
+    the sheet takes, as this point tells it. left: float64, variance of single random rays."""
 
+    side_id: np.ndarray
+    chance: np.ndarray
     emitted: np.ndarray
     sums: np.ndarray
     sheet: np.ndarray
@@ -323,35 +376,54 @@ def _best_worth(stage, pilot, chances, hidden) -> float:
 
     hidden: see _variance.
     """
-    if len(pilot.point) == 0 or chances.cumulative[-1] == 0.0:
+    if len(pilot.point) == 0 or chances.light_end[-1] == 0.0:
         return _WORTHS[0]
     receivers = Receivers(pilot.point, pilot.normal, pilot.side_id).thinned(_RECEIVERS)
-    key, emitted = pass_key(0, CANDIDATE_CHOICE, PILOT), np.empty(stage.radiometry.reference.size)
-    room = _Found(emitted, np.empty((2, 3)), np.empty(CANDIDATES, np.int32), *np.empty((2, CANDIDATES)))
-    cost = [_cost_with(stage, receivers, chances, (worth, hidden, key), room) for worth in _WORTHS]
+    worths, cost, emitted = np.array(_WORTHS), np.zeros(len(_WORTHS)), np.empty(stage.radiometry.reference.size)
+    chosen = np.empty((2, CANDIDATES), np.int32), np.empty((2, CANDIDATES))
+    room = _Found(*chosen, emitted, np.empty((2, 3)), np.empty(CANDIDATES, np.int32), *np.empty((2, CANDIDATES)))
+    _add_costs(stage, receivers, chances, (hidden, pass_key(0, CANDIDATE_CHOICE, PILOT)), room, worths, cost)
     return _WORTHS[int(np.argmin(cost))]
 
 
 @njit(**KERNEL)
-def _cost_with(stage, receivers, chances, choice, room):
-    """Standard error of direct irradiance times the root of the time, summed over the receivers. choice: worth of a
-    shadow ray, variance of what it finds by what is hidden, and key of the random numbers.
+def _add_costs(stage, receivers, chances, choice, room, worths, cost):
+    """Add to cost (n,) the standard error of direct irradiance times the root of the time, summed over the receivers,
+    for each of these worths (n,) of a shadow ray. choice: variance of what such a ray finds by what is hidden, and key
+    of the random numbers.
 
     With m times as many rays the variance is a + b / m, and the time in proportion to _BESIDES + m. The product is
     least at m = (_BESIDES b / a)^(1/2): ((_BESIDES a)^(1/2) + b^(1/2))^2.
     """
-    (worth, hidden, key), sums, cost = choice, room.sums, 0.0
+    (hidden, key), sums = choice, room.sums
     for i in range(receivers.side_id.size):
         path, n = path_key(key, i), vector(receivers.normal, i)
         here = clear_of(stage.surfaces, receivers.side_id[i], vector(receivers.point, i))
         # two sets of candidates, as their strata differ less than single candidates do
         for row in range(2):
-            _try_candidates(stage, (here, n), chances, (worth, path_key(path, row)), room, sums[row])
-        mean = 0.5 * (sums[0, 0] + sums[1, 0])
-        of_shadows = 0.5 * (sums[0, 0] - sums[1, 0]) ** 2 + hidden * mean * mean
-        of_shadows += mean * 0.5 * (sums[0, 1] + sums[1, 1])
-        cost += math.sqrt(_BESIDES * of_shadows) + math.sqrt(0.5 * (sums[0, 2] + sums[1, 2]))
-    return cost
+            _choose_candidates(stage.surfaces, chances, path_key(path, row), room.side_id[row], room.chance[row])
+        for w in range(worths.size):
+            for row in range(2):
+                _try_candidates(stage, (here, n), chances, (worths[w], path_key(path, row), row), room, sums[row])
+            mean = 0.5 * (sums[0, 0] + sums[1, 0])
+            of_shadows = 0.5 * (sums[0, 0] - sums[1, 0]) ** 2 + hidden * mean * mean
+            of_shadows += mean * 0.5 * (sums[0, 1] + sums[1, 1])
+            cost[w] += math.sqrt(_BESIDES * of_shadows) + math.sqrt(0.5 * (sums[0, 2] + sums[1, 2]))
+
+
+@njit(**KERNEL)
+def _choose_candidates(surfaces, chances, path, side_id, chance):
+    """Choose CANDIDATES sides or lights. Fills side_id and chance (CANDIDATES,), see _Found."""
+    total = chances.light_end[-1]
+    for c in range(CANDIDATES):
+        number = number_in((c + uniform(path, 3 * c)) / CANDIDATES, total)
+        if number < chances.light_end[0]:
+            found = found_from(surfaces, chances.sides, number, first_found(chances.sides, number))
+            side_id[c], chance[c] = side_at(chances.sides, found.entry), (found.high - found.low) / total
+        else:
+            light = np.searchsorted(chances.light_end, number, side="right") - 1
+            side_id[c] = -1 - light
+            chance[c] = (chances.light_end[light + 1] - chances.light_end[light]) / total
 
 
 @njit(**KERNEL)
@@ -359,30 +431,31 @@ def _try_candidates(stage, receiver, chances, choice, room, sums):
     """Fill sums with what CANDIDATES lamp points bring to a receiver (point and normal), if nothing hides them, as far
     as it is left to shadow rays; the part of it from points brighter or darker than their triangle, times the square of
     the difference; and the variance of what is left to TYPICAL_RAYS rays."""
-    (here, n), (worth, path) = receiver, choice
+    (here, n), (worth, path, row) = receiver, choice
     sums[:], room.sheet[:], room.taken[:], room.left[:] = 0.0, -1, 0.0, 0.0
     for c in range(CANDIDATES):
-        pick = (c + uniform(path, 3 * c)) / CANDIDATES
-        entry = min(np.searchsorted(chances.cumulative, pick, side="right") - 1, chances.power.size - 1)
-        chance, power = chances.cumulative[entry + 1] - chances.cumulative[entry], chances.power[entry]
+        side_id, chance = np.int64(room.side_id[row, c]), room.chance[row, c]
         s, w = uniform(path, 3 * c + 1), uniform(path, 3 * c + 2)
-        if entry >= chances.side_id.size:
-            if entry == chances.power.size - 1 and chances.sky.cumulative.size:
-                _try_sky(n, chances.sky, (worth * chance, power / chances.disk / chance), (s, w), (room, c), sums)
+        if side_id < 0:
+            light = -1 - side_id
+            if light == chances.light_power.size - 1 and chances.sky.cumulative.size:
+                sought = worth * chance, chances.light_power[light] / chances.disk / chance
+                _try_sky(n, chances.sky, sought, (s, w), (room, c), sums)
             continue
-        t = chances.side_id[entry] >> 1
+        t = side_id >> 1
+        power = power_of(stage.surfaces, chances.sides, t)
         u, v, dense = choose_point(chances.cells, t, s, w)
-        lamp = emit_at(stage.surfaces, chances.side_id[entry], u, v, _TYPICAL_COSINE)
+        lamp = emit_at(stage.surfaces, side_id, u, v, _TYPICAL_COSINE)
         room.sheet[c] = sheet_of(stage.surfaces, lamp.side_id)
         way = difference(lamp.point, here)
         distance = math.sqrt(max(dot(way, way), 1e-30))
         cosine, lamp_cosine = dot(way, n) / distance, -dot(way, lamp.normal) / distance
         if cosine <= 0.0 or lamp_cosine <= 0.0:
             continue
-        area = 0.5 * normal(stage.surfaces.corners, lamp.triangle)[1] / dense  # as if all emitted as much as the point
+        area = area_of(stage.surfaces.corners, t) / dense  # as if all emitted as much as the point
         view = lamp_cosine / (distance * distance)
         shared = balance(worth * chance / area, TYPICAL_RAYS * cosine / math.pi * view)
-        brought = cosine * view * chances.visible[entry] * power / chance / CANDIDATES
+        brought = cosine * view * chances.visible[room.sheet[c]] * power / chance / CANDIDATES
         fill_emission(stage, lamp, room.emitted)
         sums[0] += shared * brought
         sums[1] += shared * brought * (math.pi * area * absolute_sum(room.emitted) / power - 1.0) ** 2
@@ -460,10 +533,16 @@ def share_of_sky(density, lamps, surroundings, direction):
 
 
 @njit(inline="always")
-def share_of_ray(density, lamps, at):
+def lamp_density(lamps, surfaces, side_id):
+    """Lamp points that compete for a shadow ray on each m2 of a side, in the mean over it, m-2."""
+    return lamps.share[sheet_of(surfaces, side_id)] * lamps.sides.exitance[side_id >> 1]
+
+
+@njit(inline="always")
+def share_of_ray(density, lamps, surfaces, at):
     """Share of the light of the lamp that a ray meets which is left to such rays, and not to shadow rays.
 
     density: sr-1, of the rays. at: the Interaction of the ray with the lamp.
     """
-    points = lamps.density[at.triangle, at.side_id & 1] * density_at(lamps.cells, at.triangle, at.u, at.v)
+    points = lamp_density(lamps, surfaces, at.side_id) * density_at(lamps.cells, at.triangle, at.u, at.v)
     return balance(density * at.geometric_cosine, points * at.distance * at.distance)

@@ -9,11 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.curved import reflecting
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.interaction import emit_at, interact, leave
 from ..geometry.segments import Hits, RayBatch, Tracer, empty_ray_batch
 from ..geometry.stage import Stage, lobes_at, one_reflectance_at
 from ..geometry.surfaces import Surfaces, facing_side, sheet_count, sheet_of
+from ..geometry.triangles import area_of
+from ..photons.side_table import build_side_table, first_found, found_from, number_in, side_at
 from ..physics.fresnel import BELOW, TOTAL
 from ..physics.lobes import SPECULAR, diffuse_share, follows_fresnel, sample_diffuse, sample_specular
 from ..sampling.rng import OPENNESS, PATH_PIXELS, PATHS, PILOT, PROBES, pass_key, path_key, strata, uniform
@@ -37,16 +40,16 @@ _PRIOR = 4.0  # paths that the mean density counts as on each sheet
 
 
 class Pilot(NamedTuple):
-    """What the pilot's camera paths found, p steps of paths and r gathers.
+    """What the pilot's camera paths found, p steps of paths and r gathers. The sides of a sheet are all alike.
 
-    reachable: (t, 2) bool, sides that the image can depend on.
-    weight: (t, 2) float64, factor on the probability that a side emits: 1 on average over reachable sides, more where
-        much of the light in the image comes from, at least DEFENSIVE. arrival: (t, 2) float64, the same factor for
-        photons from the surroundings that arrive on a side.
-    open: (t, 2) bool, sides from which nearly every direction leaves the scene: there a ray says more than photons.
-    importance: (t,) float64, share of the light in the image that comes from each triangle, if all triangles and the
-        surroundings were equally bright. sky: the share of the surroundings, lowered for open sides, which find the
-        surroundings by rays. The sum of all shares is at most 1.
+    reachable: (labels,) bool, sheets that the image can depend on.
+    weight: (labels,) float64, factor on the probability that a sheet emits: 1 on average over reachable ones, more
+        where much of the light in the image comes from, at least DEFENSIVE. arrival: (labels,) float64, the same factor
+        for photons from the surroundings that arrive on a sheet.
+    open: (labels,) bool, sheets from which nearly every direction leaves the scene: there a ray says more than photons.
+    extent: (labels,) float64, m2, area of each sheet.
+    sky: share of the light in the image that comes from the surroundings, if all triangles and the surroundings were
+        equally bright, lowered for open sheets, which find the surroundings by rays.
     openness: share of cosine-distributed directions from reachable sides that leave the scene; 0 without such sides.
     background: share of the camera's rays that meet nothing.
     view: m, width of the frame at the median distance where camera rays meet the scene; infinite if they meet nothing.
@@ -54,14 +57,16 @@ class Pilot(NamedTuple):
     sides
         of these points. throughput: (r,) float64, share of a pixel that the light reflected there makes up.
     left: (p,), label of the sheet that a path left, mirrored or in a random direction. met: (p,) int32, triangle that
-        the path met next, -1 for the surroundings.
+        the path met next, -1 for the surroundings. importance: (p,) float64, share of the light in the image that comes
+        from there this way, if all triangles and the surroundings were equally bright; together 1, or 0 if nothing is
+        reflected.
     """
 
     reachable: np.ndarray
     weight: np.ndarray
     arrival: np.ndarray
     open: np.ndarray
-    importance: np.ndarray
+    extent: np.ndarray
     sky: float
     openness: float
     background: float
@@ -72,6 +77,7 @@ class Pilot(NamedTuple):
     throughput: np.ndarray
     left: np.ndarray
     met: np.ndarray
+    importance: np.ndarray
 
 
 class _Paths(NamedTuple):
@@ -100,28 +106,26 @@ class _Gathers(NamedTuple):
 class _Tally(NamedTuple):
     """Sums over camera paths.
 
-    reached: (labels,) bool, sheets that a path met. importance: (t + 1,) float64, throughput of the paths that met each
-    triangle; last, of those that met the surroundings. The other fields are (labels,) float64. sources: throughput of
-    the paths that met the sheet. escapes: throughput of the paths that left the scene from the sheet. left: number of
-    paths that left the sheet. escaped: number of paths that left the scene from the sheet.
+    reached: (labels,) bool, sheets that a path met. The other fields are (labels,) float64. sources: throughput of the
+    paths that met the sheet. escapes: throughput of the paths that left the scene from the sheet. left: number of paths
+    that left the sheet. escaped: number of paths that left the scene from the sheet.
     """
 
     reached: np.ndarray
-    importance: np.ndarray
     sources: np.ndarray
     escapes: np.ndarray
     left: np.ndarray
     escaped: np.ndarray
 
 
-def explore(stage: Stage, tracer: Tracer, eye: Eye, area: np.ndarray) -> Pilot:
+def explore(stage: Stage, tracer: Tracer, eye: Eye) -> Pilot:
     """Follow camera paths without roulette; the sheets that they meet are reachable.
 
     A sheet is reachable, too, if a reachable sheet is visible from it, so that small sources are not overlooked.
-    stage: in one band, see grey_radiometry. area: (t,) float64, m2.
+    stage: in one band, see grey_radiometry.
     The seed of the render is not used, so that renders of one scene with different seeds can be merged.
     """
-    surfaces, sheet = stage.surfaces, stage.surfaces.sheet
+    surfaces = stage.surfaces
     paths, reach = _camera_paths(eye)
     gathers = _Gathers(
         np.zeros(_CAMERA_PATHS, np.bool_),
@@ -131,37 +135,51 @@ def explore(stage: Stage, tracer: Tracer, eye: Eye, area: np.ndarray) -> Pilot:
         np.empty(_CAMERA_PATHS),
     )
     labels = sheet_count(surfaces)
-    tally = _Tally(np.zeros(labels, np.bool_), np.zeros(len(sheet) + 1), *np.zeros((4, labels)))
+    tally = _Tally(np.zeros(labels, np.bool_), *np.zeros((4, labels)))
     view, background, sights = math.inf, 0.0, []
     for bounce in range(_BOUNCES):
         hits = (tracer if bounce else tracer.camera).trace(paths.origin, paths.direction, reach)
         if bounce == 0:
             view, background = _view_width(surfaces, eye, hits), float(np.mean(hits.triangle < 0))
         on_way = paths.label >= 0
-        sights.append((paths.label[on_way], hits.triangle[on_way]))
+        sights.append((paths.label[on_way], hits.triangle[on_way], paths.throughput[on_way]))
         _bounce(stage, pass_key(0, PATHS, PILOT), bounce, hits, paths, gathers, tally)
         reach = np.full(_CAMERA_PATHS, 1e37, np.float32)
-    _reach_further(surfaces, tracer, tally.reached)
-    reachable = tally.reached[sheet]
+    extent, sides = np.zeros(labels), np.zeros(labels, np.int64)
+    _add_extent(surfaces, extent, sides)
+    _reach_further(surfaces, tracer, sides, tally.reached)
+    reachable = tally.reached
     is_open = (tally.left >= _LEAST_OPEN) & (tally.escaped > _OPEN * tally.left)
-    importance = tally.importance / max(tally.importance.sum(), 1e-300)
+    left, met, importance = map(np.concatenate, zip(*sights, strict=True))
+    importance /= max(importance.sum(), 1e-300)
     return Pilot(
         reachable=reachable,
-        weight=_density(tally.sources, sheet, area, reachable),
-        arrival=_density(tally.escapes, sheet, area, reachable),
-        open=is_open[sheet],
-        importance=importance[:-1],
-        sky=float(importance[-1] * _hidden(tally, is_open)),
-        openness=_openness(surfaces, tracer, area, reachable),
+        weight=_density(tally.sources, extent, reachable),
+        arrival=_density(tally.escapes, extent, reachable),
+        open=is_open,
+        extent=extent,
+        sky=float(importance[met < 0].sum() * _hidden(tally, is_open)),
+        openness=_openness(surfaces, tracer, reachable),
         background=background,
         view=view,
         point=gathers.point[gathers.found],
         normal=gathers.normal[gathers.found],
         side_id=gathers.side_id[gathers.found],
         throughput=gathers.throughput[gathers.found],
-        left=np.concatenate([label for label, _ in sights]),
-        met=np.concatenate([triangle for _, triangle in sights]),
+        left=left,
+        met=met,
+        importance=importance,
     )
+
+
+@njit(**KERNEL)
+def _add_extent(surfaces, extent, sides):
+    """Add to extent (labels,) the area of each sheet, m2, and to sides (labels,) how many sides it has."""
+    for t in range(surfaces.sheet.shape[0]):
+        area = area_of(surfaces.corners, t)
+        for side in range(2):
+            extent[surfaces.sheet[t, side]] += area
+            sides[surfaces.sheet[t, side]] += 1
 
 
 def _camera_paths(eye: Eye) -> tuple[_Paths, np.ndarray]:
@@ -187,19 +205,19 @@ def _hidden(tally: _Tally, is_open: np.ndarray) -> float:
     return float(np.sum(tally.escapes * weight)) / max(tally.escapes.sum(), 1e-300)
 
 
-def _density(count: np.ndarray, sheet: np.ndarray, area: np.ndarray, reachable: np.ndarray) -> np.ndarray:
-    """(t, 2) float64 density of the counts (labels,) on each sheet, over the mean density of the reachable sides.
+def _density(count: np.ndarray, extent: np.ndarray, reachable: np.ndarray) -> np.ndarray:
+    """(labels,) float64 density of the counts (labels,) on each sheet, over the mean density of the reachable sheets.
 
     A sheet so small that few paths could meet it is taken to be like the mean: this is the mean of the posterior with
     a gamma distribution as prior.
     """
-    size = np.bincount(sheet.ravel(), (area[:, None] * reachable).ravel(), count.size)
+    size = extent * reachable
     mean = count.sum() / max(size.sum(), 1e-300)
     if mean == 0.0:
         return np.where(reachable, 1.0, DEFENSIVE)
     count = count * (_CAMERA_PATHS / count.sum())  # about as many as there were paths, whatever their throughputs
     density = (count + _PRIOR) / (size * (_CAMERA_PATHS / max(size.sum(), 1e-300)) + _PRIOR)
-    return np.where(reachable, np.maximum(density, _LEAST_DENSITY)[sheet], DEFENSIVE)
+    return np.where(reachable, np.maximum(density, _LEAST_DENSITY), DEFENSIVE)
 
 
 def _view_width(surfaces: Surfaces, eye: Eye, hits: Hits) -> float:
@@ -207,7 +225,7 @@ def _view_width(surfaces: Surfaces, eye: Eye, hits: Hits) -> float:
     hit = hits.triangle >= 0
     if not hit.any():
         return math.inf
-    corners = surfaces.corners[hits.triangle[hit]]
+    corners = surfaces.corners.of(hits.triangle[hit])
     u, v = hits.u[hit, None], hits.v[hit, None]
     points = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
     distance = float(np.median(np.linalg.norm(points - eye.matrix[:, 3], axis=1)))
@@ -215,20 +233,30 @@ def _view_width(surfaces: Surfaces, eye: Eye, hits: Hits) -> float:
     return (width * distance, width, distance)[eye.kind]
 
 
-def _openness(surfaces: Surfaces, tracer: Tracer, area: np.ndarray, reachable: np.ndarray) -> float:
+def _openness(surfaces: Surfaces, tracer: Tracer, reachable: np.ndarray) -> float:
     """Share of cosine-distributed directions from the reachable sides that leave the scene, 0 if there are none."""
-    cumulative = np.cumsum((area[:, None] * reachable).ravel())
-    if cumulative[-1] == 0.0:
+    table, chosen = build_side_table(surfaces, reachable), np.empty(_CAMERA_PATHS, np.int32)
+    if table.before[-1] == 0.0:
         return 0.0
-    chosen = np.searchsorted(cumulative, cumulative[-1] * (np.arange(_CAMERA_PATHS) + 0.5) / _CAMERA_PATHS)
-    triangle, _ = _probe(surfaces, tracer, pass_key(0, OPENNESS, PILOT), chosen.astype(np.int32))
+    _choose_evenly(surfaces, table, chosen)
+    triangle, _ = _probe(surfaces, tracer, pass_key(0, OPENNESS, PILOT), chosen)
     return float(np.mean(triangle < 0))
 
 
-def _reach_further(surfaces: Surfaces, tracer: Tracer, reached: np.ndarray) -> None:
-    """Mark in reached (labels,) bool the sheets from which a reached sheet is visible, as far as probes tell."""
+@njit(**KERNEL)
+def _choose_evenly(surfaces, table, chosen):
+    """Fill chosen (n,) with sides at equal steps through a SideTable."""
+    found = first_found(table, 0.0)
+    for i in range(chosen.size):
+        found = found_from(surfaces, table, number_in((i + 0.5) / chosen.size, table.before[-1]), found)
+        chosen[i] = side_at(table, found.entry)
+
+
+def _reach_further(surfaces: Surfaces, tracer: Tracer, sides: np.ndarray, reached: np.ndarray) -> None:
+    """Mark in reached (labels,) bool the sheets from which a reached sheet is visible, as far as probes tell. sides:
+    (labels,) int64, how many each sheet has."""
     for stream in PROBES:
-        side_id = _unreached_sides(surfaces.sheet, reached)
+        side_id = _unreached_sides(surfaces.sheet, sides, reached)
         if side_id.size == 0:
             break
         triangle, rays = _probe(surfaces, tracer, pass_key(0, stream, PILOT), side_id)
@@ -238,17 +266,35 @@ def _reach_further(surfaces: Surfaces, tracer: Tracer, reached: np.ndarray) -> N
             break
 
 
-def _unreached_sides(sheet: np.ndarray, reached: np.ndarray) -> np.ndarray:
+def _unreached_sides(sheet: np.ndarray, sides: np.ndarray, reached: np.ndarray) -> np.ndarray:
     """Side_ids (n,) int32 of sheets that are not reached: some sides of every sheet, in all about _PROBES."""
-    labels = sheet.ravel()
-    side_id = np.flatnonzero(~reached[labels]).astype(np.int32)
-    side_id = side_id[np.argsort(labels[side_id], kind="stable")]
-    _, starts, sizes = np.unique(labels[side_id], return_index=True, return_counts=True)
-    if starts.size == 0:
-        return side_id
-    each = min(64, max(1, _PROBES // starts.size))
-    chosen = starts[:, None] + (np.arange(each) + 0.5) / each * sizes[:, None]
-    return side_id[chosen.astype(np.int64).ravel()]
+    unreached = np.flatnonzero(~reached)
+    each = min(64, max(1, _PROBES // max(1, len(unreached))))
+    wanted = ((np.arange(each) + 0.5) / each * sides[unreached, None]).astype(np.int32)
+    row, chosen = np.full(len(reached), -1, np.int32), np.empty((len(unreached), each), np.int32)
+    row[unreached] = np.arange(len(unreached))
+    _choose_by_number(sheet, row, wanted, np.zeros((2, len(unreached)), np.int32), chosen)
+    return chosen.ravel()
+
+
+@njit(**KERNEL)
+def _choose_by_number(sheet, row, wanted, room, chosen):
+    """Fill chosen (n, k) with the sides of n sheets that have these numbers (n, k), ascending, among all of the sheet.
+
+    row: (labels,) int32, of a sheet, or -1. room: (2, n) int32 zeros: how many sides passed, and are chosen.
+    """
+    missing = chosen.size
+    for side_id in range(2 * sheet.shape[0]):
+        if missing == 0:
+            break
+        n = row[sheet[side_id >> 1, side_id & 1]]
+        if n < 0:
+            continue
+        while room[1, n] < wanted.shape[1] and wanted[n, room[1, n]] == room[0, n]:
+            chosen[n, room[1, n]] = side_id
+            room[1, n] += 1
+            missing -= 1
+        room[0, n] += 1
 
 
 def _probe(surfaces: Surfaces, tracer: Tracer, key: np.uint64, side_id: np.ndarray) -> tuple[np.ndarray, RayBatch]:
@@ -277,8 +323,6 @@ def _bounce(stage, key, bounce, hits, paths, gathers, tally):
     surfaces = stage.surfaces
     for i in range(hits.triangle.size):
         t = hits.triangle[i]
-        if bounce > 0:
-            tally.importance[t if t >= 0 else tally.importance.size - 1] += paths.throughput[i]
         if t < 0:
             if paths.label[i] >= 0:
                 tally.escapes[paths.label[i]] += paths.throughput[i]
@@ -299,7 +343,8 @@ def _bounce(stage, key, bounce, hits, paths, gathers, tally):
             specular = 1.0 - diffuse_share(lobes) * one_reflectance_at(stage, at, BELOW, at.cosine) / total
         s, w = uniform(path, 3 * bounce + 9), uniform(path, 3 * bounce + 10)
         if lobes.flags & SPECULAR and uniform(path, 3 * bounce + 8) < specular:
-            leave(surfaces, at.side_id, at.point, sample_specular(lobes, at, s, w).direction, paths, i)
+            direction = sample_specular(lobes, reflecting(surfaces, lobes, at), s, w).direction
+            leave(surfaces, at.side_id, at.point, direction, paths, i)
             continue
         if not gathers.found[i]:
             put_vector(at.point, gathers.point, i)
@@ -319,7 +364,7 @@ def _reach_back(surfaces, side_id, triangle, rays, reached):
                 reached[sheet_of(surfaces, side_id[i])] = True
 
 
-def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) -> float:
+def gather_reach(pilot: Pilot, photons: int, neighbours: int) -> float:
     """Squared radius (m2) of the largest gather disk.
 
     Where photons are nine times sparser than on average over the reachable surfaces, this disk holds k photons. Where
@@ -327,6 +372,6 @@ def gather_reach(area: np.ndarray, pilot: Pilot, photons: int, neighbours: int) 
     not more blur, which it does not tell. For the same reason the disk is no wider than an eighth of the view, unless
     the view is so small (as of a camera that touches what it sees) that such a disk would hold less than one photon.
     """
-    reachable = float(np.sum(area * pilot.reachable.sum(axis=1)))
+    reachable = float(pilot.extent[pilot.reachable].sum())
     one = max(reachable, 1e-30) / (math.pi * photons)  # holds one photon on average
     return min(9.0 * neighbours * one, max((pilot.view / 16.0) ** 2, one))

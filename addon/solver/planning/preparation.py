@@ -22,11 +22,20 @@ from ..geometry.see_through import with_holes
 from ..geometry.segments import Tracer
 from ..geometry.stage import Stage
 from ..geometry.surfaces import Geometry, Surfaces, build_surfaces, sheet_count, used_materials
-from ..geometry.triangles import areas, scene_radius
-from ..photons.emission import Batch, Emitters, Reach, build_emitters, build_surroundings, fill_surroundings, side_power
+from ..geometry.triangles import scene_radius
+from ..photons.emission import (
+    Batch,
+    Emitters,
+    Reach,
+    build_emitters,
+    build_surroundings,
+    fill_surroundings,
+    find_emission,
+)
 from ..photons.irradiance_cache import VisiblePoints
 from ..photons.lights import build_light_table
 from ..photons.photon_map import Photons, PhotonStore
+from ..photons.thrown import Throwing, choose_reach, prepare_throwing
 from ..photons.transport import Optics, trace_photons
 from ..physics.fresnel import FresnelTable, build_fresnel_table, in_one_band
 from ..physics.heat import build_heat_table
@@ -62,13 +71,15 @@ from .survey import Survey, survey_pixels
 log = logging.getLogger(__name__)
 
 _PLAN_PHOTONS = 8192  # of the trial pass by which splitting is planned
+_LARGEST_BALL = 1.0 / 8.0  # radius of a ball in gas, over that of the scene
 
 
 @dataclass(frozen=True)
 class Model:
     """A scene made ready to render.
 
-    samples: (pixels,) uint16, camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
+    throwing: how photons tell what mirrors throw into gas; None if they throw nothing. samples: (pixels,) uint16,
+    camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
     estimated: (pixels,) bool, see Survey. visible: where camera paths gather. splitting: None without photons. looking:
     from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band. layers: temperature
     groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each layer count in the sensor's
@@ -85,6 +96,7 @@ class Model:
     emitters: Emitters
     lamps: Lamps
     optics: Optics
+    throwing: Throwing | None
     eye: Eye
     samples: np.ndarray
     reach2: float
@@ -126,11 +138,11 @@ def prepare(
     tracer = with_holes(tracer, surfaces, transmittance, in_thin_sheets=True)
     if scene.media:
         tracer = Atmosphere(tracer, scene.media, centre, scene.world_depth)
-    radius, area = scene_radius(surfaces.corners), areas(surfaces.corners)
+    radius = scene_radius(surfaces.corners)
     eye = build_eye(scene.camera, centre, max(radius, radius_of_media(scene.media, centre)))
     emissivity = typical_emissivity(scene.materials, scene.band_edges, surfaces.temperature)
     grey = Stage(surfaces, grey_radiometry(scene.materials, emissivity.mean(axis=1), _typical_fresnel(scene)))
-    pilot = explore(grey, tracer, eye, area)
+    pilot = explore(grey, tracer, eye)
     sources = gather_sources(scene, surfaces, pilot, emissivity)
     if scene.media:
         if planned is None:
@@ -140,15 +152,14 @@ def prepare(
     layers = trace_apart(layers, reference)
     weighting = typical_source(sources, scene.band_edges, reference)
     stage = _build_stage(scene, grey, layers, reference, weighting)
-    emission = side_power(stage, area)
-    power = emission[0]
-    lit = float(np.sum(pilot.importance * power / area))
-    caustic = choose_caustic_lamps(surfaces, power, pilot, lit)
+    emission = find_emission(stage)
+    lit = float(np.sum(pilot.importance * emission.exitance[pilot.met], where=pilot.met >= 0))
+    caustic = choose_caustic_lamps(surfaces, emission.power, pilot, lit)
     sky = sky_layer(scene, layers)
     kelvin = layers[sky].traced if sky else scene.world_temperature
     surroundings = build_surroundings(scene, stage, pilot.open, sky, kelvin)
     lights = build_light_table(scene.lights, scene.band_edges, centre, radius)
-    reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.openness)
+    reach = Reach(pilot.reachable, pilot.weight, pilot.arrival, pilot.extent, pilot.openness)
     worth = None if planned is None else planned.worth
     lamps, worth = build_lamps(stage, tracer, pilot, emission, (lights, surroundings), caustic, worth)
     molecular = None
@@ -158,14 +169,15 @@ def prepare(
         molecular = build_molecular_media(scene.media, table, scene.band_edges, weighting, settings.seed)
         heat = build_heat_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
         tracer.fill(table if molecular is None else molecular.typical_table(2.0 * radius), heat)
-        reach = Reach(pilot.reachable, pilot.weight, pilot.weight, 1.0)  # from media light arrives everywhere
-        surroundings = fill_surroundings(
-            surroundings, tracer, stage, lights, reach, area, lamps, pass_key(0, AFAR, PILOT)
-        )
-    emitters = build_emitters(stage, surroundings, lights, reach, area, emission, lamps)
+        reach = reach._replace(arrival=pilot.weight, openness=1.0)  # from media light arrives everywhere
+        key = pass_key(0, AFAR, PILOT)
+        surroundings = fill_surroundings(surroundings, tracer, stage, lights, reach, lamps, key)
+    emitters = build_emitters(stage, surroundings, lights, reach, emission, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
-    photons = settings.photons_per_pass if emitters.cumulative[-1] > 0.0 and storing else 0
-    reach2 = gather_reach(area, pilot, settings.photons_per_pass, settings.neighbours)
+    throws = optics.keep_caustic and len(scene.lights) > 0 and tracer.scatters
+    throwing = prepare_throwing(surfaces, radius, scene.media, centre) if throws else None
+    photons = settings.photons_per_pass if emitters.light_end[-1] > 0.0 and (storing or throws) else 0
+    reach2 = gather_reach(pilot, settings.photons_per_pass, settings.neighbours)
     gathering = Gathering(reach2, settings.neighbours, photons)
     if planned is None:
         _log_needs(scene, stage, reference if settings.reference_subtraction else None, photons)
@@ -173,9 +185,13 @@ def prepare(
         return None
     excess, sheets, hits = Excess(surroundings, lamps), dark_sheets(sheet_count(surfaces)), 0.0
     if photons:
-        trial = trial_pass(tracer, stage, emitters, optics, cancelled)
+        trial = trial_pass(tracer, stage, emitters, optics, cancelled, throwing)
         hits = len(trial.side_id) / trial.photons
-        sheets = measure_sheets(stage, tracer, excess, pilot, trial, area, gathering, pass_key(0, SHEETS, PILOT))
+        if throwing:
+            hits += sum(len(each.straight) for each in throwing.left) / trial.photons
+            k, share = settings.neighbours, trial.photons / photons
+            throwing = throwing._replace(reach=choose_reach(throwing.left, k, share, _LARGEST_BALL * radius), left=[])
+        sheets = measure_sheets(stage, tracer, excess, pilot, trial, gathering, pass_key(0, SHEETS, PILOT))
     if planned is not None and _alike(planned, surfaces, photons):
         survey = planned.survey
     else:
@@ -187,7 +203,7 @@ def prepare(
         plan_looking(splitting, reach2, settings.neighbours) if splitting else typical_looking(sheet_count(surfaces))
     )
     if planned is None:
-        price = max(splitting.price if splitting else 0.0, least_price(survey.variance))
+        price = max(splitting.price if splitting else 0.0, least_price(survey.variance, survey.in_fog))
         samples = choose_samples(survey.variance, survey.unknown, price)
         log.info("%.1f camera rays a pixel and pass", samples.mean())
     else:
@@ -200,6 +216,7 @@ def prepare(
         emitters=emitters,
         lamps=lamps,
         optics=optics,
+        throwing=throwing,
         eye=eye,
         samples=samples,
         reach2=reach2,
@@ -292,7 +309,7 @@ def _log_needs(scene: Scene, stage: Stage, reference: float | None, photons: int
     flags = np.bitwise_or.reduce(stage.radiometry.lobes.flags[used])
     log.info(
         "%d triangles, %d bands, %d materials (%s), %d lights, reference temperature %s, %s",
-        len(stage.surfaces.corners),
+        len(stage.surfaces.material),
         scene.band_count,
         len(used),
         ("rough specular" if flags & GLOSSY else "specular" if flags & SPECULAR else "diffuse")
@@ -319,9 +336,14 @@ def photon_store(bands: int, optics: Optics) -> PhotonStore:
 
 
 def trial_pass(
-    tracer: Tracer, stage: Stage, emitters: Emitters, optics: Optics, cancelled: Callable[[], bool]
+    tracer: Tracer,
+    stage: Stage,
+    emitters: Emitters,
+    optics: Optics,
+    cancelled: Callable[[], bool],
+    throwing: Throwing | None,
 ) -> Trial:
-    """The Trial by which splitting is planned: what a pass of _PLAN_PHOTONS stores."""
+    """The Trial by which splitting is planned: what a pass of _PLAN_PHOTONS stores. throwing: see trace_photons."""
 
     def told(hits: Photons):
         caustic = hits.caustic if optics.keep_caustic else np.zeros(len(hits.surface), np.bool_)
@@ -330,6 +352,6 @@ def trial_pass(
     count = _PLAN_PHOTONS
     batch = Batch(pass_key(0, 0, TRIAL), 0, count, count)
     nothing = photon_store(stage.radiometry.reference.size, optics).photons
-    batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled)
+    batches = trace_photons(tracer, stage, emitters, optics, batch, cancelled, thrown=throwing)
     parts = zip(*map(told, itertools.chain([nothing], batches)), strict=True)
     return Trial(count, *map(np.concatenate, parts))

@@ -26,15 +26,19 @@ class Sources(NamedTuple):
 
 
 def gather_sources(scene: Scene, surfaces: Surfaces, pilot: Pilot, emissivity: np.ndarray) -> Sources:
-    """The sources of a scene. emissivity: (m, b) of each material in each band."""
-    temperature, group = np.unique(surfaces.temperature.mean(axis=1, dtype=np.float32), return_inverse=True)
+    """The sources of a scene, of the triangles that the pilot's paths met; the coldest one if they met none.
+    emissivity: (m, b) of each material in each band."""
+    met, importance = pilot.met[pilot.met >= 0], pilot.importance[pilot.met >= 0]
+    if not len(met):
+        met, importance = surfaces.temperature.mean(axis=1).argmin(keepdims=True), np.zeros(1)
+    temperature, group = np.unique(surfaces.temperature[met].mean(axis=1, dtype=np.float32), return_inverse=True)
     group = group.ravel()
     if temperature.size > _GROUPS:
         merge = np.arange(temperature.size) * _GROUPS // temperature.size
         group = merge[group]
         temperature = temperature[np.searchsorted(merge, np.arange(_GROUPS))]
     materials = len(scene.materials)
-    both = np.bincount(group * materials + surfaces.material, pilot.importance, temperature.size * materials)
+    both = np.bincount(group * materials + surfaces.material[met], importance, temperature.size * materials)
     emitting = np.einsum("tm,mb->tb", both.reshape(-1, materials), emissivity)
     kelvin = np.append(temperature.astype(np.float64), scene.world_temperature)
     emitting = np.vstack((emitting, np.full(scene.band_count, pilot.sky)))

@@ -97,18 +97,15 @@ def measure_sheets(
     excess: Excess,
     pilot: Pilot,
     trial: Trial,
-    area: np.ndarray,
     gathering: Gathering,
     key: np.uint64,
 ) -> Sheets:
-    """The Sheets, as the trial pass and the pilot's paths tell of them. area: (t,) m2. key: of random numbers."""
+    """The Sheets, as the trial pass and the pilot's paths tell of them. key: of random numbers."""
     surfaces, labels = stage.surfaces, sheet_count(stage.surfaces)
     reach2, neighbours, photons = gathering
     squares = trial.power**2 * (trial.photons / photons) / math.pi**2
-    density, photon_noise, reflected, lit = _measure_photons(surfaces, pilot, trial, area, squares, photons)
-    radiance = np.append(_radiance(stage), excess.surroundings.radiance.sum())
-    radiance[:-1] *= excess.lamps.found
-    met = radiance[pilot.met]
+    density, photon_noise, reflected, lit = _measure_photons(surfaces, pilot, trial, squares, photons)
+    met = _met(stage, excess, pilot.met)
     mean = _means(pilot.left, met, labels, met.mean() if met.size else 0.0)
     ray_noise = _means(pilot.left, (met - mean[pilot.left]) ** 2, labels, met.var() if met.size else 0.0)
     some = _some_points(pilot, max(1, len(pilot.point) // _POINTS))
@@ -124,19 +121,18 @@ def measure_sheets(
         reflected=reflected,
         lit=lit,
         caustic_noise=_means(sheet, caustic, labels, 0.0, 1e-9),
-        evenness=_evenness(surfaces, tracer, pilot, radiance, key),
+        evenness=_evenness(stage, tracer, pilot, excess, key),
     )
 
 
-def _measure_photons(surfaces, pilot, trial, area, squares, photons):
+def _measure_photons(surfaces, pilot, trial, squares, photons):
     """density, photon_noise, reflected and lit of Sheets. squares: (n,) float64, what each hit adds to the variance of
     the radiance from photons of a pass, times the area from which they are gathered."""
-    sheet, labels = surfaces.sheet, sheet_count(surfaces)
-    size = np.maximum(np.bincount(sheet.ravel(), np.repeat(area, 2), labels), 1e-30)
+    labels, size = sheet_count(surfaces), np.maximum(pilot.extent, 1e-30)
     hit, strength = _sheets_of(surfaces, trial.side_id), np.abs(trial.power)
     # where few photons or none arrived, as on small parts, a sheet is taken to be like all other reachable sheets
-    near = pilot.reachable[trial.side_id >> 1, trial.side_id & 1]
-    other = _PRIOR * float((area[:, None] * pilot.reachable).sum()) / max(1, near.sum())  # m2, area of _PRIOR hits
+    near = pilot.reachable[hit]
+    other = _PRIOR * float(pilot.extent[pilot.reachable].sum()) / max(1, near.sum())  # m2, area of _PRIOR hits
     mean_square = float((squares * near * ~trial.caustic).sum()) / max(1, near.sum())
     mean_strength = float((strength * near).sum()) / max(1, near.sum())
     return (
@@ -162,17 +158,16 @@ def dark_sheets(labels: int) -> Sheets:
     return Sheets(*np.zeros((8, labels)), 1.0)
 
 
-def _evenness(surfaces, tracer, pilot, radiance, key):
+def _evenness(stage, tracer, pilot, excess, key):
     """evenness of Sheets: variance of the mean over a lattice of n rays, at some of the pilot's points, over the
-    variance with n random rays, times n^(FALL - 1). radiance: (t + 1,) of what rays meet, the surroundings last. key:
-    of the random numbers."""
+    variance with n random rays, times n^(FALL - 1). key: of the random numbers."""
     some = _some_points(pilot, max(1, 2 * len(pilot.point) // _LATTICES))
     count = len(some.point)
     if count == 0:
         return _LATTICE_RAYS ** (FALL - 1.0)
     rays = empty_ray_batch(2 * _LATTICE_RAYS * count)
-    _start_lattices(surfaces, some, key, rays)
-    met = radiance[tracer.trace(*rays).triangle].reshape(count, 2, _LATTICE_RAYS)
+    _start_lattices(stage.surfaces, some, key, rays)
+    met = _met(stage, excess, tracer.trace(*rays).triangle).reshape(count, 2, _LATTICE_RAYS)
     pairs = float(np.mean(np.diff(met.mean(axis=2), axis=1) ** 2)) / 2.0
     alone = float(np.mean(met.reshape(count, -1).var(axis=1))) / _LATTICE_RAYS
     return _LATTICE_RAYS ** (FALL - 1.0) * (min(pairs / alone, 1.0) if alone > 0.0 else 1.0)
@@ -197,18 +192,28 @@ def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, wort
     return (np.bincount(label, value, labels) + worth * prior) / (np.bincount(label, minlength=labels) + worth)
 
 
-def _radiance(stage):
-    """(t,) float64 excess radiance of all bands, W m-2 sr-1, that triangles emit at their centroids."""
-    radiance = np.empty(stage.surfaces.material.size)
-    _fill_radiance(stage, radiance, nothing_emitted(stage.radiometry.reference.size, np.float64))
+def _met(stage, excess, triangle):
+    """(n,) float64 excess radiance of all bands, W m-2 sr-1, of what rays meet, as far as it is left to rays: of
+    triangles (n,) at their centroids, or of the surroundings, -1."""
+    found, sheet = excess.lamps.found, stage.surfaces.sheet[triangle]
+    left = np.minimum(found[sheet[:, 0]], found[sheet[:, 1]])  # the ray's side is not known; mostly but one is a lamp
+    radiance = triangle_radiance(stage, triangle) * left
+    return np.where(triangle < 0, excess.surroundings.radiance.sum(), radiance)
+
+
+def triangle_radiance(stage, triangle):
+    """(n,) float64 excess radiance of all bands, W m-2 sr-1, that triangles (n,) emit at their centroids; 0 for -1."""
+    radiance = np.zeros(len(triangle))
+    _fill_radiance(stage, triangle, radiance, nothing_emitted(stage.radiometry.reference.size, np.float64))
     return radiance
 
 
 @njit(**KERNEL)
-def _fill_radiance(stage, radiance, emitted):
-    for t in range(radiance.size):
-        at = emit_at(stage.surfaces, 2 * t, _CENTROID, _CENTROID, _TYPICAL_COSINE)
-        radiance[t] = emission_at(stage, at, emitted).sum()
+def _fill_radiance(stage, triangle, radiance, emitted):
+    for i in range(radiance.size):
+        if triangle[i] >= 0:
+            at = emit_at(stage.surfaces, 2 * triangle[i], _CENTROID, _CENTROID, _TYPICAL_COSINE)
+            radiance[i] = emission_at(stage, at, emitted).sum()
 
 
 def _caustic_noise(surfaces, points, trial, squares, reach2, k):

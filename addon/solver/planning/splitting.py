@@ -151,7 +151,8 @@ def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: in
     splitting = Splitting(sheets, survey.cells, survey.block, survey.sensitivity, math.inf)
     pixels = len(survey.block)
     some = strata(pass_key(0, PRICED_PIXELS, PILOT), min(_PIXELS, pixels), pixels)
-    variance, unknown, least = survey.variance[some], survey.unknown[some], least_price(survey.variance[some])
+    variance, unknown = survey.variance[some], survey.unknown[some]
+    least = least_price(variance, survey.in_fog)
     rest = _usual(survey.cells.contribution2 * survey.cells.rest, survey.cells.count) / pixels
     fixed = _FIXED + _PHOTON * photons / pixels
     usual, pixels = _fewer_cells(splitting, pixels)

@@ -9,11 +9,11 @@ alone.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.curved import reflecting
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.flight import NUMBERS
 from ..geometry.interaction import emit_at, interact, leave
@@ -90,7 +90,7 @@ class Survey(NamedTuple):
     unknown: bool, whether the pixel shows a rough lobe, of which a few samples do not say all, or a specular surface
     where a sample ended, as its throughput was small or after too many reflections. estimated: bool, whether it shows a
     surface whose reflected light has to be estimated. All else is seen exactly, but for edges. block: int32, number of
-    the block that the pixel lies in.
+    the block that the pixel lies in. in_fog: whether there is gas that scatters.
     """
 
     sensitivity: np.ndarray
@@ -99,6 +99,7 @@ class Survey(NamedTuple):
     estimated: np.ndarray
     block: np.ndarray
     cells: Cells
+    in_fog: bool
 
 
 class _Samples(NamedTuple):
@@ -213,7 +214,9 @@ def survey_pixels(
     around = sum_around(variance.reshape(height, width), 1).ravel()
     estimated = unknown.copy()
     estimated[gathers.pixel] = True
-    return Survey(sensitivity, np.maximum(variance, _AROUND * around), unknown, estimated, block, cells)
+    return Survey(
+        sensitivity, np.maximum(variance, _AROUND * around), unknown, estimated, block, cells, tracer.scatters
+    )
 
 
 def _in_one_band(stage: Stage) -> Stage:
@@ -313,7 +316,7 @@ class _Surveyor:
         met += rays.throughput * self._see(ends, rays)
         self._follow_through_media(met, scattered)
         sheet = shown.sheet[chosen]
-        stored = (ends.triangle >= 0) | ~self._open_sheets[sheet]
+        stored = (ends.triangle >= 0) | ~self.excess.surroundings.open[sheet]
         return _Tried(
             pixel=pixels[samples.number[chosen] // _SAMPLES].astype(np.int32),
             sheet=sheet,
@@ -324,13 +327,6 @@ class _Surveyor:
             density=1.0 / shown.footprint[chosen],
             rest=rest,
         )
-
-    @cached_property
-    def _open_sheets(self) -> np.ndarray:
-        """(labels,) bool, sheets on which photons from the surroundings are not stored."""
-        is_open = np.zeros(len(self.sheets.lit), np.bool_)
-        is_open[self.stage.surfaces.sheet[self.excess.surroundings.open]] = True
-        return is_open
 
 
 def _go_astray(rays: _Samples, scattered: Scattered) -> _Samples:
@@ -480,7 +476,7 @@ def _see(stage, hits, rays, around, seen, room):
         seen[i] = _diffuse_reflectance(stage, at) * reflected[sheet_of(stage.surfaces, at.side_id)]
         cosine = at.cosine if follows_fresnel(lobes_at(stage, at)) else _HEAD_ON
         radiance = emission_at(stage, emit_at(stage.surfaces, at.side_id, at.u, at.v, cosine), emitted)
-        seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, at) if density[i] < ALONE else 1.0)
+        seen[i] += radiance.sum() * (share_of_ray(density[i], lamps, stage.surfaces, at) if density[i] < ALONE else 1.0)
 
 
 @njit(**KERNEL)
@@ -516,7 +512,7 @@ def _follow(stage, bounce, hits, samples, unclear, onward):
         if not is_specular(lobes):
             continue
         s, w = uniform(path, _DIMENSION + 4 * bounce + 2), uniform(path, _DIMENSION + 4 * bounce + 3)
-        lobe = sample_specular(lobes, at, s, w)
+        lobe = sample_specular(lobes, reflecting(stage.surfaces, lobes, at), s, w)
         cosine = facet_cosine(lobes, at, lobe.direction)
         reflectance = one_reflectance_at(stage, at, FACET, cosine)
         throughput = samples.throughput[i] * lobes.specular * reflectance * lobe.weight

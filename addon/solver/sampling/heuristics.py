@@ -15,7 +15,7 @@ on, D diffuse, G rough, S mirror; "visible" where G and S alone lie before, an "
 - a sky of which a small part is bright: as a surface, in all of these, see planning.lamps.
 - an end that is continued: its one ray against a shadow ray, and photons of caustics, as at a visible D.
 - where a medium scatters a camera path: its one ray against a shadow ray. Lights: the shadow ray. By way of specular
-  surfaces: the ray.
+  surfaces: the ray; lights: as at a visible G or D, but by photons thrown into the medium for those of caustics.
 
 Two that stand against each other take their shares from `balance`, with the same density of shadow rays (Lamps.density)
 and the same number of rays (Looking, TYPICAL_RAYS, SINGLE_RAY) on both sides.
