@@ -146,7 +146,7 @@ def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_pa
     sky = [contents.world_temperature] if contents.sky is None else contents.sky.kelvin.flat
     coldest, hottest = min(*temperatures, *sky), max(temperatures)
     infrared, picture = scene.infrared, scene.render
-    picture.resolution_x, picture.resolution_y = 64, 48
+    picture.resolution_x, picture.resolution_y = 40, 30
     infrared.passes, infrared.photons_per_pass, infrared.target_noise = 8, 20_000, 0.0
     images = render_to_exr(tmp_path)["ViewLayer"]
     kelvin, noise = images["Temperature"], images["Noise"]

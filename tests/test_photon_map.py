@@ -12,7 +12,7 @@ from addon.solver.photons.photon_map import (
     Photons,
     PhotonStore,
     Query,
-    _search,
+    search,
     build_photon_map,
     gather,
     irradiance,
@@ -32,7 +32,7 @@ def search_all(photon_map, k, points, normal, bound):
     distance2, within = np.empty(len(points), np.float32), np.empty(len(points), np.int64)
     for i in range(len(points)):
         query = Query((points[i, 0], points[i, 1], points[i, 2]), normal, np.float32(0.0))
-        count, r2 = _search(photon_map, query, k, bound, room)
+        count, r2 = search(photon_map, query, k, bound, room)
         distance2[i] = r2
         within[i] = 0
         for j in range(count):
