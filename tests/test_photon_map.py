@@ -12,11 +12,11 @@ from addon.solver.photons.photon_map import (
     Photons,
     PhotonStore,
     Query,
-    search,
     build_photon_map,
     gather,
     irradiance,
     neighbours_room,
+    search,
 )
 from tests.helpers.photon_maps import Map, photon_map, side_under, square, surfaces_of, triangle_under
 from tests.helpers.scenes import box
