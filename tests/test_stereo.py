@@ -12,12 +12,13 @@ bpy = pytest.importorskip("bpy")
 from addon import merge  # noqa: E402
 from addon.reading.motion import read_moving_scene  # noqa: E402
 from addon.reading.scene_reader import read_scene  # noqa: E402
-from addon.reading.views import ignored_view_settings, view_names, view_suffixes  # noqa: E402
+from addon.reading.views import ignored_view_settings, view_names  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.rendering.last_render import finished_frames, finished_layers, last_warnings  # noqa: E402
+from addon.rendering.render_files import view_suffixes  # noqa: E402
 from addon.solver.moments import at_moment  # noqa: E402
 from addon.ui.temperatures.spot_meter import shown_layer  # noqa: E402
-from tests.helpers.blender import editor, grey_plate, use_multilayer_exr  # noqa: E402
+from tests.helpers.blender import called_as_rendered, editor, grey_plate, use_multilayer_exr  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")
 
@@ -41,30 +42,18 @@ def infrared():
     return infrared
 
 
-def views_of(read, layer="ViewLayer"):
-    """What read(engine, depsgraph, names of the views) returns in a render of the current scene."""
-    found, before = {}, bpy.context.scene.render.engine
+def read_views():
+    """What the reader makes of the current scene's views in a render, see read_moving_scene."""
 
-    class ViewEngine(bpy.types.RenderEngine):
-        bl_idname, bl_label = "INFRARED_VIEWS", "Views"
+    def read(engine, depsgraph):
+        return read_moving_scene(engine, depsgraph, view_names(depsgraph.scene_eval.render))
 
-        def render(self, depsgraph):
-            names = view_names(depsgraph.scene_eval.render)
-            found[depsgraph.view_layer_eval.name] = read(self, depsgraph, names)
-
-    bpy.utils.register_class(ViewEngine)
-    try:
-        bpy.context.scene.render.engine = "INFRARED_VIEWS"
-        bpy.ops.render.render()
-    finally:
-        bpy.utils.unregister_class(ViewEngine)
-        bpy.context.scene.render.engine = before
-    return found[layer]
+    return called_as_rendered(read)["ViewLayer"]
 
 
 def cameras():
     """The solver's cameras of the current scene's views."""
-    return [scene.camera for scene in views_of(read_moving_scene)[0]]
+    return [scene.camera for scene in read_views()[0]]
 
 
 def column_of(seen, point):
@@ -142,7 +131,7 @@ def test_eyes_move_with_a_camera_in_motion(infrared):
     for frame, x in ((-9, -1.0), (11, 1.0)):
         scene.camera.location[0] = x
         scene.camera.keyframe_insert("location", index=0, frame=frame)
-    scenes = views_of(read_moving_scene)[0]
+    scenes = read_views()[0]
     assert len(scenes) == 2 and scenes[0].vertices is scenes[1].vertices
     for moments in zip(*(scene.moments for scene in scenes), strict=True):
         left, right = (at_moment(base, moment).camera.matrix for base, moment in zip(scenes, moments, strict=True))
@@ -270,7 +259,7 @@ def test_suffixes_of_views_differ(infrared, used, ends, expected):
 
 def test_without_stereoscopy_a_scene_is_read_once(infrared):
     bpy.context.scene.render.use_multiview = False
-    scenes, _, _ = views_of(read_moving_scene)
+    scenes, _, _ = read_views()
     assert len(scenes) == 1
     graph = bpy.context.evaluated_depsgraph_get()
     assert np.array_equal(scenes[0].camera.matrix, read_scene(graph)[0].camera.matrix)

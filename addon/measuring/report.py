@@ -74,7 +74,7 @@ class ReportedPicture:
 
 
 @dataclass(frozen=True)
-class Strip:
+class ReportedStrip:
     """Small pictures of an animation. title: such as the name of their view layer. pngs: by the number of the frame.
     size: width and height of each in pixels. scale: of the colours of all, whose ends are known.
     """
@@ -97,7 +97,7 @@ class Report:
     pictures: Sequence[ReportedPicture]
     facts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     frames: Sequence[ToolReading] = ()
-    strips: Sequence[Strip] = ()
+    strips: Sequence[ReportedStrip] = ()
 
 
 def write_report(path: str | os.PathLike, report: Report) -> None:
@@ -179,7 +179,7 @@ def _graph(tool: ToolReading, unit: TemperatureUnit, isotherm: tuple[float, floa
     return [f"<h3>{escape(label)}</h3>", drawn] if drawn else []
 
 
-def _strip(strip: Strip, unit: TemperatureUnit) -> str:
+def _strip(strip: ReportedStrip, unit: TemperatureUnit) -> str:
     """Small pictures in a grid, each with the number of its frame under it, and the bar of all."""
     width, height = strip.size
     pictures = "\n".join(

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import bpy
 import numpy as np
 
 from ..solver.scene import Camera
@@ -16,22 +17,11 @@ NO_VIEWS = ("",)  # what view_names returns without stereoscopy
 
 def view_names(render) -> tuple[str, ...]:
     """The views that a scene's render settings ask for, in Blender's order; NO_VIEWS if they ask for none."""
-    return tuple(each.name for each in _views(render)) or NO_VIEWS
+    return tuple(each.name for each in views_of(render)) or NO_VIEWS
 
 
-def view_suffixes(render) -> dict[str, str]:
-    """What the names of each view's files end with: Blender's suffixes, such as '_L', as Blender's own files do.
-
-    With only one view it is nothing. If two views share a suffix, all have their names instead.
-    """
-    suffixes = {each.name: each.file_suffix for each in _views(render)}
-    if len(suffixes) < 2:
-        return dict.fromkeys(view_names(render), "")
-    clash = len({each.lower() for each in suffixes.values()}) < len(suffixes)
-    return {name: f"_{name}" for name in suffixes} if clash else suffixes
-
-
-def _views(render) -> list:
+def views_of(render) -> list[bpy.types.SceneRenderView]:
+    """Blender's views of a scene's render settings, those that are used; none without stereoscopy."""
     if not render.use_multiview:
         return []
     return [each for each in (render.stereo_views if _has_eyes(render) else render.views) if each.use]
@@ -44,7 +34,7 @@ def _has_eyes(render) -> bool:
 
 def ignored_view_settings(scene) -> Iterator[str]:
     """What a scene's stereoscopy asks for and the engine does not do, and what it does instead."""
-    views, camera = _views(scene.render), scene.camera
+    views, camera = views_of(scene.render), scene.camera
     if not views or camera is None or camera.type != "CAMERA":
         return
     if _has_eyes(scene.render):

@@ -25,7 +25,7 @@ from ..reading.camera import render_size, rendered_size
 from ..reading.motion import CancelledError, read_exposure, read_moving_scene
 from ..reading.settings import read_settings
 from ..reading.surfaces import SurfaceReader
-from ..reading.views import view_names, view_suffixes
+from ..reading.views import view_names
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings
 from ..solver import Camera, Film, Scene, Settings, coverage_image, first_hit_images, layered_image, render
 from ..solver.checkpoint import (
@@ -61,6 +61,7 @@ from .render_files import (
     group_path,
     label_path,
     layer_suffixes,
+    view_suffixes,
     write_layer,
 )
 from .render_job import RenderJob
@@ -194,7 +195,7 @@ class LayerRender:
             facts |= effects.facts() if effects else {}
             further = further_passes(scene, self.depsgraph.view_layer_eval)
             finished = layer_images(job, images, further, facts) | {"attributes": sight.mattes.attributes()}
-            frame = replace(finished_frame(scene, slot, solver_scene.camera, job.film), layer=layer, view=view)
+            frame = finished_frame(scene, slot, solver_scene.camera, job.film, (layer, view))
             self._finish(job, finished, frame, sight.images.get("instance"), suffix)
         return not job.cancelled
 
@@ -470,7 +471,7 @@ def render_slot() -> int:
     return image.render_slots.active_index if image else 0
 
 
-def finished_frame(scene, slot: int, camera, film) -> FinishedFrame:
+def finished_frame(scene, slot: int, camera, film, layer_and_view: tuple[str, str]) -> FinishedFrame:
     """The FinishedFrame of a solver's camera and film in the render result of a Blender scene."""
     x0, y0, x1, y1 = camera.pixels
     cropped = scene.render.use_border and scene.render.use_crop_to_border
@@ -478,7 +479,9 @@ def finished_frame(scene, slot: int, camera, film) -> FinishedFrame:
     nodes = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.use_nodes  # Blender 5
     composited = scene.render.use_compositing and bool(nodes)
     told = bpy.app.is_job_running("RENDER")  # not so if a script waits for the render
-    return FinishedFrame(scene.name, slot, size, origin, composited, film.weights, film.correction, told)
+    return FinishedFrame(
+        scene.name, slot, size, origin, composited, film.weights, film.correction, told, *layer_and_view
+    )
 
 
 def write_images(result, images: dict[str, np.ndarray]) -> None:

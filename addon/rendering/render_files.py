@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 
 from ..output.formats import FORMATS, numbered, without_extension, write_file
+from ..reading.views import view_names, views_of
 from ..solver.scene import SceneError
 
 log = logging.getLogger(__name__)
@@ -40,6 +41,18 @@ def layer_suffixes(layers: Iterable[str]) -> dict[str, str]:
         names = chain([clean], (f"{clean}_{number}" for number in count(2)))
         suffixes[layer] = next(name for name in names if name.lower() not in taken)
     return suffixes if len(suffixes) > 1 else dict.fromkeys(suffixes, "")
+
+
+def view_suffixes(render) -> dict[str, str]:
+    """What the names of each view's files end with: Blender's suffixes, such as '_L', as Blender's own files do.
+
+    With only one view it is nothing. If two views share a suffix, all have their names instead, see layer_suffixes.
+    """
+    suffixes = {each.name: each.file_suffix for each in views_of(render)}
+    if len(suffixes) < 2:
+        return dict.fromkeys(view_names(render), "")
+    clash = len({each.lower() for each in suffixes.values()}) < len(suffixes)
+    return layer_suffixes(suffixes) if clash else suffixes
 
 
 def file_path(scene, suffix: str, animation: bool, file_format: str = "BAND_EXR") -> Path:

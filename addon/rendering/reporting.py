@@ -13,7 +13,7 @@ import numpy as np
 
 from ..heat_settings import read_scale, scene_unit
 from ..measure_settings import KIND_NAMES
-from ..measuring.report import Report, ReportedPicture, Strip
+from ..measuring.report import Report, ReportedPicture, ReportedStrip
 from ..measuring.table import SHORT_TITLES, ToolReading, difference_text, short_row
 from ..output.heat_picture import Beside, write_picture
 from ..output.marks import Mark
@@ -103,12 +103,12 @@ def build_report(
     return Report(name, lead, unit, pictures, facts, over_frames, small)
 
 
-def _strip(scene, layer: str, images: Mapping[int, np.ndarray], unit: TemperatureUnit) -> Strip:
+def _strip(scene, layer: str, images: Mapping[int, np.ndarray], unit: TemperatureUnit) -> ReportedStrip:
     """Small pictures of a view layer, all in the colours of one range: one that is fitted is so to all of them."""
     scale = read_scale(scene.infrared).fitted(np.stack(list(images.values())))
     height, width = next(iter(images.values())).shape
     pngs = {frame: _png(image, scale, unit) for frame, image in images.items()}
-    return Strip(f"{layer}, frames {min(images)} to {max(images)}", pngs, (width, height), scale)
+    return ReportedStrip(f"{layer}, frames {min(images)} to {max(images)}", pngs, (width, height), scale)
 
 
 def _reported(scene, layer: str, images: dict, frame: FinishedFrame, unit: TemperatureUnit) -> ReportedPicture:

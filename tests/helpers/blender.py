@@ -63,12 +63,11 @@ def grey_plate(width=4, height=3, scale=20.0, name="Cube"):
     return infrared
 
 
-def read_as_rendered():
-    """What the reader makes of the current scene in a real render: {view layer: (Scene, warnings) or the error}.
+def called_as_rendered(call):
+    """What call(engine, depsgraph) returns in a real render of the current scene: {view layer: result or the error}.
 
     Blender runs a stand-in engine, so that hide_render, render modifiers and view layers count as they do with F12.
     """
-    from addon.reading.motion import read_moving_scene
     from addon.reading.scene_reader import SceneError
 
     results, before = {}, bpy.context.scene.render.engine
@@ -78,8 +77,7 @@ def read_as_rendered():
 
         def render(self, depsgraph):
             try:
-                scenes, warnings, _ = read_moving_scene(self, depsgraph)
-                results[depsgraph.view_layer_eval.name] = scenes[0], warnings
+                results[depsgraph.view_layer_eval.name] = call(self, depsgraph)
             except SceneError as error:
                 results[depsgraph.view_layer_eval.name] = error
 
@@ -91,6 +89,17 @@ def read_as_rendered():
         bpy.utils.unregister_class(ProbeEngine)
         bpy.context.scene.render.engine = before
     return results
+
+
+def read_as_rendered():
+    """What the reader makes of the current scene in a real render: {view layer: (Scene, warnings) or the error}."""
+    from addon.reading.motion import read_moving_scene
+
+    def read_scene_of(engine, depsgraph):
+        scenes, warnings, _ = read_moving_scene(engine, depsgraph)
+        return scenes[0], warnings
+
+    return called_as_rendered(read_scene_of)
 
 
 def read(layer="ViewLayer"):
