@@ -272,9 +272,9 @@ def shoot_photons(model: Model, key: np.uint64, work: Work) -> tuple[Photons, Th
 
 def map_thrown(model: Model, thrown: Thrown, estimate: Estimate) -> ThrownMap | None:
     """The ThrownMap of a pass; None where no gas scatters."""
-    reach = model.throwing.reach if model.throwing else 0.0
     if not model.tracer.scatters:
         return None
+    reach = model.throwing.reach if model.throwing else 0.0
     return build_thrown_map(thrown, estimate.neighbours, reach, estimate.shrink2)
 
 

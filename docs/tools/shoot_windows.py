@@ -8,6 +8,7 @@ NAME: first, checks, tutorial, viewport, gases, shaders, measuring, live; withou
 own start-up file.
 """
 
+import math
 import sys
 
 import bpy
@@ -69,15 +70,22 @@ def tab(context, down=0):
 def first():
     """README's first picture, after its steps, while it renders."""
     yield from start_up()
-    scene, cube = bpy.context.scene, bpy.data.objects["Cube"]
+    scene = bpy.context.scene
     bpy.ops.infrared.true_colours()
-    bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -1))
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.ops.mesh.primitive_monkey_add(size=3.0, rotation=(0.0, 0.0, math.radians(45.0)))
+    monkey = bpy.context.object
+    bpy.ops.object.subdivision_set(level=2)
+    bpy.ops.object.shade_smooth()
+    bpy.ops.mesh.primitive_plane_add(size=100.0, location=(0.0, 0.0, -1.5))
     plane = bpy.context.object
-    cube["temperature"], plane["temperature"], scene.world["temperature"] = 330.0, 290.0, 250.0
-    cube.data.materials[0]["emissivity"] = "Granite"
-    dull = bpy.data.materials.new("Material.001")
-    dull["emissivity"], dull["specular"], dull["roughness"] = 0.6, 0.5, 0.2
-    plane.data.materials.append(dull)
+    monkey["temperature"], plane["temperature"], scene.world["temperature"] = 330.0, 290.0, 250.0
+    steel, dull = bpy.data.materials.new("Material.001"), bpy.data.materials.new("Material.002")
+    steel["emissivity"], steel["fresnel"] = "Steel, galvanised, heavily oxidised", True
+    dull["emissivity"] = 0.6
+    for made, specular, roughness, thing in ((steel, 1.0, 0.3, monkey), (dull, 0.5, 0.2, plane)):
+        made["specular"], made["roughness"] = specular, roughness
+        thing.data.materials.append(made)
     scene.render.resolution_percentage = 25
     bpy.context.preferences.view.render_display_type = "AREA"
     yield from tab("RENDER")

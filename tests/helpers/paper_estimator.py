@@ -19,7 +19,6 @@ import numpy as np
 from addon.solver.camera.final_gather import choose_splits
 from addon.solver.geometry.free_space import unlimited
 from addon.solver.photons.emission import emit
-from addon.solver.photons.side_table import without_sides
 from addon.solver.planning.lamps import build_lamps
 from addon.solver.planning.pilot import DEFENSIVE
 
@@ -34,6 +33,11 @@ def rays_everywhere(stage, estimate, pixels, bounce, gathers, *rest):
     """The opposite, that tests and benchmarks set against it: every gather that sends rays sends as many."""
     choose_splits(stage, estimate, pixels, bounce, gathers, *rest)
     gathers.rays[gathers.rays > 0] = 32
+
+
+def without_sides(table):
+    """A SideTable in which no side weighs anything."""
+    return table._replace(factor=np.zeros_like(table.factor), before=np.zeros_like(table.before))
 
 
 def no_lamps(*arguments):

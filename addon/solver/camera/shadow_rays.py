@@ -14,8 +14,8 @@ from ..geometry.interaction import (
     leave,
     stand_at,
 )
-from ..geometry.see_through import let_through
-from ..geometry.segments import ENDLESS, RayBatch, transmit
+from ..geometry.see_through import unshadowed
+from ..geometry.segments import ENDLESS, RayBatch
 from ..geometry.stage import (
     emission_at,
     enter,
@@ -23,7 +23,6 @@ from ..geometry.stage import (
     layer_at,
     lobes_at,
     nothing_emitted,
-    transmits_anywhere,
 )
 from ..geometry.surfaces import clear_of, sheet_of
 from ..geometry.triangles import CLEAR, area_of
@@ -457,27 +456,15 @@ def _start(surfaces, receiver, direction, reach, layer, shadows, count):
 def add_unshadowed(tracer, stage, shadows, image) -> None:
     """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through
     thin sheets and media."""
-    passes = transmits_anywhere(stage)
-    hits = tracer.trace(shadows.origin, shadows.direction, shadows.reach.copy() if passes else shadows.reach)
-    if passes:
-        rays = RayBatch(shadows.origin, shadows.direction), shadows.reach
-        let_through(tracer.trace, stage, hits, rays, shadows.radiance, np.flatnonzero(hits.triangle >= 0))
-    if tracer.holds_media:
-        _transmit(tracer.cross(shadows.origin, shadows.direction, hits.distance), shadows.radiance)
-    _add_unshadowed(hits, shadows, image)
+    rays = RayBatch(shadows.origin, shadows.direction)
+    _add(unshadowed(tracer, stage, rays, shadows.reach, shadows.radiance), shadows, image)
 
 
 @njit(**KERNEL)
-def _transmit(air, radiance):
-    for i in range(air.length.size):
-        transmit(air, i, radiance[i])
-
-
-@njit(**KERNEL)
-def _add_unshadowed(hits, shadows, image):
+def _add(arrives, shadows, image):
     bands = shadows.radiance.shape[1]
-    for i in range(hits.triangle.size):
-        if hits.triangle[i] < 0:
+    for i in range(arrives.size):
+        if arrives[i]:
             row, first = image[shadows.pixel[i]], bands * shadows.layer[i]
             for b in range(bands):
                 row[first + b] += shadows.radiance[i, b]

@@ -16,8 +16,8 @@ import numpy as np
 from ..sampling.vectors import moved, put_vector, vector
 from ..system.kernels import KERNEL, njit
 from .interaction import interact, pass_on, pass_towards
-from .segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch
-from .stage import Stage, shine_through
+from .segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch, transmit
+from .stage import Stage, shine_through, transmits_anywhere
 from .surfaces import Surfaces, used_materials
 from .textures import PASSING, grain
 
@@ -76,6 +76,26 @@ def let_through(
         hits.triangle[among[~stopped]], hits.distance[among[~stopped]] = -1, reach[among[~stopped]]
         among, onward = among[stopped], RayBatch(*(column[stopped] for column in onward))
         met = Hits(*(column[stopped] for column in met))
+
+
+def unshadowed(tracer: Tracer, stage: Stage, rays: RayBatch, reach: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """(n,) bool, which shadow rays meet nothing but thin sheets. Lowers what they bring by what these and media take.
+
+    reach, value: see let_through; reach is overwritten.
+    """
+    passes = transmits_anywhere(stage)
+    hits = tracer.trace(*rays, reach.copy() if passes else reach)
+    if passes:
+        let_through(tracer.trace, stage, hits, (rays, reach), value, np.flatnonzero(hits.triangle >= 0))
+    if tracer.holds_media:
+        _transmit(tracer.cross(*rays, hits.distance), value)
+    return hits.triangle < 0
+
+
+@njit(**KERNEL)
+def _transmit(air, value):
+    for i in range(air.length.size):
+        transmit(air, i, value[i])
 
 
 @njit(**KERNEL)

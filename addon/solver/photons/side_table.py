@@ -58,11 +58,6 @@ def unweighted(exitance: np.ndarray) -> SideTable:
     return SideTable(np.empty(0, np.int32), exitance, np.empty(0), np.zeros(1))
 
 
-def without_sides(table: SideTable) -> SideTable:
-    """The same table if no side weighs anything."""
-    return table._replace(factor=np.zeros_like(table.factor), before=np.zeros_like(table.before))
-
-
 @njit(**KERNEL)
 def _add_up(surfaces, table):
     """Fill in the sums before the blocks."""

@@ -18,9 +18,9 @@ import numpy as np
 
 from ..geometry.flight import ARRIVED, LOST, NUMBERS, walk
 from ..geometry.interaction import interact, pass_on
-from ..geometry.see_through import let_through
+from ..geometry.see_through import unshadowed
 from ..geometry.segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch, glow, transmit, ways
-from ..geometry.stage import Stage, lobes_met, shine_through, transmits_anywhere
+from ..geometry.stage import Stage, lobes_met, shine_through
 from ..physics.lobes import transmits
 from ..physics.media import mean_phase, phase
 from ..physics.sky import choose_direction, density_towards, radiance_from
@@ -218,19 +218,14 @@ def _seek(around, vertex, weight, numbers, rooms, row):
 
 def _add_sky(tracer: Tracer, stage: Stage, seeking: _Seeking, of_sky: np.ndarray) -> None:
     """Add to of_sky (n, b) what shadow rays bring that meet nothing, less what thin sheets and media take."""
-    hits = tracer.trace(seeking.origin, seeking.direction)
-    if transmits_anywhere(stage):
-        rays = RayBatch(seeking.origin, seeking.direction), np.full(len(seeking.of), ENDLESS)
-        let_through(tracer.trace, stage, hits, rays, seeking.radiance, np.flatnonzero(hits.triangle >= 0))
-    air = tracer.cross(seeking.origin, seeking.direction, ways(hits))
-    _add_unhidden(air, hits, seeking, of_sky)
+    rays, reach = RayBatch(seeking.origin, seeking.direction), np.full(len(seeking.of), ENDLESS)
+    _add(unshadowed(tracer, stage, rays, reach, seeking.radiance), seeking, of_sky)
 
 
 @njit(**KERNEL)
-def _add_unhidden(air, hits, seeking, of_sky):
-    for i in range(seeking.of.size):
-        if hits.triangle[i] < 0:
-            transmit(air, i, seeking.radiance[i])
+def _add(arrives, seeking, of_sky):
+    for i in range(arrives.size):
+        if arrives[i]:
             for b in range(of_sky.shape[1]):
                 of_sky[seeking.of[i], b] += seeking.radiance[i, b]
 

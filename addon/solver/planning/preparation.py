@@ -87,8 +87,7 @@ class Model:
     the tile where they are most. openness: share of the rays that leave the scene, of those from the camera or of those
     from what the image depends on, whichever is larger. molecular: media whose coefficients each pass draws, None if
     there are none. diameter: of the scene, in its units. worth: how many rays a shadow ray counts as. survey: what the
-    moments of the scene need of it; None if it
-    has none.
+    moments of the scene need of it; None if it has none.
     """
 
     tracer: Tracer
