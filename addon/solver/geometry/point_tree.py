@@ -52,10 +52,9 @@ def empty_walk():
     return Walk(np.empty(_STACK, np.int64), np.empty(_STACK, np.float32), np.empty(WIDTH, np.float32))
 
 
-@njit(cache=True, nogil=True)
-def morton_order(position):
+def morton_order(position: np.ndarray) -> np.ndarray:
     """(n,) int32 numbers of (n, 3) float32 points in the order of a Morton curve; equal points stay in order."""
-    keys = np.empty(position.shape[0], np.uint64)
+    keys = np.empty(len(position), np.uint64)
     _morton_keys(position, keys)
     return radix_sort(keys)[0]
 

@@ -131,12 +131,14 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         triangles, stored = triangles[kept], stores[kept]
         hidden = None if hidden is None else hidden[kept]
     corners = Corners(vertices, triangles)
+    with ThreadPoolExecutor(1) as pool:
+        connected = pool.submit(_connect, corners, first, stored)
+        tracer = Tracer(vertices, triangles, hidden)  # before the tree, as Embree needs most memory while it builds
+    neighbours, plane, sheet = connected.result()
+    leaf_triangle = morton_order(centroids(corners))
     leaves = empty_leaves(len(triangles), LONGEST + 1)
     leaf_facing = np.zeros((len(leaves), 5, WIDTH), np.int16)
-    with ThreadPoolExecutor(1) as pool:
-        connected = pool.submit(_connect, corners, first, stored, leaves, leaf_facing)
-        tracer = Tracer(vertices, triangles, hidden)
-    neighbours, plane, sheet, leaf_triangle = connected.result()
+    _fill_leaves((corners, plane, sheet), leaf_triangle, leaves, leaf_facing)
     return Geometry(
         vertices=scene.vertices,
         triangles=scene.triangles,
@@ -156,9 +158,8 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
 
 
 @njit(cache=True, nogil=True)
-def _connect(corners, first, stored, leaves, leaf_facing):
-    """neighbours, plane, sheet and leaf_triangle of Surfaces; fills the leaves of its tree. first: see first_at_point.
-    stored: (m,) uint8, see Geometry.
+def _connect(corners, first, stored):
+    """neighbours, plane and sheet of Surfaces. first: see first_at_point. stored: (m,) uint8, see Geometry.
 
     One kernel, as embreex copies a mesh without releasing the GIL: meanwhile no Python could go on to a second one.
     """
@@ -168,10 +169,7 @@ def _connect(corners, first, stored, leaves, leaf_facing):
             if neighbours[t, i] >= 0 and stored[neighbours[t, i] >> 1] != stored[t]:
                 neighbours[t, i] = -1
     plane = planes(corners)
-    sheet = label_sheets(plane, neighbours)
-    leaf_triangle = morton_order(centroids(corners))
-    _fill_leaves((corners, plane, sheet), leaf_triangle, leaves, leaf_facing)
-    return neighbours, plane, sheet, leaf_triangle
+    return neighbours, plane, label_sheets(plane, neighbours)
 
 
 def _stores(scene: Scene) -> np.ndarray:
