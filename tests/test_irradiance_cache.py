@@ -40,7 +40,7 @@ NO_RAYS = Splitting(
 
 def choices(neighbours, reach2, shrink2):
     """Of the solver's own types: kernels are kept for them, and others that load the kernels must know them."""
-    return Estimate(neighbours, reach2, shrink2, True, False, NO_RAYS)
+    return Estimate(neighbours, neighbours, reach2, shrink2, True, False, NO_RAYS)
 
 
 @njit

@@ -35,7 +35,7 @@ from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_o
 from .moments import at_moment, step_of
 from .photons.emission import Batch
 from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
-from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map
+from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map, few_neighbours
 from .photons.thrown import Thrown, ThrownMap, build_thrown_map, empty_thrown
 from .photons.transport import trace_photons
 from .planning.preparation import Model, photon_store, prepare
@@ -207,6 +207,7 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
     photon_map = build_photon_map(photons, model.stage.surfaces, work.pool.map)
     estimate = Estimate(
         settings.neighbours,
+        few_neighbours(settings.neighbours),
         model.reach2,
         disk_area(settings, index),
         model.splitting is not None,  # known beforehand: a choice by the photons of the pass would change the mean

@@ -28,7 +28,7 @@ from addon.solver.geometry.segments import Tracer
 from addon.solver.image.tiles import tiles
 from addon.solver.passes import PHOTON_CHUNK, Work, cache_irradiance
 from addon.solver.photons.emission import Batch
-from addon.solver.photons.photon_map import build_photon_map
+from addon.solver.photons.photon_map import build_photon_map, few_neighbours
 from addon.solver.photons.transport import trace_photons
 from addon.solver.planning.preparation import photon_store, prepare
 from addon.solver.sampling.rng import CACHE, CAMERA, LAMPS, PHOTONS, pass_key
@@ -131,7 +131,9 @@ def main():
         work = Work(store, pool, lambda: False)
         lighting = Lighting(model.emitters.surroundings, model.lamps, shining, model.looking, len(model.layers))
         straight = model.optics.keep_incoming
-        estimate = Estimate(settings.neighbours, model.reach2, 1.0, True, straight, model.splitting, lighting.layers)
+        k = settings.neighbours
+        few = few_neighbours(k)
+        estimate = Estimate(k, few, model.reach2, 1.0, True, straight, model.splitting, lighting.layers)
         pixels = tiles(model.eye.window, 0, camera_keys[0])
         times = {"trace": [], "embree": [], "index": [], "gather": [], "cache": [], "camera": [], "final gathers": []}
         for _ in range(REPETITIONS):

@@ -19,13 +19,14 @@ BLIND, ASTRAY = np.float32(2e30), np.float32(3e30)  # see Rays.density
 class Estimate(NamedTuple):
     """Choices of the radiance estimate in one pass.
 
-    neighbours: k. reach2: m2, squared radius of the largest disk. shrink2: factor on the squared radius in this pass.
-    photons: whether passes emit photons (a pass may still store none). straight: whether rough lobes need photons
-    straight from lights. splitting: what decides between photons and rays. layers: number of layers of the image (see
-    layers).
+    neighbours: k. few: k where photons of caustics alone count. reach2: m2, squared radius of the largest disk.
+    shrink2: factor on the squared radius in this pass. photons: whether passes emit photons (a pass may still store
+    none). straight: whether rough lobes need photons straight from lights. splitting: what decides between photons and
+    rays. layers: number of layers of the image (see layers).
     """
 
     neighbours: int
+    few: int
     reach2: float
     shrink2: float
     photons: bool

@@ -71,8 +71,9 @@ def _reflect(stage, photon_map, estimate, bounce, asking, image, rooms):
         is_diffuse = lobes.flags & DIFFUSE != 0 and rays.final[i] == are_ends
         if not (is_diffuse or by_lobe):
             continue
-        reach2 = largest_disk(space.radius2[g], estimate)
-        disk = Disk(estimate.neighbours, reach2, estimate.shrink2, wall_of(space, g), only_caustic)
+        k = estimate.few if only_caustic else estimate.neighbours
+        reach2 = largest_disk(space.radius2[g], estimate) * (k / estimate.neighbours)
+        disk = Disk(k, reach2, estimate.shrink2, wall_of(space, g), only_caustic)
         kept, area, guess = gather(photon_map, stage.surfaces, at.side_id, at.point, disk, guess, room)
         if kept == 0:
             continue

@@ -14,6 +14,7 @@ from ..geometry.segments import Tracer, empty_ray_batch
 from ..geometry.stage import Stage, emission_at, nothing_emitted
 from ..geometry.surfaces import Surfaces, sheet_count
 from ..photons.emission import Surroundings
+from ..photons.photon_map import few_neighbours
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import vector
@@ -111,7 +112,8 @@ def measure_sheets(
     some = _some_points(pilot, max(1, len(pilot.point) // _POINTS))
     sheet = _sheets_of(surfaces, some.side_id)
     span = _means(sheet, _spans(surfaces, some, reach2), labels, math.pi * reach2, 1e-9)
-    caustic = _caustic_noise(surfaces, some, trial, squares, reach2, neighbours * trial.photons / photons)
+    few = few_neighbours(neighbours)
+    caustic = _caustic_noise(surfaces, some, trial, squares, reach2 * few / neighbours, few * trial.photons / photons)
     return Sheets(
         density=density,
         photon_noise=photon_noise,
