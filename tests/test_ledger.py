@@ -45,7 +45,8 @@ MIXED = tuple("ds")  # plates with two lobes
 MIXED += ("dd", "ds", "sd", "ss", "dD", "dG", "dS", "sD", "sG", "Dd", "Gd", "Sd", "Ds", "Gs", "Ss", "dsd", "sds")
 TRACED = {"plate": "plate", "lamp": "lamp", "sky": "plate", "light": "plate"}  # emitter: whose reference is its own
 PASSES = (8, 8, 16, 24, 48)  # by number of lobes, of chains without much noise, see passes_of
-SIGMAS, LARGEST_ERROR = 4.0, 0.1
+# A kind that is counted twice, or not at all, is off by 8 of the largest errors.
+SIGMAS, LARGEST_ERROR = 4.0, 0.125
 LEAST_SHARE = 0.85  # of the light, of the kinds that a chain is for
 _ERRORS = (0.01, 0.01, 0.01, 0.02, 0.04)  # relative errors at which references are good enough, by number of lobes
 _SECONDS = 240.0  # for one reference, about, if it does not get so good

@@ -18,6 +18,7 @@ from addon.solver.geometry.stage import Stage
 from addon.solver.geometry.surfaces import build_surfaces, sheet_count
 from addon.solver.geometry.triangles import areas, centroids
 from addon.solver.photons.emission import Surroundings
+from addon.solver.photons.photon_map import few_neighbours
 from addon.solver.physics.radiometry import build_radiometry, emission_range
 from addon.solver.physics.sky import no_sky_cells
 from addon.solver.physics.spectrum import band_radiance
@@ -233,7 +234,8 @@ def test_caustics_are_counted_apart(ground):
     trial = hits(ground, side_id, 2.0, np.concatenate((near, far)), caustic=True)
     sheets = measured(ground, trial, point=[point], side_id=side_id[:1])
     label, square = ground.label(0), (2.0 / math.pi) ** 2 * TRIAL / PASS
-    largest, gathered = math.pi * REACH2, NEIGHBOURS * TRIAL / PASS / 30  # share of those near that are gathered
+    few = few_neighbours(NEIGHBOURS)
+    largest, gathered = math.pi * REACH2 * few / NEIGHBOURS, few * TRIAL / PASS / 30  # share of those near that count
     assert sheets.caustic_noise[label] == pytest.approx(30 * square / largest**2 / gathered)
     assert sheets.photon_noise[label] == 0.0 and sheets.reflected[label] == pytest.approx(60 * 2.0 / 4.0 / math.pi)
     plain = measured(ground, trial._replace(caustic=np.zeros(60, bool)), point=[point], side_id=side_id[:1])
