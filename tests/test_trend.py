@@ -78,6 +78,15 @@ def test_two_passes_tell_nothing_of_blur(areas):
     np.testing.assert_allclose(film.noise(), even.noise(), rtol=1e-6)
 
 
+@pytest.mark.parametrize("first, count", [(0, 15), (100, 25), (1000, 300)])
+def test_passes_with_disks_alike_tell_nothing_of_blur(first, count):
+    """Fewer than the first 16, or late ones alone: to what disks of no size show is too far from all of theirs."""
+    areas = np.array([shrink_factor(first + i) for i in range(count)])
+    values = white(2, count) + 3.0 * areas[:, None]
+    sharp = film_of(values, np.ones(count))
+    np.testing.assert_array_equal(film_of(values, areas, first).noise(), sharp.noise())
+
+
 def test_parts_of_a_render_tell_the_same(areas):
     values = white(4) + 2.0 * areas[:, None]
     whole = film_of(values, areas)

@@ -322,7 +322,7 @@ def print_summary(results):
             )
 
 
-def parse_options():
+def parse_options(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES), help="all of them")
     parser.add_argument("--members", type=int, default=3, help="of each family (%(default)s)")
@@ -337,7 +337,7 @@ def parse_options():
     parser.add_argument("--python", help="interpreter that has Mitsuba, where it is not this one")
     parser.add_argument("--cache", type=Path, default=user_cache(), help="folder of the references (%(default)s)")
     parser.add_argument("--excess", type=int, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"), help="a window")
-    return parser.parse_args()
+    return parser.parse_args(arguments)
 
 
 def main():

@@ -26,6 +26,7 @@ import numpy as np
 
 from addon.solver import Settings, render
 from addon.solver import passes as pass_loop
+from addon.solver.geometry import surfaces
 from addon.solver.memory import memory_of_triangles
 from docs.tools.pages import MADE_AT
 from tests.benchmarks.scaling import CORES, Size, in_own_process, room
@@ -38,13 +39,15 @@ LEAST = 0.5  # bytes for each triangle that a part is listed from on
 
 class Cost(NamedTuple):
     """Memory in bytes for each triangle: at most, while the passes run, and what the guard foresees beyond the scene.
-    Time in seconds for each million triangles: of all threads' processors, and on the wall. parts: memory by array."""
+    Time in seconds for each million triangles: of all threads' processors, on the wall, and what of that Embree takes
+    to copy the mesh and to build its tree. parts: memory by array."""
 
     peak: float
     kept: float
     foreseen: float
     prepare: float
     prepare_wall: float
+    embree_wall: float
     one_pass: float  # s, wall
     parts: dict[str, float]
 
@@ -82,8 +85,14 @@ def measure(path: Path, limit: float | None) -> Cost:
         )
         return model
 
-    prepare_as_ever = pass_loop.prepare
-    with patch.object(pass_loop, "prepare", prepare):
+    def trace(*inputs):
+        start = time.perf_counter()
+        tracer = tracer_as_ever(*inputs)
+        seen.update(embree=time.perf_counter() - start)
+        return tracer
+
+    prepare_as_ever, tracer_as_ever = pass_loop.prepare, surfaces.Tracer
+    with patch.object(pass_loop, "prepare", prepare), patch.object(surfaces, "Tracer", trace):
         start = time.perf_counter()
         render(scene, settings)
         both = time.perf_counter() - start
@@ -95,6 +104,7 @@ def measure(path: Path, limit: float | None) -> Cost:
         foreseen=memory_of_triangles(count) / count,
         prepare=seen["prepare"] / millions,
         prepare_wall=seen["prepare_wall"] / millions,
+        embree_wall=seen["embree"] / millions,
         one_pass=both - seen["prepare_wall"],
         parts=parts,
     )
@@ -131,10 +141,10 @@ def main():
         cost = costs[-1]
         rows.append(
             f"| {count:,} | {cost.peak:.0f} | {cost.kept:.0f} | {cost.foreseen:.0f} | {cost.prepare:.2f} | "
-            f"{cost.prepare_wall:.2f} | {cost.one_pass:.2f} |"
+            f"{cost.prepare_wall:.2f} | {cost.embree_wall:.2f} | {cost.one_pass:.2f} |"
         )
-    print("| triangles | peak, bytes each | kept | foreseen | prepare, s per million | wall | pass, s |")
-    print("|--:" * 7 + "|")
+    print("| triangles | peak, bytes each | kept | foreseen | prepare, s per million | wall | Embree | pass, s |")
+    print("|--:" * 8 + "|")
     print("\n".join(rows))
     print("\n| of these, kept | bytes per triangle |\n|---|--:|")
     for name, size in costs[-1].parts.items():
