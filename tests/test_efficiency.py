@@ -7,8 +7,9 @@ plan raises it.
 
 The error is that of Film.noise, which is the spread between passes. Its square is averaged over all pixels but the
 worst 2 %, as in the benchmark of error against time: over all of them the few pixels at the edges of small hot things
-make most of the figure's own spread. That is, as a standard deviation over 12 seeds, 0.7 to 2.3 %. A figure fails if it
-is beyond TOLERANCE either way, six standard deviations: one that is far better should be stored.
+make most of the figure's own spread. That is, as a standard deviation over 12 seeds, 0.7 to 2.6 %, and 7 % where a
+caustic is most of it. A figure fails if it is beyond TOLERANCE either way, three standard deviations or more: one that
+is far better should be stored.
 
 `python -m pytest -s tests/test_efficiency.py` prints the figures beside those that are stored;
 `python -m tests.test_efficiency` prints new ones to store, and their spread, which takes some minutes.
@@ -32,7 +33,7 @@ TOLERANCE = 0.2  # relative
 # K2 rays, means over 12 seeds, and the spread over them
 STORED = {
     "room": 620.4,  # 0.7%
-    "ring": 9.207e05,  # 2.2%
+    "ring": 1.744e06,  # 6.7%
     "cavity": 2.123e05,  # 2.6%
     "engine": 6.785e06,  # 0.8%
     "street": 2888,  # 0.9%

@@ -144,7 +144,9 @@ print(sum(needed.values()), taken)
         ({"width": 8, "bands": 4, "subdivisions": 7}, 1000, ""),  # the triangles
         ({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, ""),  # the rays
         ({"width": 8}, 1000, "media=(plume(216),)"),  # the cells of a grid
-        ({"width": 8}, 1000, "media=(plume(216, soot=1e-7, CO2=0.01),)"),  # and their components
+        pytest.param(  # and their components
+            {"width": 8}, 1000, "media=(plume(216, soot=1e-7, CO2=0.01),)", marks=pytest.mark.long
+        ),
         ({"width": 8}, 1000, "textures=wallpaper(6000)"),
     ],
     ids=["film", "photons", "lamps", "geometry", "rays", "grid", "components", "textures"],

@@ -339,7 +339,7 @@ def test_tiles_cover_the_window_and_move():
     assert tiles(np.array([0, 0, 1, 1]), 7, np.uint64(5))[0].tolist() == [[0]]
 
 
-@pytest.mark.parametrize("moving", [True, False])
+@pytest.mark.parametrize("moving", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_tiles_leave_no_steps(moving, monkeypatch):
     """What a grey floor reflects of a hot wall, all else being black, is exact on both sides of tiles' borders, as they
     move; were these where they are in the first pass (moving is False), it would not be.

@@ -249,7 +249,7 @@ def scattering_slab(omega, tau, medium, below, anisotropy=0.0):
     (0.9, 1.0, "medium", 0.140965),
     (0.5, 1.0, "medium", 0.454822),
     (0.5, 40.0, "medium", 0.884774),  # a half-space but for 1e-16
-    (0.9, 40.0, "medium", 0.585053),
+    pytest.param(0.9, 40.0, "medium", 0.585053, marks=pytest.mark.long),
 ])  # fmt: skip
 def test_scattering_slabs(omega, tau, source, truth):
     """Light from a plate through a slab, and from the slab itself, over that of a blackbody: 4 standard errors. The
@@ -421,7 +421,10 @@ def joined(parts, materials, camera, **options):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("scattering, anisotropy, mirror", [(0.0, 0.0, False), (0.5, 0.0, True), (1.0, 0.6, False)])
+@pytest.mark.parametrize(
+    "scattering, anisotropy, mirror",
+    [(0.0, 0.0, False), (0.5, 0.0, True), pytest.param(1.0, 0.6, False, marks=pytest.mark.long)],
+)
 def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):
     """Quarters of the image, within 4 standard errors of both; the tracer has no shadow rays and no photons."""
     scene = fog_around_a_ball(scattering, anisotropy, mirror)

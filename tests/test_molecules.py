@@ -404,7 +404,7 @@ def test_the_error_of_the_quadrature_is_told(caplog):
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("passes", [16, 64])
+@pytest.mark.parametrize("passes", [16, pytest.param(64, marks=pytest.mark.long)])
 @pytest.mark.parametrize("edges, wall, medium", [
     (EDGES, 400.0, {"temperature": 900.0, "gas": EXHAUST}),
     (EDGES, 400.0, {"temperature": 300.0, "gas": {"CO2": 0.01}}),

@@ -150,7 +150,12 @@ def test_directions_are_chosen_by_brightness():
 
 
 @pytest.mark.parametrize(
-    "open_sides, fog", [(True, False), (True, True), pytest.param(False, False, marks=pytest.mark.long)]
+    "open_sides, fog",
+    [
+        pytest.param(True, False, marks=pytest.mark.long),
+        (True, True),
+        pytest.param(False, False, marks=pytest.mark.long),
+    ],
 )
 def test_a_hot_spot_lights_a_corner_as_in_a_path_tracer(monkeypatch, open_sides, fog):
     """Directly, by mirrors, in rough lobes and by all later bounces, by shadow rays, rays that meet the spot, photons
@@ -181,7 +186,7 @@ def test_a_hot_spot_lights_a_corner_as_in_a_path_tracer(monkeypatch, open_sides,
 SHELL = Sky(300.0 + 60.0 * np.cos(np.radians(np.arange(0.0, 181.0, 2.0))), np.arange(0.0, 181.0, 2.0))
 
 
-@pytest.mark.parametrize("fog", [False, True])
+@pytest.mark.parametrize("fog", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_sky_is_a_large_shell(fog):
     """What a sky sends into a half-open box of diffuse, rough and mirror walls, directly and by photons, with fog and
     without: the same as a black shell far away with these temperatures. Within 4 standard errors, and the 1e-3 by which

@@ -173,7 +173,7 @@ def marched(media, tables, quiet, ray, limit):
         Medium("air", 0.02, 280.0),
     ),
 ], ids=["fractions", "numbers", "overlapping"])  # fmt: skip
-@pytest.mark.parametrize("quiet", [0.0, 310.0])
+@pytest.mark.parametrize("quiet", [0.0, pytest.param(310.0, marks=pytest.mark.long)])
 def test_random_cells_against_a_march_in_numpy(media, quiet):
     """Radiance and transmittance of rays in one pass, where no temperature is between nodes; 5e-7 for float32."""
     (origin, direction), index = random_rays(60), 5

@@ -39,9 +39,8 @@ MAX_PHOTONS = 2**31 - 1
 # Factor on the squared radius of the last search, for the first try of the next one: a small factor costs repeated
 # searches, a large one superfluous candidates.
 _GUESS = 1.3
-# See few_neighbours. Fewer photons blur less and are noisier. With 1, pictures of mirrors and rough metal are further
-# off at edges of caustics than they state; with 0.2, a ring full of its caustic takes twice the time of 0.4 to one
-# error (docs/accuracy.md, Caustics).
+# See few_neighbours. Fewer photons blur less and are noisier. With 1, edges of caustics are further off than they
+# state; with 0.2, a ring full of its caustic takes 1.7 times the time of 0.4 to one error (docs/accuracy.md).
 _FEWER = 0.4
 
 
