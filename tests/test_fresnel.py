@@ -269,7 +269,9 @@ def test_rough_plates(name):
         assert standard_error(means) < 0.01 * albedo
 
 
-@pytest.mark.parametrize("name", BODIES | ROUGH)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if "gold" in name else []) for name in BODIES | ROUGH]
+)
 def test_isothermal_rooms_are_black(name):
     """At T0 exactly, in every pixel; with a wrong T0 in the mean (2e-4 is the error of the table of a rough lobe)."""
     scene, truth = isothermal((BODIES | ROUGH)[name])

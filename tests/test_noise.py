@@ -95,7 +95,9 @@ def spread_and_noise(scene, renders=RENDERS, **settings):
 
 
 @pytest.mark.parametrize("renders", [RENDERS, pytest.param(200, marks=pytest.mark.long)])
-@pytest.mark.parametrize("scene", [room, silhouettes, lamps_and_mirrors, below_a_hole])
+@pytest.mark.parametrize(
+    "scene", [room, silhouettes, lamps_and_mirrors, pytest.param(below_a_hole, marks=pytest.mark.long)]
+)
 def test_noise_is_the_spread_over_independent_renders(scene, renders):
     """True over predicted, in the mean over the image, within 10 %."""
     spread, noise = spread_and_noise(scene(), renders, passes=8, photons_per_pass=10_000)
