@@ -282,7 +282,7 @@ def test_photons_of_a_square_spot():
     spot = (0.6, 0.6)
     way = np.array([[*spot, -1.5]])
     truth = 0.8 * square_intensity(mirrored(light), way)[0] * 1.5 / np.linalg.norm(way) ** 3 * band_power(light)
-    agree(below_a_mirror(light, spot), truth, most=0.025, passes=100, photons=50_000)
+    agree(below_a_mirror(light, spot), truth, most=0.02, passes=150, photons=50_000)
 
 
 FLUSH = {  # lights that shine down, by their height (m)

@@ -141,9 +141,8 @@ def test_gases_that_overlap_add():
     assert np.allclose(traced.radiance(), expected, rtol=1e-5)
 
 
-@pytest.mark.parametrize(
-    "seed", (pytest.param(0, marks=pytest.mark.long), 4)
-)  # the ray through the second grid meets missing leaves alone
+# of seed 4 the ray through the second grid meets missing leaves alone
+@pytest.mark.parametrize("seed", (pytest.param(0, marks=pytest.mark.long), 4))
 def test_random_cells(seed):
     """Single rays through a sheared grid with missing leaves, beside a sum over its cells."""
     grid = random_grid(seed)

@@ -6,8 +6,7 @@
 Renders scenes with caustics with different shares of the neighbours that other estimates look for (`few_neighbours`),
 64 passes of 30,000 photons, and compares them with Mitsuba, as against_mitsuba.py does. Then the ring of
 speed_scenes.py, which its caustic fills: the root mean square of the difference of two renders over the root of 2, so
-what both blur alike is not in it.
-Options are those of against_mitsuba.py.
+what both blur alike is not in it. Options are those of against_mitsuba.py.
 """
 
 import sys
