@@ -49,10 +49,11 @@ def blur(areas: Regression, variance: np.ndarray) -> np.ndarray:
     areas: of the pixels' values on the area of disks, in any unit; without disks it is 0. variance: (height, width)
     float64 of the passes at each pixel.
     """
-    if areas.leverage() * areas.passes > _NOISIEST:
+    leverage = areas.leverage()
+    if leverage * areas.passes > _NOISIEST:
         return np.zeros(variance.shape)
     bias = areas.bias().reshape(variance.shape)
-    beyond = _around(bias**2 - _BY_NOISE * areas.leverage() * variance)
+    beyond = _around(bias**2 - _BY_NOISE * leverage * variance)
     known = _around(variance / areas.passes)
     return np.divide(np.maximum(beyond, 0.0), known, out=np.zeros(variance.shape), where=known > 0.0)
 

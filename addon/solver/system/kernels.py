@@ -17,6 +17,7 @@ from functools import cache
 
 import numba
 
+from .compiler import KernelCompiler
 from .kernel_cache import keep_apart, kept_kernels
 
 
@@ -51,7 +52,13 @@ def _wrap_on_demand(inlined, options: dict) -> None:
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
 # No kernel is handed on as a C function, so none gets the wrapper for that, which takes time to compile and to load.
-KERNEL = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "_nrt": False}
+KERNEL = {
+    "cache": True,
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+    "pipeline_class": KernelCompiler,
+}
 FAST_KERNEL = KERNEL | {"fastmath": FAST}
 
 # For small functions that many kernels call: LLVM inlines them. Numba's own inlining would infer their types anew at
@@ -65,5 +72,6 @@ INLINED = {
     "no_cfunc_wrapper": True,
     "no_cpython_wrapper": True,
     "_nrt": False,
+    "pipeline_class": KernelCompiler,
 }
 FAST_INLINED = INLINED | {"fastmath": FAST}
