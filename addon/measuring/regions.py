@@ -31,27 +31,25 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class Region:
-    """Pixels of an image. rows, columns: slices, together with a mask (bool, of their shape) if not all of them count;
-    or index arrays (n,), as of a line in its order.
+    """Pixels of an image, in runs along its rows.
+
+    row, start, stop: (n,) int, the row of each run, its first column and the one after its last.
     """
 
-    rows: slice | np.ndarray
-    columns: slice | np.ndarray
-    mask: np.ndarray | None = None
+    row: np.ndarray
+    start: np.ndarray
+    stop: np.ndarray
 
     def values(self, image: np.ndarray) -> np.ndarray:
         """(n,) values of an image (h, w) in these pixels, row by row from the bottom, of a line from its start."""
-        part = image[self.rows, self.columns]
-        return part.ravel() if self.mask is None else part[self.mask]
+        runs = zip(self.row.tolist(), self.start.tolist(), self.stop.tolist(), strict=True)
+        return np.concatenate([np.empty(0, image.dtype), *(image[row, start:stop] for row, start, stop in runs)])
 
     def pixel(self, index: int) -> tuple[int, int]:
         """(row, column) of one of the `values` by its index."""
-        if isinstance(self.rows, np.ndarray):
-            return int(self.rows[index]), int(self.columns[index])
-        width = self.columns.stop - self.columns.start
-        flat = index if self.mask is None else np.flatnonzero(self.mask)[index]
-        row, column = divmod(int(flat), width)
-        return self.rows.start + row, self.columns.start + column
+        ends = np.cumsum(self.stop - self.start)
+        run = int(np.searchsorted(ends, index, "right"))
+        return int(self.row[run]), int(self.stop[run] - ends[run] + index)
 
 
 def region_of(kind: str, points: Sequence[Sequence[float]], window: Window) -> Region:
@@ -67,17 +65,16 @@ def region_of(kind: str, points: Sequence[Sequence[float]], window: Window) -> R
         return _listed(np.floor(places[:1, ::-1]).astype(np.intp), window.shape)
     if kind == "LINE":
         return _line(places[0], places[1], window.shape)
-    rows, columns = _middles_between(places.min(axis=0), places.max(axis=0), window.shape)
     if kind == "BOX":
-        return Region(rows, columns)
-    x, y = (np.arange(part.start, part.stop) + 0.5 for part in (columns, rows))
-    return Region(rows, columns, _ellipse(places[:2], x, y) if kind == "ELLIPSE" else _polygon(places, x, y))
+        return _box(places, window.shape)
+    return (_ellipse if kind == "ELLIPSE" else _polygon)(places, window.shape)
 
 
 def _listed(pixels: np.ndarray, shape: tuple[int, int]) -> Region:
     """Those of pixels (n, 2), row and column, that are in an image."""
     inside = ((pixels >= 0) & (pixels < shape)).all(axis=1)
-    return Region(*pixels[inside].T)
+    row, column = pixels[inside].T
+    return Region(row, column, column + 1)
 
 
 def _line(start: np.ndarray, end: np.ndarray, shape: tuple[int, int]) -> Region:
@@ -93,29 +90,41 @@ def _line(start: np.ndarray, end: np.ndarray, shape: tuple[int, int]) -> Region:
     return _listed(np.stack((rows, columns), axis=1).astype(np.intp), shape)
 
 
-def _middles_between(low: np.ndarray, high: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Slices of the rows and of the columns whose middles lie from low (x, y) to below high (x, y)."""
-    size = shape[::-1]
-    first, stop = (np.clip(np.ceil(corner - 0.5), 0, size).astype(int).tolist() for corner in (low, high))
-    return slice(first[1], max(first[1], stop[1])), slice(first[0], max(first[0], stop[0]))
+def _box(places: np.ndarray, shape: tuple[int, int]) -> Region:
+    """The pixels whose middles lie from the least to below the largest of places (n, 2), x and y."""
+    first, stop = (_first_middle(corner, shape[::-1]) for corner in (places.min(axis=0), places.max(axis=0)))
+    row = np.arange(first[1], stop[1])
+    return _runs(row, np.full(len(row), first[0]), np.full(len(row), stop[0]))
 
 
-def _ellipse(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(rows, columns) whether the ellipse in a rectangle (2, 2) holds the places at x (columns,) and y (rows,)."""
-    middle, half = corners.mean(axis=0), np.maximum(np.abs(corners[1] - corners[0]) / 2.0, 1e-9)
-    return ((x - middle[0]) / half[0]) ** 2 + (((y - middle[1]) / half[1]) ** 2)[:, None] <= 1.0
+def _first_middle(place: np.ndarray, size) -> np.ndarray:
+    """The first pixels, along an axis of so many, whose middles are not below a place; the size if there is none."""
+    return np.clip(np.ceil(place - 0.5), 0, size).astype(np.intp)
 
 
-def _polygon(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(rows, columns) whether a polygon (n, 2) holds the places at x (columns,), evenly 1 apart, and y (rows,).
+def _runs(row: np.ndarray, start: np.ndarray, stop: np.ndarray) -> Region:
+    """A Region of those runs that are not empty."""
+    filled = start < stop
+    return Region(row[filled], start[filled], stop[filled])
 
-    A place is inside if a ray from it crosses the outline an odd number of times.
-    """
-    flips = np.zeros((len(y), len(x) + 1), np.uint8)  # where a row goes in or out, from there on to the right
-    if not len(x) or not len(y):
-        return flips[:, :-1].astype(bool)
-    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        crossed = np.flatnonzero((y >= min(y0, y1)) & (y < max(y0, y1)))  # a corner is met once by both its sides
-        at = x0 + (y[crossed] - y0) * ((x1 - x0) / (y1 - y0) if y1 != y0 else 0.0)
-        flips[crossed, np.clip(np.ceil(at - x[0]), 0, len(x)).astype(int)] ^= 1
-    return np.bitwise_xor.accumulate(flips[:, :-1], axis=1).astype(bool)
+
+def _ellipse(places: np.ndarray, shape: tuple[int, int]) -> Region:
+    """The pixels whose middles an ellipse holds, in the rectangle between the first two places."""
+    middle, half = places[:2].mean(axis=0), np.maximum(np.abs(places[1] - places[0]) / 2.0, 1e-9)
+    row = np.arange(shape[0])
+    across = 1.0 - ((row + 0.5 - middle[1]) / half[1]) ** 2
+    row, reach = row[across >= 0.0], half[0] * np.sqrt(across[across >= 0.0])
+    stop = np.clip(np.floor(middle[0] + reach - 0.5) + 1.0, 0, shape[1]).astype(np.intp)  # its outline belongs to it
+    return _runs(row, _first_middle(middle[0] - reach, shape[1]), stop)
+
+
+def _polygon(places: np.ndarray, shape: tuple[int, int]) -> Region:
+    """The pixels whose middles a polygon holds, with corners at places (n, 2): a row goes in where it crosses the
+    outline for the first time, out at the second time, and so on."""
+    crossings = []
+    for (x0, y0), (x1, y1) in zip(places, np.roll(places, -1, axis=0), strict=True):
+        row = np.arange(*_first_middle(np.array([min(y0, y1), max(y0, y1)]), shape[0]))  # one of two sides has a corner
+        at = x0 + (row + 0.5 - y0) * ((x1 - x0) / (y1 - y0) if y1 != y0 else 0.0)
+        crossings.append(np.stack((row, _first_middle(at, shape[1])), axis=1))
+    row, column = np.concatenate(crossings)[np.lexsort(np.concatenate(crossings).T[::-1])].T
+    return _runs(row[::2], column[::2], column[1::2])

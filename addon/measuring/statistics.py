@@ -11,6 +11,8 @@ import numpy as np
 from ..output.temperature_scale import Isotherm
 from .regions import Region
 
+_BLOCK = 1 << 14  # values, 64 KB of float32
+
 
 class Measurement(NamedTuple):
     """What a tool reads in its pixels. Temperatures and errors are in K; an error of infinity is unknown.
@@ -50,14 +52,12 @@ def measure_values(
     """As `measure`, of the values (n,) and errors (n,) in a region's pixels, K. pixels: of the whole image."""
     if values.size == 0:
         return None
-    squares = float(np.sum(np.square(errors), dtype=np.float64))
     unknown = errors >= values
     known = not (unknown.any() and (values[unknown] > 0.0).any())
     low, high = int(np.argmin(values)), int(np.argmax(values))
     mean = float(np.mean(values, dtype=np.float64))
-    shifted = values - values.dtype.type(mean)  # small numbers, whose squares the images' float32 holds well
-    variance = float(np.mean(np.square(shifted, out=shifted), dtype=np.float64))
-    variance -= (mean - float(values.dtype.type(mean))) ** 2
+    near = float(values.dtype.type(mean))  # values less this are small, and their squares exact enough in float32
+    variance = _sum_of_squares(values, near) / values.size - (mean - near) ** 2
     return Measurement(
         minimum=float(values[low]),
         maximum=float(values[high]),
@@ -69,9 +69,18 @@ def measure_values(
         place_of_maximum=region.pixel(high),
         error_of_minimum=_known(errors[low], values[low]),
         error_of_maximum=_known(errors[high], values[high]),
-        error_of_mean=math.sqrt(squares) / values.size if known else math.inf,
+        error_of_mean=math.sqrt(_sum_of_squares(errors)) / values.size if known else math.inf,
         in_isotherm=None if isotherm is None else share_in(values, isotherm),
     )
+
+
+def _sum_of_squares(values: np.ndarray, shift: float = 0.0) -> float:
+    """Sum of (value - shift)^2 of values (n,), by blocks: copies of whole pictures would not stay in the cache."""
+    total, shift = 0.0, values.dtype.type(shift)
+    for begin in range(0, values.size, _BLOCK):
+        part = values[begin : begin + _BLOCK] - shift
+        total += float(part @ part)
+    return total
 
 
 def _known(error, value) -> float:
