@@ -3,7 +3,7 @@
 
 Each family is a function of a random generator that returns a Scene of one narrow band, 64 x 48 pixels. FIXED are
 members that do not change, by the family's name. The surroundings have the ambient temperature, T0 of the excess, but
-under a sky. Four families, `plume` and those after it, hold grey gas; the last four have surfaces that vary, or a sky.
+under a sky. Four families, from `plume` on, hold grey gas; the last four have surfaces that vary, or a sky.
 """
 
 import zlib
@@ -379,6 +379,93 @@ def random_rough(rng):
 # Gas
 
 
+# Pipes, wires, corners, stairs, jars, cracks
+
+
+def pipe(rng):
+    """A pipe of mirrors, or of metal that is nearly one, that leads the light of a hot ball down to a floor."""
+    parts = Parts()
+    radius, bottom = rng.uniform(0.03, 0.15), rng.uniform(0.05, 0.3)
+    length = rng.uniform(3, 14) * radius
+    wall = grey(rng.uniform(0.02, 0.15), rng.choice((1.0, 0.9)), rng.choice((0.0, 0.0, 0.1)))
+    parts.add(revolve([(radius, bottom), (radius, bottom + length)], 48), AMBIENT, wall)
+    size, kelvin = radius * rng.uniform(0.1, 0.4), rng.uniform(600, 1300)
+    parts.add(sphere(3, size), kelvin, grey(0.9), (0, 0, bottom + length * rng.uniform(0.5, 0.95)))
+    floor(parts, grey(0.5))
+    return parts.scene(view((0.9, -1.2, 0.9), (0, 0, 0.15)), BAND, AMBIENT)
+
+
+def fence(rng):
+    """Thin upright wires, some of them hot, before a warm plate."""
+    parts = Parts()
+    count, gap, radius = int(rng.integers(8, 40)), rng.uniform(0.012, 0.05), rng.uniform(0.0008, 0.004)
+    for i in range(count):
+        x = (i - (count - 1) / 2) * gap
+        kelvin = AMBIENT if rng.random() < 0.7 else rng.uniform(400, 900)
+        metal = grey(rng.uniform(0.1, 0.9), rng.choice((0.0, 1.0)))
+        parts.add(cylinder((x, 0, 0.001), (x, 0, 0.6), radius, 12), kelvin, metal)
+    plate = quad((0, 0.25, 0.3), (0.4, 0, 0), (0, 0, 0.28))
+    parts.add(plate, rng.uniform(330, 600), grey(rng.uniform(0.3, 0.95)))
+    floor(parts, grey(0.4))
+    return parts.scene(view((0.3, -1.3, 0.7), (0, 0, 0.2)), BAND, AMBIENT)
+
+
+def corner(rng):
+    """A corner of three plates of rough metal, which reflect one another, and small hot balls."""
+    parts = Parts()
+    metal = grey(rng.uniform(0.05, 0.3), rng.choice((0.7, 1.0)), rng.uniform(0.06, 0.4))
+    x, y, z = 0.5 * np.eye(3)
+    for middle, *sides in ((0 * z, x, y), (y + z, x, z), (z - x, y, z)):
+        parts.add(quad(middle, *sides), AMBIENT, metal)
+    for _ in range(rng.integers(1, 4)):
+        size, kelvin = rng.uniform(0.01, 0.05), rng.uniform(500, 1200)
+        parts.add(sphere(3, size), kelvin, grey(0.9), rng.uniform((-0.35, -0.35, 0.06), (0.35, 0.35, 0.6)))
+    return parts.scene(view((1.0, -1.3, 1.1), (0, 0.05, 0.2)), BAND, AMBIENT)
+
+
+def stairs(rng):
+    """Stairs with a thin hot bar under the nose of each, millimetres off tread and riser."""
+    parts = Parts()
+    count, height, depth = int(rng.integers(3, 9)), rng.uniform(0.05, 0.15), rng.uniform(0.08, 0.2)
+    stone, off = grey(rng.uniform(0.1, 0.8)), rng.uniform(0.001, 0.01)
+    for i in range(count):
+        parts.add(quad((0, (i + 0.5) * depth, i * height), (0.5, 0, 0), (0, depth / 2, 0)), AMBIENT, stone)
+        parts.add(quad((0, (i + 1) * depth, (i + 0.5) * height), (0.5, 0, 0), (0, 0, height / 2)), AMBIENT, stone)
+        size = rng.uniform(0.002, 0.01)
+        at = np.array((0, (i + 1) * depth - off - size / 2, (i + 1) * height - off - size / 2 - 0.003))
+        parts.add(block((0.8, size, size)), rng.uniform(400, 900), grey(0.9), at)
+    camera = view((0.6, -1.0, count * height + 0.6), (0, count * depth / 2, count * height / 2))
+    return parts.scene(camera, BAND, AMBIENT)
+
+
+def jar(rng):
+    """A hot ball in a jar of a thin film that lets some of its light through, between boxes of all kinds."""
+    parts = Parts()
+    tau, shine = rng.uniform(0.2, 0.6), rng.choice((0.0, 1.0))
+    film = Material("film", float(min(rng.uniform(0.05, 0.4), 1.0 - tau)), float(shine), transmittance=float(tau))
+    radius = rng.uniform(0.1, 0.25)
+    parts.add(revolve([(radius, 0.02), (radius, 0.5)], 64), rng.uniform(300, 340), film)
+    size, kelvin = rng.uniform(0.01, 0.05), rng.uniform(600, 1300)
+    parts.add(sphere(3, size), kelvin, grey(0.9), (rng.uniform(-0.3, 0.3) * radius, 0, rng.uniform(0.1, 0.4)))
+    for _ in range(3):
+        turn = rng.uniform(0, 2 * np.pi)
+        material = grey(rng.uniform(0.1, 0.9), rng.choice((0.0, 1.0)), rng.choice((0.0, 0.2)))
+        at = 0.5 * np.cos(turn), 0.5 * np.sin(turn), 0.15
+        parts.add(block(rng.uniform(0.05, 0.25, 3)), AMBIENT, material, at)
+    floor(parts, grey(0.5))
+    return parts.scene(view((0.8, -1.3, 1.0), (0, 0, 0.12)), BAND, AMBIENT)
+
+
+def crack(rng):
+    """Two rooms on both sides of a crack of some millimetres: a hot panel in the one, the camera in the other."""
+    parts = Parts()
+    wall, half = grey(rng.uniform(0.1, 0.6)), rng.uniform(0.001, 0.006)
+    shell(parts, (1, 1, 0.6), AMBIENT, wall, skip=(2,))
+    wall_with_hole(parts, 0.5, (1, 0.6), (0.5 - half, 0.5 + half, 0, 0.6), wall)
+    parts.add(quad((0.5, 0.95, 0.3), (0.3, 0, 0), (0, 0, 0.2)), rng.uniform(500, 900), grey(0.9))
+    return parts.scene(view((0.5, -1.0, 0.9), (0.5, 0.3, 0.1)), BAND, AMBIENT)
+
+
 def things(rng):
     """A floor and blocks on and over it, of any surface, some of them warm."""
     parts = Parts()
@@ -594,6 +681,12 @@ FAMILIES = {
     "hidden": hidden,
     "mirrors": mirrors,
     "rough": random_rough,
+    "pipe": pipe,
+    "fence": fence,
+    "corner": corner,
+    "stairs": stairs,
+    "jar": jar,
+    "crack": crack,
     "plume": plume,
     "fog": fog,
     "smoke": smoke,
