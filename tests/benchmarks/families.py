@@ -376,9 +376,6 @@ def random_rough(rng):
     return rough(rng.uniform(0.05, 0.7), rng.uniform(0.05, 0.5), specular, ball, rng.uniform(0, 0.6))
 
 
-# Gas
-
-
 # Pipes, wires, corners, stairs, jars, cracks
 
 
@@ -464,6 +461,9 @@ def crack(rng):
     wall_with_hole(parts, 0.5, (1, 0.6), (0.5 - half, 0.5 + half, 0, 0.6), wall)
     parts.add(quad((0.5, 0.95, 0.3), (0.3, 0, 0), (0, 0, 0.2)), rng.uniform(500, 900), grey(0.9))
     return parts.scene(view((0.5, -1.0, 0.9), (0.5, 0.3, 0.1)), BAND, AMBIENT)
+
+
+# Gas
 
 
 def things(rng):
