@@ -126,5 +126,7 @@ def _polygon(places: np.ndarray, shape: tuple[int, int]) -> Region:
         row = np.arange(*_first_middle(np.array([min(y0, y1), max(y0, y1)]), shape[0]))  # one of two sides has a corner
         at = x0 + (row + 0.5 - y0) * ((x1 - x0) / (y1 - y0) if y1 != y0 else 0.0)
         crossings.append(np.stack((row, _first_middle(at, shape[1])), axis=1))
-    row, column = np.concatenate(crossings)[np.lexsort(np.concatenate(crossings).T[::-1])].T
+    row, column = np.concatenate(crossings).T
+    order = np.lexsort((column, row))
+    row, column = row[order], column[order]
     return _runs(row[::2], column[::2], column[1::2])
