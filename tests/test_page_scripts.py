@@ -162,14 +162,14 @@ def rows_with(accuracy, deviations, monkeypatch):
     _, truth = case.build(**case.arguments)
     asked = []
 
-    def passes_of(case, seeds, passes, threads):
+    def passes_of(case, seeds, passes):
         asked.append((seeds, passes))
         spread = 1e-4 * np.sqrt(64) * np.tile([1.0, -1.0], 32) * np.sqrt(63 / 64)
         return (truth * (1.0 + 1e-4 * deviations[len(asked) - 1] + spread[:, None]))[None]
 
     monkeypatch.setattr(accuracy, "passes_of", passes_of)
     monkeypatch.setattr(accuracy, "PLOTTED", {case.title: case.name})
-    rows, _ = accuracy.measure(case, 1)
+    rows, _ = accuracy.measure(case)
     return rows, asked
 
 

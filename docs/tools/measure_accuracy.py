@@ -12,7 +12,9 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
+import os
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -96,17 +98,15 @@ class Row:
         )
 
 
-def passes_of(case: Case, seeds: tuple[int, ...], passes: int, threads: int) -> np.ndarray:
-    """(seeds, passes, b) mean radiance of the image, W m-2 sr-1."""
+def passes_of(case: Case, seeds: tuple[int, ...], passes: int) -> np.ndarray:
+    """(seeds, passes, b) mean radiance of the image, W m-2 sr-1; in one thread."""
     scene, _ = case.build(**case.arguments)
-    return np.array(
-        [pass_means(scene, case.render_settings(passes=passes, seed=seed, threads=threads)) for seed in seeds]
-    )
+    return np.array([pass_means(scene, case.render_settings(passes=passes, seed=seed, threads=1)) for seed in seeds])
 
 
-def passes_needed(case: Case, truth: np.ndarray, threads: int) -> int:
+def passes_needed(case: Case, truth: np.ndarray) -> int:
     """Passes of each of SEEDS that bring the noisiest band's standard error to WANTED."""
-    pilot = passes_of(case, (PILOT_SEED,), PILOT, threads)[0]
+    pilot = passes_of(case, (PILOT_SEED,), PILOT)[0]
     spread = float(np.max(pilot.std(axis=0, ddof=1) / truth))
     return int(np.clip(math.ceil((spread / WANTED) ** 2 / len(SEEDS)), FEWEST, MOST))
 
@@ -123,7 +123,7 @@ def rows_of(case: Case, means: np.ndarray, again: bool = False) -> list[Row]:
     ]
 
 
-def measure(case: Case, threads: int) -> tuple[list[Row], np.ndarray]:
+def measure(case: Case) -> tuple[list[Row], np.ndarray]:
     """Rows of a case and the means they come from. A row that is not right is followed by one of new seeds, 4 times as
     many passes.
     """
@@ -131,14 +131,12 @@ def measure(case: Case, threads: int) -> tuple[list[Row], np.ndarray]:
         seeds, passes = CURVE_SEEDS, CURVE_PASSES
     else:
         _, truth = case.build(**case.arguments)
-        seeds, passes = SEEDS, passes_needed(case, truth, threads)
-    means = passes_of(case, seeds, passes, threads)
+        seeds, passes = SEEDS, passes_needed(case, truth)
+    means = passes_of(case, seeds, passes)
     rows = rows_of(case, means)
     if not all(row.right for row in rows):
-        longer = rows_of(case, passes_of(case, AGAIN, 4 * passes, threads), again=True)
+        longer = rows_of(case, passes_of(case, AGAIN, 4 * passes), again=True)
         rows = [row for pair in zip(rows, longer, strict=True) for row in pair[: 1 if pair[0].right else 2]]
-    for row in rows:
-        print(f"{case.title}: {' | '.join(cells(row))}", flush=True)
     return rows, means
 
 
@@ -327,16 +325,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--only", metavar="WORD")
     options = parser.parse_args(arguments)
+    threads = options.threads or os.cpu_count() or 1
+    cases = [case for case in CASES if not options.only or options.only in f"{case.title}: {case.name}"]
     rows, curves = [], {}
-    for case in CASES:
-        if options.only and options.only not in f"{case.title}: {case.name}":
-            continue
-        found, means = measure(case, options.threads)
-        rows += found
-        if PLOTTED.get(case.title) == case.name:
-            curves[f"{case.title}\n{case.name}"] = curve(means, case.build(**case.arguments)[1])
+    with ThreadPoolExecutor(threads) as pool:  # images are small: cases side by side leave no thread idle
+        for case, (found, means) in zip(cases, pool.map(measure, cases), strict=True):
+            for row in found:
+                print(f"{case.title}: {' | '.join(cells(row))}", flush=True)
+            rows += found
+            if PLOTTED.get(case.title) == case.name:
+                curves[f"{case.title}\n{case.name}"] = curve(means, case.build(**case.arguments)[1])
     if not options.only:
-        write_page(rows, curves, options.threads)
+        write_page(rows, curves, threads)
     for row in wrong(rows):
         print(f"Wrong: {row.case.title}: {' | '.join(cells(row))}", file=sys.stderr)
     return 1 if wrong(rows) else 0

@@ -271,8 +271,7 @@ class Film:
         """(height, width) float32 standard error of temperature(), K. Neighbouring pixels have a say, see pooling.
 
         It includes what regions are known to miss, see self_check, and what shrinking disks tell of their blur, see
-        trend. After a single pass the error is unknown, and the
-        result is the temperature itself.
+        trend. After a single pass the error is unknown, and the result is the temperature itself.
         """
         if self.passes < 2:
             return self.temperature()

@@ -26,10 +26,7 @@ from .pilot import Pilot
 FALL = 1.25  # the variance of n rays of a lattice falls as n^-FALL: n^-1.5 at straight edges, n^-1 for small parts
 _PRIOR = 4.0  # samples that the mean of all sheets counts as on each sheet
 _POINTS = 1024  # at which the extent of sheets is measured
-_LATTICES, _LATTICE_RAYS = (
-    1024,
-    16,
-)  # lattices that are compared with random rays, and rays of each
+_LATTICES, _LATTICE_RAYS = 1024, 16  # lattices that are compared with random rays, and rays of each
 _CENTROID = 1.0 / 3.0  # barycentric coordinates
 _TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
 

@@ -51,14 +51,9 @@ def _wrap_on_demand(inlined, options: dict) -> None:
 # compiled code, so the order of every sum is the same in each.
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
-# No kernel is handed on as a C function, so none gets the wrapper for that, which takes time to compile and to load.
-KERNEL = {
-    "cache": True,
-    "nogil": True,
-    "no_cfunc_wrapper": True,
-    "_nrt": False,
-    "pipeline_class": KernelCompiler,
-}
+# No function is handed on as a C function, so none gets the wrapper for that, which takes time to compile and to load.
+_COMMON = {"no_cfunc_wrapper": True, "_nrt": False, "pipeline_class": KernelCompiler}
+KERNEL = _COMMON | {"cache": True, "nogil": True}
 FAST_KERNEL = KERNEL | {"fastmath": FAST}
 
 # For small functions that many kernels call: LLVM inlines them. Numba's own inlining would infer their types anew at
@@ -66,12 +61,5 @@ FAST_KERNEL = KERNEL | {"fastmath": FAST}
 # would inherit the setting of whichever kernel is compiled first.
 # Nearly all are called by kernels alone. A wrapper for Python, which takes tables of dozens of arrays apart, took a
 # tenth to a fifth of the compile time.
-INLINED = {
-    "forceinline": True,
-    "fastmath": False,
-    "no_cfunc_wrapper": True,
-    "no_cpython_wrapper": True,
-    "_nrt": False,
-    "pipeline_class": KernelCompiler,
-}
+INLINED = _COMMON | {"forceinline": True, "fastmath": False, "no_cpython_wrapper": True}
 FAST_INLINED = INLINED | {"fastmath": FAST}
