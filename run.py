@@ -96,7 +96,9 @@ def environment() -> Path:
     stamp = folder / "fingerprint"
     if not (python.exists() and stamp.exists() and stamp.read_text() == fingerprint):
         print(f"Making {folder.name} (once; some minutes) ...", flush=True)
-        venv, pip = (sys.executable, "-m", "venv", "--clear", folder), (python, "-m", "pip", "install", "--quiet")
+        venv = sys.executable, "-m", "venv", "--clear", folder
+        # Python compiles what it imports, a small part of all: pip would take as long for it as for everything else
+        pip = python, "-m", "pip", "install", "--quiet", "--no-compile"
         run("Python made no virtual environment (on Debian and Ubuntu: apt install python3-venv)", *venv)
         run("pip could not install the requirements", *pip, *requirements)
         run(f"Blender's module does not start; {BPY_NEEDS}", python, "-c", "import bpy")

@@ -6,6 +6,29 @@ from __future__ import annotations
 import hypothesis
 import pytest
 
+# First comes what takes longest in one process and compiles kernels of its own, then what compiles those of most
+# renders, for two minutes. Beside it run files that render next to nothing: others would compile the same kernels too.
+COMPILING = "test_real_blender.py", "test_adaptive_bands_blender.py"
+QUIET = {
+    "test_gas_panels.py",
+    "test_hair_blender.py",
+    "test_heat_display.py",
+    "test_pairs.py",
+    "test_preferences.py",
+    "test_scene_reader.py",
+    "test_shader_proposals.py",
+    "test_shaders.py",
+    "test_startup.py",
+    "test_texture_reading.py",
+}
+
+
+def place(name):
+    """Where a file comes in the order of all: the lowest numbers first."""
+    if name in COMPILING:
+        return COMPILING.index(name)
+    return len(COMPILING) + (name not in QUIET)
+
 
 def pytest_addoption(parser):
     parser.addoption("--long", action="store_true", help="run the long tests, too (some ten minutes more)")
@@ -25,8 +48,7 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    # first what takes longest in one process, and compiles kernels of its own: other files run, and compile, beside it
-    items.sort(key=lambda item: item.path.name != "test_real_blender.py")
+    items.sort(key=lambda item: place(item.path.name))
     if not config.getoption("--long"):
         long = [item for item in items if item.get_closest_marker("long")]
         config.hook.pytest_deselected(items=long)

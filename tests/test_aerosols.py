@@ -160,7 +160,7 @@ def test_anisotropy_of_bands():
     assert table.anisotropy.shape == (2, 3) and np.all(table.anisotropy[0] == 0.25)
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 def test_fog_of_one_temperature_is_black():
     """Without subtraction, several bands: mean within 4 standard errors; with it exactly."""
     edges = np.array([3.0, 5.0, 8.0, 12.0])
@@ -176,7 +176,7 @@ def test_fog_of_one_temperature_is_black():
     assert abs(mean - black) < 4 * error and error < 0.01 * mean
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 def test_a_slab_of_fog():
     """A slab of droplets of 5 um at 10 um, an optical depth of 2, made endless by mirrors, over a black plate: what it
     lets through and what it shines, against a random walk of 4e5 photons with the library's albedo and g. 4 standard

@@ -294,6 +294,7 @@ def plates_scene(edges):
     return make_scene(*box((1.0, 1.0, 0.5)), temperature, materials, camera, edges, [0] * 8 + [1] * 4)
 
 
+@pytest.mark.long
 def test_renders_lose_what_the_closed_form_says():
     """Diffuse plates of quartz in 4 wide bands, by photons: the loss against 512 bands is that of `plates`, to 4
     standard errors, and at least 10 standard errors of the worst band from none."""

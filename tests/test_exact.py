@@ -48,16 +48,23 @@ from tests.helpers.exact_cases import (
 )
 from tests.helpers.scenes import pass_means, quad
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 ENCLOSURES = plates, closed_sphere, concentric, cavity  # light comes from all sides, so that few passes tell its spread
 CHANCE = 6e-5  # that one of some 60 means strays further: in every 260th suite, as for 4 standard errors that are known
+SECOND_VIEWS = "hot, e = 0.8 / 0.4", "rest, e = 0.3 / 0.9", "f = 0.01, e = 0.5", "three bands"  # of what others show
+
+
+def is_long(case):
+    return case.settings in (OFF, WRONG) or any(words in case.name for words in SECOND_VIEWS)
+
+
 SHORT = [
     pytest.param(
         case,
         1,
         id=f"{case.build.__name__}-{case.name}",
-        marks=[pytest.mark.long] if case.settings in (OFF, WRONG) or "three bands" in case.name else [],
+        marks=[pytest.mark.long] if is_long(case) else [],
     )
     for case in CASES
     if case.short
@@ -90,6 +97,7 @@ def test_isothermal_enclosure_is_exact_in_every_pixel(case):
     assert np.all(film.noise() == 0)
 
 
+@pytest.mark.long  # docs/accuracy.md tells the same of more passes
 def test_pixels_converge():
     """The error of single pixels falls at least as m^-1/3 over m passes: that of photons alone, whose disks shrink.
 

@@ -130,7 +130,7 @@ def test_panels_show_the_units_of_all_numbers(path):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.statistics if name in LONG else []) for name in SCENES]
+    "name", [pytest.param(name, marks=pytest.mark.once if name in LONG else []) for name in SCENES]
 )
 def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_path):
     """A body emits at most what a blackbody of the hottest one does; what it lacks it reflects, at least the coldest.

@@ -21,7 +21,7 @@ from tests.benchmarks.families import AMBIENT, BAND, comb, rough, tube
 from tests.helpers.path_tracer import standard_error, trace_paths
 from tests.helpers.scenes import look
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 WIDTH, HEIGHT, BLOCK = 16, 12, 4  # pixels
 

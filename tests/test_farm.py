@@ -22,7 +22,7 @@ from addon.rendering.last_render import finished_layers  # noqa: E402
 from addon.solver.checkpoint import read  # noqa: E402
 from tests.helpers.faults_blender import build_scene  # noqa: E402
 
-pytestmark = pytest.mark.usefixtures("reset_blender")
+pytestmark = [pytest.mark.usefixtures("reset_blender"), pytest.mark.once]
 TEMPLATES = run.ROOT / "docs" / "farm"
 PASSES = 25
 

@@ -62,6 +62,7 @@ def test_cancelled_at_any_moment_the_film_is_that_of_the_finished_passes(seed):
         assert film.photons == 0
 
 
+@pytest.mark.long
 def test_cancelled_at_every_moment_of_a_pass():
     """One thread, so that the moments are the same in each render."""
     settings, calls = dataclasses.replace(QUICK, passes=1, threads=1), itertools.count()
@@ -132,7 +133,7 @@ print(sum(needed.values()), taken)
 """
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="measured by Linux")
 @pytest.mark.parametrize(
     "options, photons, more",
@@ -142,7 +143,7 @@ print(sum(needed.values()), taken)
         # photons of lamps, of which few are stored
         pytest.param({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000, "", marks=pytest.mark.long),
         ({"width": 8, "bands": 4, "subdivisions": 7}, 1000, ""),  # the triangles
-        ({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, ""),  # the rays
+        pytest.param({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, "", marks=pytest.mark.long),  # the rays
         ({"width": 8}, 1000, "media=(plume(216),)"),  # the cells of a grid
         pytest.param(  # and their components
             {"width": 8}, 1000, "media=(plume(216, soot=1e-7, CO2=0.01),)", marks=pytest.mark.long

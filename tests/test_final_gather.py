@@ -24,7 +24,7 @@ from addon.solver.sampling.rng import path_key
 from tests.helpers.paper_estimator import ALWAYS_RECALL, changed, lights_alone, no_final_gathers, rays_everywhere
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([8.0, 10.0, 12.0])
 GREY, BLACK = Material("grey", 0.5), Material("black", 1.0)
@@ -154,8 +154,8 @@ def outside():
         ("outside", 200),
         ("lamp", 32),
         ("lamp mirror", 64),
-        ("light mirror", 32),
-        ("lamp rough", 64),
+        pytest.param("light mirror", 32, marks=pytest.mark.long),
+        pytest.param("lamp rough", 64, marks=pytest.mark.long),
         ("light rough", 32),
         ("light mirror rough", 32),
     ],

@@ -53,7 +53,7 @@ from tests.helpers.exact_cases import (
 from tests.helpers.path_tracer import _face_reflectance, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, sphere
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 BANDS = np.array([8.0, 9.0, 10.0, 12.0])  # um
 DEGREES = 0, 30, 60, 75, 85

@@ -27,7 +27,7 @@ from tests.helpers.grids import (
 )
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([9.99, 10.01])  # um, so that formulas for one wavelength hold
 THREE = np.array([3.0, 5.0, 8.0, 12.0])
@@ -164,7 +164,10 @@ def test_a_grid_at_the_reference_temperature_is_black(scattering):
     assert np.all(np.abs(film.temperature() - 350.0) < 1e-4)
 
 
-@pytest.mark.parametrize("settings", [{"reference_subtraction": False}, {"reference_temperature": 400.0}])
+@pytest.mark.parametrize(
+    "settings",
+    [pytest.param({"reference_subtraction": False}, marks=pytest.mark.long), {"reference_temperature": 400.0}],
+)
 @pytest.mark.parametrize("scattering", [0.0, 1.0])
 def test_a_grid_of_one_temperature_is_black(scattering, settings):
     """Without the subtraction, and with a wrong T0: the mean within 4 of its errors."""

@@ -36,7 +36,7 @@ from addon.solver.planning.preparation import prepare
 from tests.helpers import scenes
 from tests.helpers.scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([8.0, 9.0, 12.0])
 QUICK = Settings(passes=16, photons_per_pass=5000)
@@ -157,8 +157,8 @@ def test_walls_of_three_kelvin_are_black():
     expect_black(room(kelvin=3.0, edges=FAR), 3.0)
 
 
-@pytest.mark.parametrize("settings", [*SUBTRACTION, pytest.param({"reference_temperature": 200.0}, id="T0=200")])
-@pytest.mark.parametrize("edges", [EDGES, FAR], ids=["8-12 um", "0.5-2 mm"])
+@pytest.mark.parametrize("settings", [*BRIEFLY, pytest.param({"reference_temperature": 200.0}, id="T0=200")])
+@pytest.mark.parametrize("edges", [pytest.param(EDGES, marks=pytest.mark.long), FAR], ids=["8-12 um", "0.5-2 mm"])
 @pytest.mark.parametrize("hot, cold", [(300.0, 3.0), (3.0, 300.0)])
 def test_three_kelvin_beside_300(hot, cold, edges, settings):
     """Two parts of a diffuse ball (see diffuse_sphere): what is at 3 K reflects the other, and takes from it as much as
@@ -458,7 +458,7 @@ def test_room_in_which_nothing_absorbs(specular, settings):
     assert np.all(film.noise() == 0)
 
 
-@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("settings", BRIEFLY)
 @pytest.mark.parametrize("specular", [0.0, 1.0])
 def test_room_in_which_nothing_absorbs_ends(specular, settings, monkeypatch):
     """With a lamp there is no steady state at all; between mirrors alone a camera path meets nothing that ends it. Both
@@ -596,7 +596,7 @@ def test_walls_of_needles():
     expect_black(make_scene(vertices, triangles, 300.0, [GREY], camera, EDGES))
 
 
-@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+@pytest.mark.parametrize("settings", [*BRIEFLY, WRONG])
 def test_wall_of_needles_in_a_furnished_room(settings):
     """A wall in 1000 strips looks as it does in one piece where light differs from place to place, so that photons of
     another strip in the place of one's own would be seen: every sixth of the picture, and all of it, within the noise.
@@ -989,7 +989,7 @@ def test_passes_that_store_no_photon_send_rays_like_others():
 
 
 @pytest.mark.parametrize("photons, precision", [(1, 0.03), (2, 0.02), (10, 0.01)])
-@pytest.mark.parametrize("settings", SUBTRACTION)
+@pytest.mark.parametrize("settings", BRIEFLY)
 def test_fewer_photons_than_neighbours(photons, precision, settings):
     """All count, over the largest disk, and the mean is that of many: the closed form of a diffuse ball.
 
@@ -1081,7 +1081,7 @@ def test_film_of_a_hundred_thousand_passes():
     np.testing.assert_allclose(film.noise().ravel(), 0.5 * half, rtol=1e-5)  # difference of near temperatures
 
 
-@pytest.mark.parametrize("settings", [*SUBTRACTION, WRONG])
+@pytest.mark.parametrize("settings", [*BRIEFLY, WRONG])
 def test_passes_around_the_hundred_thousandth(settings):
     """Disks are a fiftieth of the first pass's area by then, and random numbers as good: a diffuse ball in its closed
     form (see diffuse_sphere), and other passes than the first."""

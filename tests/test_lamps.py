@@ -30,7 +30,7 @@ from tests.helpers.paper_estimator import changed, lights_alone
 from tests.helpers.path_tracer import trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere, stored_photons
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([8.0, 10.0, 12.0])
 GREY, BLACK = Material("grey", 0.5), Material("black", 1.0)
@@ -276,6 +276,7 @@ def test_square_spot_ends_with_its_square():
     assert irradiance(floor_scene((0.8, 0.8), lights=(light,)), passes=4)[0] == 0.0
 
 
+@pytest.mark.long
 def test_photons_of_a_square_spot():
     """By way of a mirror, where photons find the light, it brings what its mirror image would, in a corner of it."""
     light = SpotLight(np.array([0.0, 0.0, 0.5]), -DOWN, 300.0, 1.0, 0.5, square=np.array([1.0, 0.0, 0.0]))
@@ -475,7 +476,11 @@ def room_with_stove(**options):
     )
 
 
-@pytest.mark.parametrize("lights", [(), (PointLight(np.array([2.5, 0.5, 1.5]), 300.0, 0.05),)], ids=len)
+@pytest.mark.parametrize(
+    "lights",
+    [pytest.param((), marks=pytest.mark.long), (PointLight(np.array([2.5, 0.5, 1.5]), 300.0, 0.05),)],
+    ids=len,
+)
 def test_lamps_do_not_change_the_mean(lights):
     """The image's mean with shadow rays to all that emits, and with all light of surfaces by photons and rays, within 4
     standard errors."""

@@ -375,7 +375,7 @@ def test_gas_takes_from_a_group_what_it_takes_at_any_temperature():
         np.testing.assert_allclose(bands.mean(axis=(1, 2)) * widths, truth, rtol=1e-5)
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 def test_gas_does_not_change_with_the_sky():
     """Warm air over a grey floor, whose light photons bring together with that of the sky, which is a group: the mean
     over the image, recombined, beside renders at this temperature, of 4 seeds each, within 4 standard errors."""

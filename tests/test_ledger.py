@@ -37,7 +37,7 @@ from tests.helpers.chains import BEHIND, COLD, EDGES, EMITTERS, FILM, LENGTH, ch
 from tests.helpers.path_tracer import black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import pass_means
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 TABLE = Path(__file__).parent / "helpers" / "ledger.csv"
 SHORT = 3  # of the longest that are not left to --long

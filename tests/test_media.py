@@ -16,7 +16,7 @@ from addon.solver.physics.spectrum import band_radiance
 from tests.helpers.path_tracer import standard_error, trace_paths
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, pass_means, quad, sphere
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([9.99, 10.01])  # um, so that formulas for one wavelength hold
 FLOAT32 = 1e-6
@@ -243,9 +243,9 @@ def scattering_slab(omega, tau, medium, below, anisotropy=0.0):
 
 
 @pytest.mark.parametrize("omega, tau, source, truth", [
-    (1.0, 1.0, "plate", 0.658671),
+    pytest.param(1.0, 1.0, "plate", 0.658671, marks=pytest.mark.long),
     (0.9, 1.0, "plate", 0.591625),
-    (0.5, 1.0, "plate", 0.446058),
+    pytest.param(0.5, 1.0, "plate", 0.446058, marks=pytest.mark.long),
     (0.9, 1.0, "medium", 0.140965),
     (0.5, 1.0, "medium", 0.454822),
     (0.5, 40.0, "medium", 0.884774),  # a half-space but for 1e-16

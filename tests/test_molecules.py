@@ -329,7 +329,7 @@ def test_passes_are_the_mean_of_drawn_exponentials():
     np.testing.assert_allclose(seen * np.diff(EDGES), truth, rtol=1e-5)
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 @pytest.mark.parametrize(
     "settings",
     [
@@ -362,7 +362,7 @@ def test_an_isothermal_room_is_black(settings):
     assert abs(mean - truth) < 4 * error + 1e-6 * truth and error < 0.01 * truth
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 def test_gas_in_a_grey_sphere():
     """A diffuse sphere of hot CO2: what the wall reflects is light of the same part of the spectrum. Radiosity as in
     test_media, for each coefficient that a pass draws, and the mean of it; 4 standard errors by 6 seeds and 0.3 %, as
@@ -403,7 +403,7 @@ def test_the_error_of_the_quadrature_is_told(caplog):
     assert media.quadrature_error(0, 4096, 2.0, (400.0, 400.0), sensor) < 0.1 * stated[64]
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 @pytest.mark.parametrize("passes", [16, pytest.param(64, marks=pytest.mark.long)])
 @pytest.mark.parametrize("edges, wall, medium", [
     (EDGES, 400.0, {"temperature": 900.0, "gas": EXHAUST}),

@@ -93,7 +93,7 @@ def test_spread_passes_see_the_mean_of_sharp_pictures(at):
     assert (np.abs(standing.radiance() - sharp) > 3.0 * stated).mean() > 0.1  # a picture of the middle is another one
 
 
-@pytest.mark.parametrize("steps, passes", [(32, 32), (32, 20), (8, 32)])
+@pytest.mark.parametrize("steps, passes", [(32, 32), pytest.param(32, 20, marks=pytest.mark.long), (8, 32)])
 def test_noise_is_not_below_the_error(steps, passes):
     """Over seeds, against sharp pictures, of the pixels that see the motion: the root mean square of the error over the
     stated one is at most 1; and not below 0.15. Times are stratified, so the picture errs less than the spread of the

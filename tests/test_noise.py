@@ -11,7 +11,7 @@ import pytest
 from addon.solver import Material, PointLight, Settings, render
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([8.0, 10.0, 12.0])
 RENDERS = 20

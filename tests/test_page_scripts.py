@@ -343,6 +343,7 @@ class Here:
         return SimpleNamespace(result=lambda: result)
 
 
+@pytest.mark.long
 def test_every_variant_renders(small_scenes, monkeypatch, capsys, tmp_path):
     """But for those that change what kernels read: they would have to be compiled. What they change is there."""
     compiled = [

@@ -128,6 +128,7 @@ def test_the_phases_of_a_render_are_its_time(paper):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="measured by Linux")
+@pytest.mark.long
 def test_many_photons(paper, tmp_path):
     script = f"""
 from pathlib import Path

@@ -44,7 +44,7 @@ from tests.helpers.grids import cells_on_ray, random_grid
 from tests.helpers.path_tracer import LONGER, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import look, make_scene, quad
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 STEPS = (0.2, 0.9, 0.5)  # emissivities in THERMAL
 ROUNDING = 1e-6  # positions of hits are those of float32
@@ -166,6 +166,7 @@ def test_random_cells(seed):
     assert trace_paths(scene, samples=1, batches=2).radiance()[0, 0, 0] == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("family", [family for family in FAMILIES if family not in ("curved", "skylit")])
 def test_families_can_be_traced(family):
     """Members are always the same, and their pictures show more than the surroundings. Normals at corners and skies are

@@ -259,7 +259,14 @@ def in_a_corner(rng, n):
 @pytest.mark.parametrize("cells", [1, 10, 60])  # 60: too fine to walk over, region_area measures
 @pytest.mark.parametrize("region", [anywhere, by_an_edge, in_a_corner])
 @pytest.mark.parametrize(
-    "k, reach_share, shrink2", [(20, 9.0, 1.0), (20, 1.0, 1.0), (20, 0.5, 1.0), (20, 1.0, 0.3), (5, 2.0, 0.5)]
+    "k, reach_share, shrink2",
+    [
+        (20, 9.0, 1.0),
+        (20, 1.0, 1.0),
+        pytest.param(20, 0.5, 1.0, marks=pytest.mark.long),
+        pytest.param(20, 1.0, 0.3, marks=pytest.mark.long),
+        (5, 2.0, 0.5),
+    ],
 )
 def test_density_estimate_is_unbiased(region, cells, k, reach_share, shrink2):
     """k / area would be 5 % too high at k = 20, a disk not cut at the edges 50 % too low there, 75 % in a corner."""

@@ -11,7 +11,7 @@ from tests.benchmarks.families import comb
 from tests.benchmarks.speed_scenes import SCENES
 from tests.helpers.paper_estimator import ALWAYS_RECALL, changed
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([9.0, 10.0])
 

@@ -23,7 +23,7 @@ from tests.helpers.hot_skies import EDGES, lit_corner, with_spot
 from tests.helpers.path_tracer import trace_paths
 from tests.helpers.scenes import join, look, make_scene, mean_and_error, pass_means, quad, sphere
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 ANGLES = np.array([0.0, 40.0, 75.0, 90.0])
 BY_ANGLE = Sky(np.array([230.0, 238.0, 262.0, 285.0]), ANGLES)
@@ -110,7 +110,7 @@ def irradiance(sky, normal, count=60_000):
 
 @pytest.mark.parametrize("sky", LIT.values(), ids=LIT)
 @pytest.mark.parametrize(
-    "tilt", [0.0, pytest.param(60.0, marks=pytest.mark.long), 90.0, 135.0, pytest.param(180.0, marks=pytest.mark.long)]
+    "tilt", [0.0, *(pytest.param(degrees, marks=pytest.mark.long) for degrees in (60.0, 90.0, 180.0)), 135.0]
 )
 def test_irradiance_on_plates(sky, tilt):
     """Reflected by a tilted plate into the camera, in each band: within .1 % and 4 standard errors of quadrature."""

@@ -19,7 +19,7 @@ from addon.solver.physics.lobes import (
 )
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([8.0, 9.0, 12.0])
 GLOSSY = 2

@@ -20,7 +20,7 @@ from tests.helpers.path_tracer import black_radiance, standard_error
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, quad
 from tests.helpers.traced_textures import build_painted, kelvin_at, mixed_at
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES = np.array([8.0, 10.0, 12.0])
 CORNERS = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], np.float32)  # uv of the triangles of a quad

@@ -13,7 +13,7 @@ from tests.helpers.painted_rooms import NOTHING, random_painted_room, steps, wit
 from tests.helpers.path_tracer import black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, quad
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 BANDS, SHORT_WAVES = np.array([8.0, 10.0, 12.0]), np.array([3.0, 5.0])
 HALF = 60.0  # m, half of the edge of plates that stand for infinite ones; light from beyond is (gap / HALF)^2 = 3e-6

@@ -13,7 +13,7 @@ from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning.preparation import prepare
 from tests.helpers.scenes import box, join, look, make_scene, quad
 
-pytestmark = pytest.mark.statistics
+pytestmark = pytest.mark.once
 
 EDGES, KELVIN = np.array([3.0, 5.0]), 300.0  # um; K, of all but the light
 MIRROR, PLATE, BLACK = Material("mirror", 0.0, 1.0), Material("plate", 0.4), Material("black", 1.0)

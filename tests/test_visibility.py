@@ -57,7 +57,7 @@ def test_nothing_but_the_surroundings_behind():
     np.testing.assert_allclose(bands(scene), np.broadcast_to(black(280.0), (4, 4, 2)), rtol=FLOAT32)
 
 
-@pytest.mark.statistics
+@pytest.mark.once
 def test_a_hidden_lamp_lights_as_one_that_is_seen():
     """A hot ball between camera and floor: E = pi L (r / d)^2 under it, though the camera looks through it. To 4
     standard errors, and 0.5 % for the mesh."""
