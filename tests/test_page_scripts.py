@@ -143,7 +143,7 @@ def accuracy(monkeypatch, tmp_path):
 def test_accuracy_writes_its_page(accuracy, monkeypatch):
     monkeypatch.setattr(accuracy, "NOISE", 6.0)  # so few passes know their noise badly
     monkeypatch.setattr(accuracy, "DEVIATION", 0.1)
-    assert accuracy.main(["--threads", "1"]) == 0
+    assert accuracy.main(["--processes", "1"]) == 0
     page = accuracy.PAGE.read_text(encoding="utf-8")
     assert page.count(pages.MADE_AT) == 5
     assert "2 cases, " in page and "Verdict *NO*: none." in page and "| yes |" in page
@@ -152,7 +152,7 @@ def test_accuracy_writes_its_page(accuracy, monkeypatch):
 
 def test_accuracy_of_one_case_writes_nothing(accuracy):
     before = accuracy.PAGE.read_bytes()
-    assert accuracy.main(["--only", "Enclosures", "--threads", "1"]) == 0
+    assert accuracy.main(["--only", "Enclosures", "--processes", "1"]) == 0
     assert accuracy.PAGE.read_bytes() == before and not accuracy.PLOT.exists()
 
 
@@ -202,7 +202,7 @@ def test_accuracy_fails_where_an_image_is_wrong_and_writes_its_page(accuracy, mo
     off.__doc__ = case.build.__doc__
     monkeypatch.setattr(accuracy, "CASES", [replace(case, build=off)])
     monkeypatch.setattr(accuracy, "write_page", lambda rows, *_: accuracy.PAGE.write_text(accuracy.tables(rows)))
-    assert accuracy.main(["--threads", "1"]) == 1
+    assert accuracy.main(["--processes", "1"]) == 1
     assert accuracy.PAGE.read_text().count("NO: beyond") == 2
     assert "Wrong: " + case.title in capsys.readouterr().err
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compare renders with exact solutions (tests/helpers/exact_cases.py): the tables of docs/accuracy.md and its plots.
 
-python -m docs.tools.measure_accuracy [--threads N] [--only WORD]
+python -m docs.tools.measure_accuracy [--processes N] [--only WORD]
 
-Takes about half an hour on two idle cores. --only prints the cases whose title or name holds the word, and writes
+Takes about an hour on two cores. --only prints the cases whose title or name holds the word, and writes
 nothing. Exit code 1 says that an image is wrong (see `wrong`). Needs the environment of run.py.
 """
 
@@ -14,7 +14,7 @@ import itertools
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from addon.solver import Material, Settings, render
+from addon.solver import Material, Scene, Settings, render
 from docs.tools.pages import table, write_blocks
 from docs.tools.paths import DOCS, IMAGES
 from docs.tools.plots import pyplot
@@ -142,13 +142,13 @@ def measure(case: Case) -> tuple[list[Row], np.ndarray]:
     return rows, means
 
 
-def measured(cases: list[Case], processes: int) -> Iterator[tuple[list[Row], np.ndarray]]:
-    """What `measure` gives for each case. Side by side in processes: images are so small that threads would idle."""
+def side_by_side(function: Callable, tasks: Iterable, processes: int) -> Iterator:
+    """What a function gives for each task, in order. In processes: images are so small that threads would idle."""
     if processes == 1:
-        yield from map(measure, cases)
+        yield from map(function, tasks)
         return
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
-        yield from pool.map(measure, cases)
+        yield from pool.map(function, tasks)
 
 
 def cells(row: Row) -> tuple[str, ...]:
@@ -224,6 +224,11 @@ def summary(rows: list[Row]) -> str:
 # How errors fall
 
 
+def curve_counts() -> np.ndarray:
+    """Numbers of passes (n,) at which curves are drawn."""
+    return 2 ** np.arange(int(math.log2(CURVE_PASSES)) + 1)
+
+
 def curve(means: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers of passes (n,), relative error of the radiance over all bands for each seed (seeds, n), and the standard
     error that those passes tell (n,).
@@ -231,27 +236,23 @@ def curve(means: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     means: (seeds, passes, b). truth: (b,).
     """
     relative = means.sum(axis=2) / truth.sum() - 1.0
-    counts = 2 ** np.arange(int(math.log2(CURVE_PASSES)) + 1)
+    counts = curve_counts()
     errors = np.array([relative[:, :count].mean(axis=1) for count in counts]).T
     variance = [np.nan] + [relative[:, :count].var(axis=1, ddof=1).mean() / count for count in counts[1:]]
     return counts, errors, np.sqrt(variance)
 
 
-def image_errors(threads: int) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of passes (n,) and root mean square error over pixels (seeds, n), relative to the mean of the image."""
+def image_errors(seed: int) -> list[float]:
+    """Root mean square error over pixels after each of curve_counts(), relative to the mean of the image."""
     scene, truth = parallel_image(1.0)
-    counts, errors = 2 ** np.arange(int(math.log2(CURVE_PASSES)) + 1), []
-    for seed in CURVE_SEEDS:
-        found = []
+    counts, found = curve_counts(), []
 
-        def note(film, found=found):
-            if film.passes in counts:
-                found.append(math.sqrt(np.mean((film.radiance() - truth) ** 2)) / truth.mean())
+    def note(film):
+        if film.passes in counts:
+            found.append(math.sqrt(np.mean((film.radiance() - truth) ** 2)) / truth.mean())
 
-        settings = Settings(passes=CURVE_PASSES, photons_per_pass=PHOTONS, seed=seed, threads=threads)
-        render(scene, settings, note)
-        errors.append(found)
-    return counts, np.array(errors)
+    render(scene, Settings(passes=CURVE_PASSES, photons_per_pass=PHOTONS, seed=seed, threads=1), note)
+    return found
 
 
 def slopes(counts: np.ndarray, errors: np.ndarray, first: int = 8) -> str:
@@ -294,7 +295,18 @@ def draw(curves: dict[str, tuple], image: tuple[np.ndarray, np.ndarray], path: P
 # What the engine's model costs, by design
 
 
-def band_averages(threads: int) -> str:
+def mean_of(scene: Scene) -> tuple[float, float]:
+    """Mean radiance of the image of a scene and its standard error."""
+    return mean_and_error(scene, Settings(passes=MODEL_PASSES, photons_per_pass=PHOTONS, threads=1))
+
+
+def deviations(scenes: list[Scene], truths: list[float], processes: int) -> list[tuple[str, str]]:
+    """Cells of tables: how far images are from the truths, and their standard errors."""
+    results = zip(side_by_side(mean_of, scenes, processes), truths, strict=True)
+    return [(f"{mean / truth - 1:+.3%}", f"{error / truth:.3%}") for (mean, error), truth in results]
+
+
+def band_averages(processes: int) -> str:
     """Plates of which one has an emissivity that varies over wavelength, in fewer and more bands: a table.
 
     The truth is the closed form of `plates` in 1500 bands, each with the emissivity of its middle.
@@ -302,65 +314,64 @@ def band_averages(threads: int) -> str:
     curve = np.array([[8.0, 0.9], [10.0, 0.2], [12.0, 0.7], [14.0, 0.3]])
     fine = np.linspace(8.0, 14.0, 1501)
     _, truth = plates("hot", 0.5, np.interp((fine[1:] + fine[:-1]) / 2, *curve.T), edges=fine)
-    rows = []
-    for count in (1, 2, 4, 8, 16, 32):
+    counts, scenes = (1, 2, 4, 8, 16, 32), []
+    for count in counts:
         scene, _ = plates("hot", 0.5, 0.5, edges=np.linspace(8.0, 14.0, count + 1))
-        scene = replace(scene, materials=(*scene.materials[:2], Material("cold", curve)))
-        settings = Settings(passes=MODEL_PASSES, photons_per_pass=PHOTONS, threads=threads)
-        mean, error = mean_and_error(scene, settings)
-        rows.append((count, f"{mean / truth.sum() - 1:+.3%}", f"{error / truth.sum():.3%}"))
+        scenes.append(replace(scene, materials=(*scene.materials[:2], Material("cold", curve))))
+    found = deviations(scenes, [truth.sum()] * len(counts), processes)
+    rows = [(count, *cells) for count, cells in zip(counts, found, strict=True)]
     return table(("bands in 8-14 um", "deviation", "standard error"), *rows)
 
 
-def tessellation(threads: int) -> str:
+def tessellation(processes: int) -> str:
     """Coarser and finer spheres against the closed form of the sphere: a table."""
-    settings = Settings(passes=MODEL_PASSES, photons_per_pass=PHOTONS, threads=threads)
-    rows = []
-
-    def add(triangles: int, name: str, scene, truth) -> None:
-        mean, error = mean_and_error(scene, settings)
-        rows.append((triangles, name, f"{mean / truth.sum() - 1:+.3%}", f"{error / truth.sum():.3%}"))
-
+    names, cases = [], []
     for rings, segments in ((6, 16), (12, 32), (24, 64), (96, 256)):
         count = 2 * segments * (rings - 1)
-        add(count, "closed sphere", *closed_sphere("rest", rings=rings, segments=segments))
-        add(count, "cavity, f = 0.1", *cavity(0.8, rings=rings, segments=segments))
+        names += [(count, "closed sphere"), (count, "cavity, f = 0.1")]
+        cases += [
+            closed_sphere("rest", rings=rings, segments=segments),
+            cavity(0.8, rings=rings, segments=segments),
+        ]
     for subdivisions in (1, 2, 3, 4):
-        add(20 * 4**subdivisions, "concentric spheres", *concentric("inner", subdivisions=subdivisions))
+        names.append((20 * 4**subdivisions, "concentric spheres"))
+        cases.append(concentric("inner", subdivisions=subdivisions))
+    found = deviations([scene for scene, _ in cases], [truth.sum() for _, truth in cases], processes)
+    rows = [(*name, *cells) for name, cells in zip(names, found, strict=True)]
     return table(("triangles of a sphere", "case", "deviation", "standard error"), *rows)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit code: whether an image is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--processes", type=int, default=0, help="side by side; 0: as many as cores")
     parser.add_argument("--only", metavar="WORD")
     options = parser.parse_args(arguments)
-    threads = options.threads or os.cpu_count() or 1
+    processes = options.processes or os.cpu_count() or 1
     cases = [case for case in CASES if not options.only or options.only in f"{case.title}: {case.name}"]
     rows, curves = [], {}
-    for case, (found, means) in zip(cases, measured(cases, threads), strict=True):
+    for case, (found, means) in zip(cases, side_by_side(measure, cases, processes), strict=True):
         for row in found:
             print(f"{case.title}: {' | '.join(cells(row))}", flush=True)
         rows += found
         if PLOTTED.get(case.title) == case.name:
             curves[f"{case.title}\n{case.name}"] = curve(means, case.build(**case.arguments)[1])
     if not options.only:
-        write_page(rows, curves, threads)
+        write_page(rows, curves, processes)
     for row in wrong(rows):
         print(f"Wrong: {row.case.title}: {' | '.join(cells(row))}", file=sys.stderr)
     return 1 if wrong(rows) else 0
 
 
-def write_page(rows: list[Row], curves: dict[str, tuple], threads: int) -> None:
+def write_page(rows: list[Row], curves: dict[str, tuple], processes: int) -> None:
     """Render what the page shows beside the cases; write its tables, draw its plots."""
-    image = image_errors(threads)
+    image = curve_counts(), np.array(list(side_by_side(image_errors, CURVE_SEEDS, processes)))
     draw(curves, image, PLOT)
     parts = {
         "summary": summary(rows),
         "slope": f"Slope of the pixels' error from 8 to {CURVE_PASSES} passes: {slopes(*image)}.",
-        "bands": band_averages(threads),
-        "tessellation": tessellation(threads),
+        "bands": band_averages(processes),
+        "tessellation": tessellation(processes),
         "tables": tables(rows),
     }
     write_blocks(PAGE, SCRIPT, parts)

