@@ -31,7 +31,7 @@ def place(name):
 
 
 def pytest_addoption(parser):
-    parser.addoption("--long", action="store_true", help="run the long tests, too (some ten minutes more)")
+    parser.addoption("--long", action="store_true", help="run the long tests, too")
 
 
 def pytest_configure(config):
