@@ -12,7 +12,7 @@ from ..physics.radiometry import absolute_sum
 from ..sampling.rng import uniform
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
-from .segments import add_depth, go_on, set_out
+from .segments import add_depth, go_on, is_plain, pass_gas, set_out
 
 ARRIVED, LOST = -1, -2  # see walk
 NUMBERS = 8  # random numbers of a segment
@@ -32,6 +32,8 @@ def walk(air, i, rays, weight, numbers, out):
     rays: origin, direction (n, 3) of the segments. numbers: key and first dimension of NUMBERS random numbers.
     out: origin, direction, n and weights (b,).
     """
+    if air.first[i] == air.first[i + 1]:
+        return ARRIVED
     (origin, direction), (path, first), (new_origin, new_direction, n, onward) = rays, numbers, out
     before = absolute_sum(weight)
     end = fly(air, i, weight, uniform(path, first), uniform(path, first + 1))
@@ -85,20 +87,9 @@ def fly(air, i, weight, u, v):
     table, total = air.table, absolute_sum(weight)
     if not total > 0.0:
         return np.inf
-    c = pick_band(weight, u * total)
+    c, left = pick_band(weight, u * total), -math.log1p(-v)
     depth, scattered, scattering = air.bands.depth, air.bands.scattered, air.bands.scattering
-    depth[:], scattered[:] = 0.0, 0.0
-    left, t, stop, collides = -math.log1p(-v), 0.0, set_out(air, i), False
-    while stop < np.inf and not collides:
-        of_c = scattering_in(air, i, c) * air.length[i]
-        collides = of_c * (stop - t) > left
-        end = t + left / of_c if collides else stop
-        left -= of_c * (stop - t)
-        add_depth(air, i, table.extinction, end - t, depth)
-        add_depth(air, i, table.scattering, end - t, scattered)
-        t = end
-        if not collides:
-            stop = go_on(air, i, stop)
+    t, collides = _fly_plainly(air, i, c, left) if is_plain(air, i) else _fly_on(air, i, c, left)
     scattering[:] = 0.0 if collides else 1.0
     if collides:
         add_depth(air, i, table.scattering, 1.0 / air.length[i], scattering)
@@ -108,6 +99,37 @@ def fly(air, i, weight, u, v):
     for b in range(weight.size):
         weight[b] *= math.exp(-depth[b]) * scattering[b] / mean
     return t if collides else np.inf
+
+
+@njit(**INLINED)
+def _fly_plainly(air, i, c, left):
+    """_fly_on for a plain segment, see is_plain, where no step from cell to cell asks for each band."""
+    s, table, bands = air.first[i], air.table, air.bands
+    row = air.row[s]
+    limit = left / table.scattering[row, c] if table.scattering[row, c] > 0.0 else np.inf
+    passed, air.march.amount[s], t = pass_gas(air, i, limit)
+    for b in range(bands.depth.size):
+        bands.depth[b], bands.scattered[b] = passed * table.extinction[row, b], passed * table.scattering[row, b]
+    return t, t < np.inf
+
+
+@njit(**INLINED)
+def _fly_on(air, i, c, left):
+    """Go along segment i up to a depth of scattering in band c. Fills depth and scattered of bands; returns the
+    distance, in units of the direction's length, and whether it lies before the end of all media."""
+    table, bands, t, stop, collides = air.table, air.bands, 0.0, set_out(air, i), False
+    bands.depth[:], bands.scattered[:] = 0.0, 0.0
+    while stop < np.inf and not collides:
+        of_c = scattering_in(air, i, c) * air.length[i]
+        collides = of_c * (stop - t) > left
+        end = t + left / of_c if collides else stop
+        left -= of_c * (stop - t)
+        add_depth(air, i, table.extinction, end - t, bands.depth)
+        add_depth(air, i, table.scattering, end - t, bands.scattered)
+        t = end
+        if not collides:
+            stop = go_on(air, i, stop)
+    return t, collides
 
 
 @njit(**INLINED)

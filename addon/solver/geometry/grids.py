@@ -20,6 +20,9 @@ from ..system.kernels import INLINED, KERNEL, njit
 _BITS = 3  # 2^3 is LEAF
 _MISSING, _OUTSIDE = -1, -2
 AHEAD = -1.0  # amount in a stretch that a ray has not reached
+# Cells that a ray looks at before it asks what they do to each band: so many come from memory at once, where each alone
+# would be waited for. Rays in all directions then take 22 % less time; 16 brought 13 %, 64 16 %.
+_AHEAD = 32
 
 
 class GridTable(NamedTuple):
@@ -30,8 +33,8 @@ class GridTable(NamedTuple):
     first: (g,) int64, where the places of each grid begin in leaf. leaf: (p,) int32, number of the leaf at a place, the
     last axis fastest, -1 where there is none. cells: (n, 512, 2) float32, density and temperature of the cells of each
     leaf, the last axis fastest; temperature as steps_from_anchor. In grids of media with components (see Medium) the
-    density is 1 where there is any gas. heat: of all temperatures. amounts: (q,) float32, of the c components, cell by
-    cell as in cells. begin: (c,) int64, where those of each component begin, less the number of its grid's first cell.
+    density is 1 where there is any gas. heat: of all temperatures. amounts: (q,) float32, of the components of a
+    cell, one behind the other, cell by cell as in cells. begin: (g,) int64, where those of cell 0 would be.
     """
 
     number: np.ndarray
@@ -46,26 +49,68 @@ class GridTable(NamedTuple):
     begin: np.ndarray
 
 
+class Line(NamedTuple):
+    """A ray in the index space of a grid: its origin, and the inverse of its direction, infinite where that is 0."""
+
+    x: float
+    y: float
+    z: float
+    inverse_x: float
+    inverse_y: float
+    inverse_z: float
+
+
+class Cell(NamedTuple):
+    """The cell of a grid that a ray comes to next.
+
+    x, y, z: int64, its coordinates. leaf: int64, the one that holds it, _MISSING if none does, _OUTSIDE the box of the
+    grid. plane_x, plane_y, plane_z: distance at which the ray meets the next plane between cells on each axis.
+    """
+
+    x: int
+    y: int
+    z: int
+    leaf: int
+    plane_x: float
+    plane_y: float
+    plane_z: float
+
+
+class Gas(NamedTuple):
+    """What a ray finds where it is. amount: factor on the medium's coefficients. until: distance at which it changes.
+    steps: the temperature, see steps_from_anchor. place: int64, number of the cell among all cells."""
+
+    amount: float
+    until: float
+    steps: float
+    place: int
+
+
+class Ahead(NamedTuple):
+    """The next cells of a ray that hold gas: amount (n,) float64, of gas in each, in m of amount 1 as far as the ray's
+    direction has unit length; steps (n,) float64 and place (n,) int64, see Gas."""
+
+    amount: np.ndarray
+    steps: np.ndarray
+    place: np.ndarray
+
+
 class March(NamedTuple):
-    """Where rays are on the stretches of their segments, see segments.Air: s stretches, or none without grids.
+    """Where rays are on the stretches of their segments, see segments.Air: s stretches, or none without grids. What is
+    alone on its segment is followed without.
 
     amount: (s,) float64, factor on the medium's coefficients here, 0 behind the stretch, AHEAD before it. until: (s,)
-    float64, distance at which it changes next. steps: (s,) float64, the temperature, see steps_from_anchor.
-    In grids: place (s,) int64, number of the cell here among all cells.
-    In index space, of stretches in grids: cell (s, 3) int64, the one that comes next; leaf (s,) int64, the one that
-    holds it; crossing (s, 3) float64, distance of the next plane between cells on each axis; origin, inverse (s, 3)
-    float64, of the ray, inverse of its direction.
+    float64, distance at which it changes next. steps (s,) float64, place (s,) int64: see Gas.
+    Of stretches in grids: line (s, 6) float64, a Line. cell (s, 4) int64 and planes (s, 3) float64: a Cell.
     """
 
     amount: np.ndarray
     until: np.ndarray
     steps: np.ndarray
     place: np.ndarray
-    leaf: np.ndarray
+    line: np.ndarray
     cell: np.ndarray
-    crossing: np.ndarray
-    origin: np.ndarray
-    inverse: np.ndarray
+    planes: np.ndarray
 
 
 def empty_march(count: int, grids: bool) -> March:
@@ -73,10 +118,16 @@ def empty_march(count: int, grids: bool) -> March:
     inside = count if grids else 0
     return March(
         *np.empty((3, count)),
-        *np.empty((2, inside), np.int64),
-        np.empty((inside, 3), np.int64),
-        *np.empty((3, inside, 3)),
+        np.empty(inside, np.int64),
+        np.empty((inside, 6)),
+        np.empty((inside, 4), np.int64),
+        np.empty((inside, 3)),
     )
+
+
+def empty_ahead() -> Ahead:
+    """Room for _AHEAD cells."""
+    return Ahead(*np.empty((2, _AHEAD)), np.empty(_AHEAD, np.int64))
 
 
 def place_grids(media: tuple[Medium, ...], centre: np.ndarray) -> GridTable:
@@ -157,18 +208,19 @@ def memory_of_grids(media: tuple[Medium, ...]) -> dict[str, float]:
 
 
 def _amounts(media: tuple[Medium, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """`amounts` and `begin` of GridTable; grids that share an array share what is made of it."""
-    found, parts, begin, count = {}, [np.empty(0, np.float32)], [], 0
+    """`amounts` and `begin` of GridTable; grids of the same content share theirs, as they share their cells."""
+    starts, parts, begin, count = {}, [np.empty(0, np.float32)], [], 0
     with_grids = [medium for medium in media if medium.grid is not None]
     for medium, leaf in zip(with_grids, _first_leaves(media), strict=True):
-        for component in medium.components:
-            values = medium.grid.amounts(component)
-            key = id(medium.grid.leaves), id(values)
-            if key not in found:
-                given = np.asarray(1.0 if values is None else values, np.float32)
-                parts.append(np.broadcast_to(given, (len(medium.grid.leaves), LEAF, LEAF, LEAF)).ravel())
-                found[key], count = count, count + parts[-1].size
-            begin.append(found[key] - leaf * LEAF**3)
+        content, components = _content(medium), len(medium.components)
+        if content not in starts and components:
+            cells = np.empty((len(medium.grid.leaves), LEAF, LEAF, LEAF, components), np.float32)
+            for c, component in enumerate(medium.components):
+                values = medium.grid.amounts(component)
+                cells[..., c] = 1.0 if values is None else values
+            parts.append(cells.ravel())
+            starts[content], count = count, count + cells.size
+        begin.append(starts.get(content, 0) - leaf * LEAF**3 * components)
     return np.concatenate(parts), np.array(begin, np.int64)
 
 
@@ -203,111 +255,175 @@ def _to_index(matrix, g, axis, vector, point):
 
 
 @njit(**INLINED)
-def enter_grid(grids, g, march, s, ray, t):
-    """Put stretch s into the cell of grid g where its ray is at t. ray: origin and direction (3,)."""
-    for axis in range(3):
-        march.origin[s, axis] = _to_index(grids.to_index, g, axis, ray[0], 1.0)
-        d = _to_index(grids.to_index, g, axis, ray[1], 0.0)
-        march.inverse[s, axis] = 1.0 / d if d != 0.0 else np.inf
-        low = LEAF * grids.low[g, axis]
-        _seat(march, s, axis, t, low, low + LEAF * grids.count[g, axis] - 1)
-    march.leaf[s] = _leaf_at(grids, g, march.cell, s)
-    march.until[s] = t
+def enter_grid(grids, g, ray, t):
+    """The Line of a ray in the index space of grid g, and the Cell where it is at t. ray: origin and direction (3,)."""
+    m, (origin, direction) = grids.to_index, ray
+    line = Line(
+        _to_index(m, g, 0, origin, 1.0),
+        _to_index(m, g, 1, origin, 1.0),
+        _to_index(m, g, 2, origin, 1.0),
+        _inverse(_to_index(m, g, 0, direction, 0.0)),
+        _inverse(_to_index(m, g, 1, direction, 0.0)),
+        _inverse(_to_index(m, g, 2, direction, 0.0)),
+    )
+    low, count = grids.low, grids.count
+    x = _seat(line.x, line.inverse_x, t, LEAF * low[g, 0], LEAF * (low[g, 0] + count[g, 0]) - 1)
+    y = _seat(line.y, line.inverse_y, t, LEAF * low[g, 1], LEAF * (low[g, 1] + count[g, 1]) - 1)
+    z = _seat(line.z, line.inverse_z, t, LEAF * low[g, 2], LEAF * (low[g, 2] + count[g, 2]) - 1)
+    return line, _cell_at(grids, g, line, x, y, z)
 
 
 @njit(**INLINED)
-def _seat(march, s, axis, t, low, high):
-    """Set one coordinate of the cell in which stretch s is at t, known to be from low to high."""
-    o, inverse = march.origin[s, axis], march.inverse[s, axis]
+def _inverse(d):
+    return 1.0 / d if d != 0.0 else np.inf
+
+
+@njit(**INLINED)
+def _seat(o, inverse, t, low, high):
+    """One coordinate of the cell where a ray is at t, known to be from low to high."""
     at = o + t / inverse if abs(inverse) < np.inf else o
-    march.cell[s, axis] = min(max(int(math.floor(at)), low), high)
-    _aim(march, s, axis, march.cell[s, axis] + (1 if inverse > 0.0 else 0))
+    return min(max(np.int64(math.floor(at)), low), high)
 
 
 @njit(**INLINED)
-def _aim(march, s, axis, plane):
-    """Set the distance of the next plane on an axis."""
-    inverse = march.inverse[s, axis]
-    march.crossing[s, axis] = (plane - march.origin[s, axis]) * inverse if abs(inverse) < np.inf else np.inf
+def _cell_at(grids, g, line, x, y, z):
+    """The Cell at these coordinates."""
+    plane_x = _plane(line.x, line.inverse_x, x, 1)
+    plane_y = _plane(line.y, line.inverse_y, y, 1)
+    plane_z = _plane(line.z, line.inverse_z, z, 1)
+    return Cell(x, y, z, _leaf_at(grids, g, x, y, z), plane_x, plane_y, plane_z)
 
 
 @njit(**INLINED)
-def _nearest(crossing, s):
+def _plane(o, inverse, low, size):
+    """Distance at which a ray leaves what lies from low to low + size on an axis."""
+    plane = low + (size if inverse > 0.0 else 0)
+    return (plane - o) * inverse if abs(inverse) < np.inf else np.inf
+
+
+@njit(**INLINED)
+def _leaf_at(grids, g, x, y, z):
+    """Number of the leaf that holds a cell, _MISSING if there is none there, _OUTSIDE the box of the grid."""
+    low, count = grids.low, grids.count
+    i, j, k = (x >> _BITS) - low[g, 0], (y >> _BITS) - low[g, 1], (z >> _BITS) - low[g, 2]
+    if i < 0 or j < 0 or k < 0 or i >= count[g, 0] or j >= count[g, 1] or k >= count[g, 2]:
+        return np.int64(_OUTSIDE)
+    return np.int64(grids.leaf[grids.first[g] + (i * count[g, 1] + j) * count[g, 2] + k])
+
+
+@njit(**INLINED)
+def _nearest(x, y, z):
     """The axis on which the next plane is nearest."""
-    x, y, z = crossing[s, 0], crossing[s, 1], crossing[s, 2]
-    return (0 if x <= z else 2) if x <= y else (1 if y <= z else 2)
+    return 0 if x <= y and x <= z else (1 if y <= z else 2)
 
 
 @njit(**INLINED)
-def _leaf_at(grids, g, cell, s):
-    """Number of the leaf that holds the cell of stretch s, MISSING if there is none there, OUTSIDE the box of the
-    grid."""
-    place = np.int64(0)
-    for axis in range(3):
-        at = (cell[s, axis] >> _BITS) - grids.low[g, axis]
-        if at < 0 or at >= grids.count[g, axis]:
-            return np.int64(_OUTSIDE)
-        place = place * grids.count[g, axis] + at
-    return np.int64(grids.leaf[grids.first[g] + place])
-
-
-@njit(**INLINED)
-def _step(grids, g, march, s):
-    """Go to the next cell."""
-    over = _nearest(march.crossing, s)
-    inverse, here, t = march.inverse[s, over], march.cell[s, over], march.crossing[s, over]
-    there = here + 1 if inverse > 0.0 else here - 1
-    march.cell[s, over], march.crossing[s, over] = there, t + abs(inverse)
-    march.until[s] = max(march.until[s], t)
+def _step(grids, g, line, cell):
+    """The next Cell of a ray. All that is known of it stays in registers."""
+    x, y, z, leaf, plane_x, plane_y, plane_z = cell
+    over = _nearest(plane_x, plane_y, plane_z)
+    if over == 0:
+        here, there = x, x + (1 if line.inverse_x > 0.0 else -1)
+        x, plane_x = there, plane_x + abs(line.inverse_x)
+    elif over == 1:
+        here, there = y, y + (1 if line.inverse_y > 0.0 else -1)
+        y, plane_y = there, plane_y + abs(line.inverse_y)
+    else:
+        here, there = z, z + (1 if line.inverse_z > 0.0 else -1)
+        z, plane_z = there, plane_z + abs(line.inverse_z)
     if here >> _BITS != there >> _BITS:
-        march.leaf[s] = _leaf_at(grids, g, march.cell, s)
+        leaf = _leaf_at(grids, g, x, y, z)
+    return Cell(x, y, z, leaf, plane_x, plane_y, plane_z)
 
 
 @njit(**INLINED)
-def _step_over_leaf(grids, g, march, s):
-    """Go to the first cell of the next leaf."""
-    for axis in range(3):
-        corner = march.cell[s, axis] & -LEAF
-        _aim(march, s, axis, corner + (LEAF if march.inverse[s, axis] > 0.0 else 0))
-    over = _nearest(march.crossing, s)
-    march.until[s] = max(march.until[s], march.crossing[s, over])
-    for axis in range(3):
-        low = march.cell[s, axis] & -LEAF
-        high = low + LEAF - 1
-        if axis == over:
-            low = high = high + 1 if march.inverse[s, axis] > 0.0 else low - 1
-        _seat(march, s, axis, march.until[s], low, high)
-    march.leaf[s] = _leaf_at(grids, g, march.cell, s)
+def _step_over_leaf(grids, g, line, cell, t):
+    """The first Cell of the next leaf, and the distance of that, at least t."""
+    x, y, z = cell.x & -LEAF, cell.y & -LEAF, cell.z & -LEAF  # the leaf's lowest
+    plane_x = _plane(line.x, line.inverse_x, x, LEAF)
+    plane_y = _plane(line.y, line.inverse_y, y, LEAF)
+    plane_z = _plane(line.z, line.inverse_z, z, LEAF)
+    over, t = _nearest(plane_x, plane_y, plane_z), max(t, min(plane_x, plane_y, plane_z))
+    next_x = _across(x, line.inverse_x) if over == 0 else _seat(line.x, line.inverse_x, t, x, x + LEAF - 1)
+    next_y = _across(y, line.inverse_y) if over == 1 else _seat(line.y, line.inverse_y, t, y, y + LEAF - 1)
+    next_z = _across(z, line.inverse_z) if over == 2 else _seat(line.z, line.inverse_z, t, z, z + LEAF - 1)
+    return _cell_at(grids, g, line, next_x, next_y, next_z), t
 
 
 @njit(**INLINED)
-def _inside_leaf(cell, s):
-    """Number of the cell of stretch s in its leaf."""
-    x, y, z = cell[s, 0] & (LEAF - 1), cell[s, 1] & (LEAF - 1), cell[s, 2] & (LEAF - 1)
+def _across(low, inverse):
+    """The coordinate of the first cell behind a leaf that begins at low."""
+    return low + LEAF if inverse > 0.0 else low - 1
+
+
+@njit(**INLINED)
+def _inside_leaf(cell):
+    """Number of a cell in its leaf."""
+    x, y, z = cell.x & (LEAF - 1), cell.y & (LEAF - 1), cell.z & (LEAF - 1)
     return (x << 2 * _BITS) | (y << _BITS) | z
 
 
 @njit(**INLINED)
-def _density(grids, march, s):
-    """Density in the cell of stretch s."""
-    leaf = march.leaf[s]
-    return 0.0 if leaf < 0 else float(grids.cells[leaf, _inside_leaf(march.cell, s), 0])
+def _density(grids, cell):
+    return 0.0 if cell.leaf < 0 else float(grids.cells[cell.leaf, _inside_leaf(cell), 0])
 
 
 @njit(**INLINED)
-def next_cell(grids, g, march, s, end):
-    """Set amount and temperature to those of the cell that stretch s comes to, and until to where it leaves it. Empty
-    cells count as one. end: of the stretch."""
-    density = _density(grids, march, s)
-    march.amount[s] = density
+def next_cell(grids, g, line, cell, t, end):
+    """The Gas in the Cell of a ray that is at t, and the Cell that comes behind it. Empty cells count as one. end: of
+    the ray."""
+    density, amount, steps, place = _density(grids, cell), 0.0, 0.0, np.int64(0)
     if density > 0.0:
-        inside = _inside_leaf(march.cell, s)
-        march.steps[s], march.place[s] = grids.cells[march.leaf[s], inside, 1], march.leaf[s] * LEAF**3 + inside
-        _step(grids, g, march, s)
-    while density == 0.0 and march.until[s] < end and march.leaf[s] != _OUTSIDE:
-        if march.leaf[s] == _MISSING:
-            _step_over_leaf(grids, g, march, s)
+        inside = _inside_leaf(cell)
+        amount, steps, place = density, float(grids.cells[cell.leaf, inside, 1]), cell.leaf * LEAF**3 + inside
+        t = max(t, min(cell.plane_x, cell.plane_y, cell.plane_z))
+        cell = _step(grids, g, line, cell)
+    while density == 0.0 and t < end and cell.leaf != _OUTSIDE:
+        if cell.leaf == _MISSING:
+            cell, t = _step_over_leaf(grids, g, line, cell, t)
         else:
-            _step(grids, g, march, s)
-        density = _density(grids, march, s)
-    march.until[s] = end if march.amount[s] == 0.0 == density else min(march.until[s], end)
+            t = max(t, min(cell.plane_x, cell.plane_y, cell.plane_z))
+            cell = _step(grids, g, line, cell)
+        density = _density(grids, cell)
+    until = end if amount == 0.0 == density else min(t, end)
+    return Gas(amount, until, steps, place), cell
+
+
+@njit(**INLINED)
+def look_ahead(grids, g, line, cell, ends, ahead):
+    """Fill ahead with the next cells that hold gas; returns how many, the Cell behind them, and the distance there.
+    ends: distance where the ray is, and where it ends."""
+    (t, end), n = ends, 0
+    while t < end and n < ahead.amount.size:
+        gas, cell = next_cell(grids, g, line, cell, t, end)
+        ahead.amount[n], ahead.steps[n], ahead.place[n] = gas.amount * (gas.until - t), gas.steps, gas.place
+        t = gas.until
+        n += 1 if gas.amount > 0.0 else 0
+    return n, cell, t
+
+
+@njit(**INLINED)
+def begin_march(grids, g, march, s, ray, t):
+    """Put stretch s into grid g, where its ray is at t. ray: origin and direction (3,)."""
+    line, cell = enter_grid(grids, g, ray, t)
+    _keep(march, s, cell)
+    march.line[s, 0], march.line[s, 1], march.line[s, 2] = line.x, line.y, line.z
+    march.line[s, 3], march.line[s, 4], march.line[s, 5] = line.inverse_x, line.inverse_y, line.inverse_z
+
+
+@njit(**INLINED)
+def march_on(grids, g, march, s, t, end):
+    """Bring stretch s, which is at t, to what comes next in grid g. end: of the stretch."""
+    a, n, p = march.line, march.cell, march.planes
+    line = Line(a[s, 0], a[s, 1], a[s, 2], a[s, 3], a[s, 4], a[s, 5])
+    cell = Cell(n[s, 0], n[s, 1], n[s, 2], n[s, 3], p[s, 0], p[s, 1], p[s, 2])
+    gas, cell = next_cell(grids, g, line, cell, t, end)
+    march.amount[s], march.until[s], march.steps[s], march.place[s] = gas
+    _keep(march, s, cell)
+
+
+@njit(**INLINED)
+def _keep(march, s, cell):
+    n, p = march.cell, march.planes
+    n[s, 0], n[s, 1], n[s, 2], n[s, 3] = cell.x, cell.y, cell.z, cell.leaf
+    p[s, 0], p[s, 1], p[s, 2] = cell.plane_x, cell.plane_y, cell.plane_z

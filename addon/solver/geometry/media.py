@@ -19,8 +19,8 @@ from ..physics.media import MediumTable
 from ..scene import Medium, SceneError
 from ..system.kernels import KERNEL, njit
 from .closed import leak_place, outward
-from .grids import cross_boxes, empty_march, fill_cells, place_grids
-from .segments import Air, Hits, RayBatch, Tracer, empty_bands
+from .grids import cross_boxes, empty_ahead, empty_march, fill_cells, place_grids
+from .segments import Air, Hits, Peaks, RayBatch, Tracer, empty_bands
 from .triangles import CLEAR
 
 # A ray that runs within a face would meet it again after every step over it. So steps grow, by 2 in so many crossings:
@@ -96,7 +96,7 @@ class Atmosphere(Tracer):
         self._media, self._grids = media, place_grids(media, centre)
         self._depth = depth
         self._everywhere = np.array([body is None for body in self._bodies]) & (self._grids.number < 0)
-        self._optics = self.before_scene = None
+        self._optics = self._peaks = self.before_scene = None
         self.scatters = any(medium.scatters for medium in media)
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
@@ -122,6 +122,7 @@ class Atmosphere(Tracer):
         is."""
         share = table.absorption / np.where(table.extinction > 0.0, table.extinction, 1.0)
         self._optics = table, share, table.extinction.max(axis=1)
+        self._peaks = Peaks(table.scattering.max(axis=1), table.mixtures.absorption.max(axis=2))
         self.before_scene = self._depth * table.extinction[self._everywhere].sum(axis=0)
         if heat is not None:
             self._grids = fill_cells(self._grids, self._media, heat)
@@ -158,8 +159,9 @@ class Atmosphere(Tracer):
         lit = None if from_sun is None else from_sun[ray] & self._everywhere[medium]
         row, *optics = self._rows(first, medium, lit)
         stretches = medium, row, begin[order], end[order]
-        room = empty_march(len(ray), len(self._grids.first) > 0), empty_bands(self._optics[0].extinction.shape[1])
-        return Air(first, *stretches, length, RayBatch(origin, direction), *optics, self._grids, *room)
+        march, bands = empty_march(len(ray), len(self._grids.first) > 0), self._optics[0].extinction.shape[1]
+        room = march, empty_ahead(), empty_bands(bands)
+        return Air(first, *stretches, length, RayBatch(origin, direction), *optics, self._peaks, self._grids, *room)
 
     def _rows(self, first: np.ndarray, medium: np.ndarray, lit: np.ndarray | None) -> tuple:
         """`row`, `table`, `share` and `thickest` of Air: with rows for as many stretches as the segment with the most

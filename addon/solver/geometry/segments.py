@@ -18,7 +18,7 @@ from ..physics.heat import between_nodes, temperature_at
 from ..physics.media import THIN, MediumTable, absorbed, absorbed_if_thin
 from ..physics.mixtures import around
 from ..system.kernels import FAST_INLINED, INLINED, njit
-from .grids import AHEAD, GridTable, March, enter_grid, next_cell
+from .grids import AHEAD, Ahead, GridTable, March, begin_march, enter_grid, look_ahead, march_on, next_cell
 
 ENDLESS = np.float32(1e37)  # reach of rays that end nowhere
 _FAINTEST = 1e-300  # depth added where there may be none
@@ -131,6 +131,14 @@ def empty_bands(count: int) -> Bands:
     return Bands(*np.empty((7, count)))
 
 
+class Peaks(NamedTuple):
+    """The largest coefficients of any band, 1/m: scattering (m,) of media, absorption (c, t) of what a MixtureTable
+    holds."""
+
+    scattering: np.ndarray
+    absorption: np.ndarray
+
+
 class Air(NamedTuple):
     """What n segments cross.
 
@@ -140,9 +148,9 @@ class Air(NamedTuple):
     behind these where a medium only scatters.
     begin, end: (s,) float64, of the stretch of a segment in a medium, in units of the direction's length; stretches in
     several media may overlap. length: (n,) of the direction. rays: the segments'. table: of the media, see MediumTable.
-    share: (rows, b) float64, absorption over extinction. thickest: (rows,) float64, 1/m, largest extinction. grids: of
-    media that vary, see GridTable.
-    Kernels keep what they know here: march, see March, and bands, see Bands.
+    share: (rows, b) float64, absorption over extinction. thickest: (rows,) float64, 1/m, no less than the extinction of
+    any band. peaks: see Peaks. grids: of media that vary, see GridTable.
+    Kernels keep what they know here: march, see March, ahead, see Ahead, and bands, see Bands.
     """
 
     first: np.ndarray
@@ -155,8 +163,10 @@ class Air(NamedTuple):
     table: MediumTable
     share: np.ndarray
     thickest: np.ndarray
+    peaks: Peaks
     grids: GridTable
     march: March
+    ahead: Ahead
     bands: Bands
 
 
@@ -195,34 +205,42 @@ def _enter_or_leave(air, i, s, t):
         march.amount[s], march.until[s] = 1.0, air.end[s]
     else:
         if march.amount[s] == AHEAD:
-            enter_grid(air.grids, g, march, s, (air.rays.origin[i], air.rays.direction[i]), t)
-        next_cell(air.grids, g, march, s, air.end[s])
+            begin_march(air.grids, g, march, s, (air.rays.origin[i], air.rays.direction[i]), t)
+        march_on(air.grids, g, march, s, t, air.end[s])
         if air.row[s] != air.medium[s] and march.amount[s] > 0.0:
-            _mix(air, s)
+            _mix(air, s, march.steps[s], march.place[s])
 
 
 @njit(**_VECTORS)
-def _mix(air, s):
+def _mix(air, s, steps, place):
     """Write the row of stretch s: what the mixture in its cell absorbs and scatters. Here alone it is said what the
-    coefficients of such a cell are."""
-    table, grids, m, row = air.table, air.grids, air.medium[s], air.row[s]
-    mixtures, place = table.mixtures, air.march.place[s]
-    node, up = around(mixtures, m, temperature_at(grids.heat, air.march.steps[s]))
-    bands, first, thickest = air.share.shape[1], mixtures.first[m], 0.0
-    density = float(grids.amounts[grids.begin[first] + place])
+    coefficients of such a cell are. steps, place: see Gas."""
+    table, grids, m, row, peaks = air.table, air.grids, air.medium[s], air.row[s], air.peaks
+    mixtures = table.mixtures
+    node, up = around(mixtures, m, temperature_at(grids.heat, steps))
+    bands, first, end = air.share.shape[1], mixtures.first[m], mixtures.first[m + 1]
+    at = grids.begin[grids.number[m]] + place * (end - first)
+    density = float(grids.amounts[at])
+    thickest = density * peaks.scattering[m]
     for b in range(bands):
-        table.absorption[row, b], table.scattering[row, b] = 0.0, density * table.scattering[m, b]
-    for c in range(first, mixtures.first[m + 1]):
-        amount = float(grids.amounts[grids.begin[c] + place])
+        table.absorption[row, b] = 0.0
+    for c in range(first, end):
+        amount = float(grids.amounts[at + c - first])
         below, above = amount * (1.0 - up), amount * up
         if amount > 0.0:
+            thickest += below * peaks.absorption[c, node] + above * peaks.absorption[c, node + 1]
             for b in range(bands):
                 between = below * mixtures.absorption[c, node, b] + above * mixtures.absorption[c, node + 1, b]
                 table.absorption[row, b] += between
-    for b in range(bands):
-        extinction = table.absorption[row, b] + table.scattering[row, b]
-        table.extinction[row, b], thickest = extinction, max(thickest, extinction)
-        air.share[row, b] = table.absorption[row, b] / extinction if extinction > 0.0 else 0.0
+    if peaks.scattering[m] > 0.0:
+        for b in range(bands):
+            table.scattering[row, b] = density * table.scattering[m, b]
+            table.extinction[row, b] = table.absorption[row, b] + table.scattering[row, b]
+            air.share[row, b] = table.absorption[row, b] / (table.extinction[row, b] + _FAINTEST)
+    else:
+        for b in range(bands):
+            table.scattering[row, b], air.share[row, b] = 0.0, 1.0
+            table.extinction[row, b] = table.absorption[row, b]
     air.thickest[row] = thickest
 
 
@@ -245,23 +263,56 @@ def add_depth(air, i, of, way, out):
 
 
 @njit(**_VECTORS)
-def _fill_excess(air, s, out):
-    """Fill out (b,) with the excess radiance of a blackbody at the temperature at the present place of stretch s."""
+def _fill_excess(air, s, steps, out):
+    """Fill out (b,) with the excess radiance of a blackbody at the temperature of a place in stretch s. steps: see
+    Gas."""
     m, heat = air.medium[s], air.grids.heat
     if air.grids.number[m] < 0:
         for b in range(out.size):
             out[b] = air.table.excess[m, b]
     else:
-        r, (h0, d0, h1, d1) = between_nodes(heat, air.march.steps[s])
+        r, (h0, d0, h1, d1) = between_nodes(heat, steps)
         for b in range(out.size):
             excess = h0 * heat.excess[r, b] + d0 * heat.slope[r, b]
             out[b] = excess + h1 * heat.excess[r + 1, b] + d1 * heat.slope[r + 1, b]
 
 
 @njit(**INLINED)
+def is_plain(air, i):
+    """Whether segment i crosses but one stretch, in a medium whose coefficients have one ratio everywhere: what it
+    takes is then told by how much gas there is."""
+    s = air.first[i]
+    return s + 1 == air.first[i + 1] and air.row[s] == air.medium[s]
+
+
+@njit(**INLINED)
+def pass_gas(air, i, limit):
+    """Go along a plain segment until it has passed as much gas as the limit says, in m of amount 1; returns how much it
+    has passed, the amount here, and the distance, in units of the direction's length, infinite behind the stretch."""
+    s, passed = air.first[i], 0.0
+    t, end, limit = air.begin[s], air.end[s], limit / air.length[i]
+    g = air.grids.number[air.medium[s]]
+    if g < 0:
+        return (limit * air.length[i], 1.0, t + limit) if end - t > limit else ((end - t) * air.length[i], 0.0, np.inf)
+    line, cell = enter_grid(air.grids, g, (air.rays.origin[i], air.rays.direction[i]), t)
+    while t < end:
+        gas, cell = next_cell(air.grids, g, line, cell, t, end)
+        more = gas.amount * (gas.until - t)
+        if passed + more > limit:
+            return limit * air.length[i], gas.amount, t + (limit - passed) / gas.amount
+        t, passed = gas.until, passed + more
+    return passed * air.length[i], 0.0, np.inf
+
+
+@njit(**INLINED)
 def transmit(air, i, power):
     """Lower power (b,), or a radiance or throughput, by what segment i absorbs and scatters (Bouguer's law). Both
     directions lose alike."""
+    if is_plain(air, i):
+        passed, row = pass_gas(air, i, np.inf)[0], air.row[air.first[i]]
+        for b in range(power.size):
+            power[b] *= math.exp(-passed * air.table.extinction[row, b])
+        return
     depth, t, stop = air.bands.depth, 0.0, set_out(air, i)
     if stop == np.inf:
         return
@@ -276,15 +327,15 @@ def transmit(air, i, power):
 @njit(**INLINED)
 def glow(air, i, throughput, radiance):
     """Add to radiance (b,) what media on segment i emit towards its origin, times the throughput (b,) there."""
-    bands, stop = air.bands, set_out(air, i)
-    if stop == np.inf:
+    bands, stretches = air.bands, air.first[i + 1] - air.first[i]
+    if stretches == 0:
         return
     for b in range(throughput.size):
         bands.throughput[b], bands.radiance[b] = throughput[b], 0.0
-    if air.first[i] + 1 == air.first[i + 1]:
-        _shine_along_one(air, i, stop)
+    if stretches == 1:
+        _shine_along_one(air, i)
     else:
-        _shine_along_all(air, i, stop)
+        _shine_along_all(air, i)
     for b in range(throughput.size):
         radiance[b] += bands.radiance[b]
 
@@ -300,22 +351,29 @@ def traverse(air, i, throughput, radiance):
 
 
 @njit(**INLINED)
-def _shine_along_one(air, i, stop):
+def _shine_along_one(air, i):
     """Add to the radiance of bands what the only stretch of segment i emits, and lower their throughput by what it
-    takes. stop: the first distance at which something changes. _shine_along_all can do this, too, but takes a quarter
-    longer, as it asks at each cell which stretches are there."""
-    t, s = 0.0, air.first[i]
-    while stop < np.inf:
-        if air.march.amount[s] > 0.0:
-            _shine_alone(air, s, (stop - t) * air.length[i])
-        _enter_or_leave(air, i, s, stop)
-        t, stop = stop, air.march.until[s]
+    takes. _shine_along_all can do this, too, but takes THREE times as long, as it keeps in memory where it is on each
+    stretch."""
+    s = air.first[i]
+    t, end, g = air.begin[s], air.end[s], air.grids.number[air.medium[s]]
+    if g < 0:
+        _shine_alone(air, s, 0.0, (end - t) * air.length[i])
+        return
+    line, cell = enter_grid(air.grids, g, (air.rays.origin[i], air.rays.direction[i]), t)
+    ahead = air.ahead
+    while t < end:
+        cells, cell, t = look_ahead(air.grids, g, line, cell, (t, end), ahead)
+        for n in range(cells):
+            if air.row[s] != air.medium[s]:
+                _mix(air, s, ahead.steps[n], ahead.place[n])
+            _shine_alone(air, s, ahead.steps[n], ahead.amount[n] * air.length[i])
 
 
 @njit(**INLINED)
-def _shine_along_all(air, i, stop):
+def _shine_along_all(air, i):
     """_shine_along_one for any number of stretches."""
-    t = 0.0
+    t, stop = 0.0, set_out(air, i)
     while stop < np.inf:
         _shine(air, i, stop - t)
         t, stop = stop, go_on(air, i, stop)
@@ -333,17 +391,17 @@ def _shine(air, i, way):
         if air.march.amount[s] > 0.0:
             count, only = count + 1, s
     if count == 1:
-        _shine_alone(air, only, way * air.length[i])
+        _shine_alone(air, only, air.march.steps[only], way * air.length[i] * air.march.amount[only])
     elif count > 1:
         _shine_together(air, i, way)
 
 
 @njit(**_VECTORS)
-def _shine_alone(air, s, length):
-    """_shine where there is but one medium, that of stretch s. length: m."""
+def _shine_alone(air, s, steps, amount):
+    """_shine where there is but one medium, that of stretch s. steps: see Gas. amount: of gas on the way, in m of
+    amount 1."""
     bands, extinction, share, row = air.bands, air.table.extinction, air.share, air.row[s]
-    amount = length * air.march.amount[s]
-    _fill_excess(air, s, bands.excess)
+    _fill_excess(air, s, steps, bands.excess)
     if amount * air.thickest[row] < THIN:
         for b in range(bands.excess.size):
             lost = absorbed_if_thin(amount * extinction[row, b])
@@ -366,7 +424,7 @@ def _shine_together(air, i, way):
     for s in range(air.first[i], air.first[i + 1]):
         amount = way * air.length[i] * air.march.amount[s]
         if amount > 0.0:
-            _fill_excess(air, s, excess)
+            _fill_excess(air, s, air.march.steps[s], excess)
             for b in range(excess.size):
                 emission[b] += amount * absorption[air.row[s], b] * excess[b]
     for b in range(depth.size):
