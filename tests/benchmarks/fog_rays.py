@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How many camera rays a pass should send through fog: what the cap on their mean brings.
 
-python -m tests.benchmarks.fog_rays [--scenes room street steam] [--caps 32 64 100 200] [--rays 1024] [--photons 100000]
+python -m tests.benchmarks.fog_rays [--scenes room street steam plume] [--caps 32 64 100 200] [--rays N] [--photons N]
 
 Prints, for each scene and cap, the camera rays of a pixel and pass, and 1 / (noise^2 x processor time), with the mean
 square of the noise of all pixels, over that of the first cap. Every render has about as many camera rays in all.
@@ -16,6 +16,7 @@ import numpy as np
 from addon.solver import Material, Medium, Settings, render
 from addon.solver.passes import prepare
 from addon.solver.planning import antialiasing
+from tests.benchmarks.grid_cost import scenes
 from tests.benchmarks.speed_scenes import fog
 from tests.helpers.hot_skies import lit_corner, with_spot
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
@@ -45,6 +46,11 @@ def steam():
     return _small(dataclasses.replace(scene, media=(cloud,)))
 
 
+def plume():
+    """A plume that scatters in a grid, in the benchmarks' room."""
+    return _small(scenes(128)["fog plume"])
+
+
 def _small(scene):
     return dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, width=64, height=48))
 
@@ -69,7 +75,7 @@ def main():
     parser.add_argument("--caps", type=float, nargs="+", default=[32.0, 64.0, 100.0, 200.0])
     parser.add_argument("--rays", type=int, default=1024)
     parser.add_argument("--photons", type=int, default=100_000)
-    builders = {build.__name__: build for build in (room, street, steam)}
+    builders = {build.__name__: build for build in (room, street, steam, plume)}
     parser.add_argument("--scenes", nargs="+", choices=builders, default=list(builders))
     options = parser.parse_args()
     for name in options.scenes:

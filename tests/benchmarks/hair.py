@@ -4,7 +4,9 @@
     python -m tests.benchmarks.hair [--hairs N] [--width PIXELS] [--passes N] [--photons N]
 
 Prints Markdown: times of reading Blender's scene, of the preparation and of a pass (the median), processor time of all
-threads in s; the triangles; and the ratio of whole renders.
+threads in s; the triangles; the camera rays of a pixel and pass; and the ratio of whole renders. Hair is all edges, so
+a pass sends more camera rays through it. The last row is of the same hair with no more of them than the bald head has;
+below stands what more of them bring: 1 / (noise^2 x time), with the mean square of the noise of all pixels.
 """
 
 import argparse
@@ -18,6 +20,7 @@ import numpy as np
 from addon.reading import motion
 from addon.solver import Settings, render
 from addon.solver import passes as pass_loop
+from addon.solver.planning import antialiasing
 from docs.tools.blender import registered
 from tests.helpers.blender import camera, link, material, read_as_rendered
 from tests.helpers.process import resident
@@ -28,17 +31,25 @@ MEASURED = 100  # passes of a render, to which the ratio in the last column belo
 
 
 class Cost(NamedTuple):
-    """Processor times of all threads in s; peak: largest resident memory of the process, MB."""
+    """Processor times of all threads in s; rays: mean of camera rays of a pixel in a pass; noise: its mean square over
+    the pixels after the passes that were measured, K2; peak: largest resident memory of the process, MB."""
 
     triangles: int
+    rays: float
     read: float
     prepare: float
     one_pass: float
+    noise: float
     peak: float
 
     def render(self, passes: int) -> float:
         """Of a render of so many passes."""
         return self.read + self.prepare + passes * self.one_pass
+
+    @property
+    def efficiency(self) -> float:
+        """1 / (noise^2 x time) of passes alone."""
+        return 1.0 / (self.noise * self.one_pass)
 
 
 def curls(count):
@@ -88,19 +99,20 @@ def measure(hairs, options):
 
     with patch.object(motion, "read_scene", timed):
         ((scene, _),) = read_as_rendered().values()
-    marks = [time.process_time()]
+    marks, planned = [time.process_time()], []
     as_ever = pass_loop.prepare
 
     def prepare(*inputs):
-        model = as_ever(*inputs)
+        planned.append(as_ever(*inputs))
         marks.append(time.process_time())
-        return model
+        return planned[0]
 
     with patch.object(pass_loop, "prepare", prepare):
         settings = Settings(passes=options.passes, photons_per_pass=options.photons)
-        render(scene, settings, lambda film: marks.append(time.process_time()))
-    spent = np.diff(marks)
-    return Cost(len(scene.triangles), reading[0], spent[0], np.median(spent[1:]), resident("VmHWM") / 1e6)
+        film = render(scene, settings, lambda film: marks.append(time.process_time()))
+    spent, rays, noise = np.diff(marks), float(planned[0].samples.mean()), float(np.mean(film.noise() ** 2))
+    triangles, peak = len(scene.triangles), resident("VmHWM") / 1e6
+    return Cost(triangles, rays, reading[0], spent[0], np.median(spent[1:]), noise, peak)
 
 
 def main():
@@ -113,12 +125,20 @@ def main():
     with registered():
         measure(10, argparse.Namespace(width=32, passes=1, photons=1000))  # loads the kernels
         bald, hairy = measure(0, options), measure(options.hairs, options)
-    print("| hairs | triangles | read, s | prepare, s | pass, s | 100 passes, s | peak, MB |\n" + "|--:" * 7 + "|")
-    for hairs, cost in ((0, bald), (options.hairs, hairy)):
+        with patch.object(antialiasing, "_MEAN", bald.rays):
+            as_few = measure(options.hairs, options)
+    print(
+        "| hairs | triangles | camera rays | read, s | prepare, s | pass, s | 100 passes, s | peak, MB |\n"
+        + "|--:" * 8
+        + "|"
+    )
+    for hairs, cost in ((0, bald), (options.hairs, hairy), (options.hairs, as_few)):
         times = f"{cost.read:.2f} | {cost.prepare:.2f} | {cost.one_pass:.2f} | {cost.render(MEASURED):.0f}"
-        print(f"| {hairs:,} | {cost.triangles:,} | {times} | {cost.peak:.0f} |")
-    ratio = hairy.render(MEASURED) / bald.render(MEASURED)
-    print(f"\nHairy over bald: {hairy.one_pass / bald.one_pass:.2f} a pass, {ratio:.2f} for {MEASURED} passes.")
+        print(f"| {hairs:,} | {cost.triangles:,} | {cost.rays:.1f} | {times} | {cost.peak:.0f} |")
+    for name, cost in (("Hairy", hairy), ("As few camera rays", as_few)):
+        ratio = cost.render(MEASURED) / bald.render(MEASURED)
+        print(f"\n{name} over bald: {cost.one_pass / bald.one_pass:.2f} a pass, {ratio:.2f} for {MEASURED} passes.")
+    print(f"\nMore camera rays: {hairy.efficiency / as_few.efficiency:.2f} times the efficiency.")
 
 
 if __name__ == "__main__":

@@ -124,10 +124,15 @@ class Reference:
         )
 
     def own_errors(self, temperature):
-        """The same without the reference's own share: the product of the differences from two independent halves."""
+        """The same without the reference's own share."""
         order = np.argsort(np.abs(temperature - self.temperature).ravel())
-        products = np.prod(temperature - self.temperatures, axis=0).ravel()[order]
+        products = self.own_squares(temperature).ravel()[order]
         return np.sqrt(np.maximum([products[: int(KEPT * products.size)].mean(), products.mean()], 0.0))
+
+    def own_squares(self, temperature):
+        """(height, width) K2, whose mean is the mean square error without the reference's own share: the product of the
+        differences from two independent halves."""
+        return np.prod(temperature - self.temperatures, axis=0)
 
     def gain_of_all_bands_at_once(self, images, groups):
         """How much less time a path tracer would need at best for all bands together if one path carried all of them.
@@ -271,9 +276,13 @@ def slope(name, options):
     scene = build(name)
     reference = load_reference(name, scene, options.cache, options.threads)
     settings = Settings(passes=options.slope, threads=options.threads, **options.settings)
-    passes, _, errors = our_curve(
-        scene, settings, lambda film: reference.own_errors(film.temperature()), time.perf_counter
-    )
+    last = []
+
+    def measure(film):
+        last[:] = [film.temperature()]
+        return reference.own_errors(last[0])
+
+    passes, _, errors = our_curve(scene, settings, measure, time.perf_counter)
     wanted = sorted({2**i for i in range(int(np.log2(options.slope)) + 1)} | {options.slope})
     chosen = [int(np.argmin(np.abs(passes - p))) for p in wanted]
     print(f"\n{name}: error without the reference's own (its standard error is {reference.standard_error:.3g} K)")
@@ -286,6 +295,9 @@ def slope(name, options):
         fits = [_slope(passes[chosen][part], error[part]) for part in (known, late)]
         cells = (f"{e:8.4f}" if k else f"{'-':>8s}" for e, k in zip(error, known, strict=True))
         print(f"  {label:7s} " + " ".join(cells) + f"   {fits[0]:.2f} {fits[1]:.2f}", flush=True)
+    squares = np.sort(reference.own_squares(last[0]).ravel())
+    spread, largest = squares.std() / np.sqrt(squares.size), squares[-10:].sum() / squares.sum()
+    print(f"  mean square at the end {squares.mean():.2e} +- {spread:.1e} K2 (10 of the pixels make {largest:.0%})")
 
 
 def _slope(x, y):

@@ -22,7 +22,7 @@ _MISSING, _OUTSIDE = -1, -2
 AHEAD = -1.0  # amount in a stretch that a ray has not reached
 # Cells that a ray looks at before it asks what they do to each band: so many come from memory at once, where each alone
 # would be waited for. Rays in all directions then take 22 % less time; 16 brought 13 %, 64 16 %.
-_AHEAD = 32
+_CELLS_AHEAD = 32
 
 
 class GridTable(NamedTuple):
@@ -126,8 +126,8 @@ def empty_march(count: int, grids: bool) -> March:
 
 
 def empty_ahead() -> Ahead:
-    """Room for _AHEAD cells."""
-    return Ahead(*np.empty((2, _AHEAD)), np.empty(_AHEAD, np.int64))
+    """Room for _CELLS_AHEAD cells."""
+    return Ahead(*np.empty((2, _CELLS_AHEAD)), np.empty(_CELLS_AHEAD, np.int64))
 
 
 def place_grids(media: tuple[Medium, ...], centre: np.ndarray) -> GridTable:

@@ -353,7 +353,7 @@ def traverse(air, i, throughput, radiance):
 @njit(**INLINED)
 def _shine_along_one(air, i):
     """Add to the radiance of bands what the only stretch of segment i emits, and lower their throughput by what it
-    takes. _shine_along_all can do this, too, but takes THREE times as long, as it keeps in memory where it is on each
+    takes. _shine_along_all can do this, too, but takes twice as long, as it keeps in memory where it is on each
     stretch."""
     s = air.first[i]
     t, end, g = air.begin[s], air.end[s], air.grids.number[air.medium[s]]
