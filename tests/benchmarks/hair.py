@@ -127,11 +127,8 @@ def main():
         bald, hairy = measure(0, options), measure(options.hairs, options)
         with patch.object(antialiasing, "_MEAN", bald.rays):
             as_few = measure(options.hairs, options)
-    print(
-        "| hairs | triangles | camera rays | read, s | prepare, s | pass, s | 100 passes, s | peak, MB |\n"
-        + "|--:" * 8
-        + "|"
-    )
+    columns = "hairs", "triangles", "camera rays", *(f"{what}, s" for what in ("read", "prepare", "pass", "100 passes"))
+    print(f"| {' | '.join(columns)} | peak, MB |\n{'|--:' * (len(columns) + 1)}|")
     for hairs, cost in ((0, bald), (options.hairs, hairy), (options.hairs, as_few)):
         times = f"{cost.read:.2f} | {cost.prepare:.2f} | {cost.one_pass:.2f} | {cost.render(MEASURED):.0f}"
         print(f"| {hairs:,} | {cost.triangles:,} | {cost.rays:.1f} | {times} | {cost.peak:.0f} |")

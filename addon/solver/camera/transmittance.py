@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from ..geometry.media import Atmosphere
-from ..geometry.segments import Air, Hits, Tracer, add_depth, go_on, set_out, ways
+from ..geometry.segments import Air, Hits, Tracer, measure_depth, ways
 from ..physics.heat import build_heat_table
 from ..physics.media import build_medium_table
 from ..physics.molecules import MolecularMedia, Sampler
@@ -66,10 +66,6 @@ def _add_transmittances(air: Air, extinction: np.ndarray, weights: np.ndarray, v
 @njit(**KERNEL)
 def _add(air, extinction, weights, depth, values):
     for i in range(values.size):
-        depth[:] = 0.0
-        t, stop = 0.0, set_out(air, i)
-        while stop < np.inf:
-            add_depth(air, i, extinction, stop - t, depth)
-            t, stop = stop, go_on(air, i, stop)
+        measure_depth(air, i, extinction, depth)
         for k in range(depth.size):
             values[i] += weights[k] * math.exp(-depth[k])

@@ -84,15 +84,14 @@ def fly(air, i, weight, u, v):
 
     so the sum of |w| never grows: this is the twin of the roulette by power. u, v: numbers in [0, 1).
     """
-    table, total = air.table, absolute_sum(weight)
+    total = absolute_sum(weight)
     if not total > 0.0:
         return np.inf
     c, left = pick_band(weight, u * total), -math.log1p(-v)
     depth, scattered, scattering = air.bands.depth, air.bands.scattered, air.bands.scattering
-    t, collides = _fly_plainly(air, i, c, left) if is_plain(air, i) else _fly_on(air, i, c, left)
-    scattering[:] = 0.0 if collides else 1.0
-    if collides:
-        add_depth(air, i, table.scattering, 1.0 / air.length[i], scattering)
+    t, collides = _advance_plainly(air, i, c, left) if is_plain(air, i) else advance(air, i, c, left, np.inf)
+    if not collides:
+        scattering[:] = 1.0
     mean = 0.0
     for b in range(weight.size):
         mean += abs(weight[b]) / total * math.exp(-scattered[b]) * scattering[b]
@@ -102,38 +101,47 @@ def fly(air, i, weight, u, v):
 
 
 @njit(**INLINED)
-def _fly_plainly(air, i, c, left):
-    """_fly_on for a plain segment, see is_plain, where no step from cell to cell asks for each band."""
+def advance(air, i, c, left, goal):
+    """Go along segment i up to a depth of scattering in band c, or to a distance, in units of the direction's length,
+    which may lie before it or beyond all media; the other is infinite. Returns the distance, and whether it was come to
+    in the media. air.bands then tell depth, scattered and scattering, 1/m, there."""
+    table, bands, t, stop = air.table, air.bands, 0.0, set_out(air, i)
+    bands.depth[:], bands.scattered[:], bands.scattering[:] = 0.0, 0.0, 0.0
+    arrived = goal <= 0.0
+    while stop < np.inf and not arrived:
+        of_c, end = _scattering_in(air, i, c) * air.length[i], stop
+        if of_c * (stop - t) > left:
+            end, arrived = t + left / of_c, True
+        if goal <= end:
+            end, arrived = goal, True
+        left -= of_c * (end - t)
+        add_depth(air, i, table.extinction, end - t, bands.depth)
+        add_depth(air, i, table.scattering, end - t, bands.scattered)
+        t = end
+        if arrived:
+            add_depth(air, i, table.scattering, 1.0 / air.length[i], bands.scattering)
+        else:
+            stop = go_on(air, i, stop)
+    return (goal if goal < np.inf else t), arrived
+
+
+@njit(**INLINED)
+def _advance_plainly(air, i, c, left):
+    """`advance` to a depth of scattering on a plain segment, see is_plain: no step from cell to cell asks for each
+    band."""
     s, table, bands = air.first[i], air.table, air.bands
     row = air.row[s]
     limit = left / table.scattering[row, c] if table.scattering[row, c] > 0.0 else np.inf
     passed, air.march.amount[s], t = pass_gas(air, i, limit)
     for b in range(bands.depth.size):
         bands.depth[b], bands.scattered[b] = passed * table.extinction[row, b], passed * table.scattering[row, b]
+    bands.scattering[:] = 0.0
+    add_depth(air, i, table.scattering, 1.0 / air.length[i], bands.scattering)
     return t, t < np.inf
 
 
 @njit(**INLINED)
-def _fly_on(air, i, c, left):
-    """Go along segment i up to a depth of scattering in band c. Fills depth and scattered of bands; returns the
-    distance, in units of the direction's length, and whether it lies before the end of all media."""
-    table, bands, t, stop, collides = air.table, air.bands, 0.0, set_out(air, i), False
-    bands.depth[:], bands.scattered[:] = 0.0, 0.0
-    while stop < np.inf and not collides:
-        of_c = scattering_in(air, i, c) * air.length[i]
-        collides = of_c * (stop - t) > left
-        end = t + left / of_c if collides else stop
-        left -= of_c * (stop - t)
-        add_depth(air, i, table.extinction, end - t, bands.depth)
-        add_depth(air, i, table.scattering, end - t, bands.scattered)
-        t = end
-        if not collides:
-            stop = go_on(air, i, stop)
-    return t, collides
-
-
-@njit(**INLINED)
-def scattering_in(air, i, c):
+def _scattering_in(air, i, c):
     """Scattering coefficient in band c at the present place of segment i, 1/m."""
     total = 0.0
     for s in range(air.first[i], air.first[i + 1]):

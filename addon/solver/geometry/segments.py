@@ -262,6 +262,16 @@ def add_depth(air, i, of, way, out):
             add_coefficients(air, s, of, way * air.length[i], out)
 
 
+@njit(**INLINED)
+def measure_depth(air, i, of, out):
+    """Fill out (b,) with the optical depth of segment i. of: see add_coefficients."""
+    t, stop = 0.0, set_out(air, i)
+    out[:] = 0.0
+    while stop < np.inf:
+        add_depth(air, i, of, stop - t, out)
+        t, stop = stop, go_on(air, i, stop)
+
+
 @njit(**_VECTORS)
 def _fill_excess(air, s, steps, out):
     """Fill out (b,) with the excess radiance of a blackbody at the temperature of a place in stretch s. steps: see
@@ -308,18 +318,15 @@ def pass_gas(air, i, limit):
 def transmit(air, i, power):
     """Lower power (b,), or a radiance or throughput, by what segment i absorbs and scatters (Bouguer's law). Both
     directions lose alike."""
+    if air.first[i] == air.first[i + 1]:
+        return
     if is_plain(air, i):
         passed, row = pass_gas(air, i, np.inf)[0], air.row[air.first[i]]
         for b in range(power.size):
             power[b] *= math.exp(-passed * air.table.extinction[row, b])
         return
-    depth, t, stop = air.bands.depth, 0.0, set_out(air, i)
-    if stop == np.inf:
-        return
-    depth[:] = 0.0
-    while stop < np.inf:
-        add_depth(air, i, air.table.extinction, stop - t, depth)
-        t, stop = stop, go_on(air, i, stop)
+    depth = air.bands.depth
+    measure_depth(air, i, air.table.extinction, depth)
     for b in range(power.size):
         power[b] *= math.exp(-depth[b])
 

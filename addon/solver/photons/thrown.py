@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.flight import pick_band, scattering_in
+from ..geometry.flight import advance, pick_band
 from ..geometry.point_tree import FAR, WIDTH, PointTree, build_tree, morton_order
-from ..geometry.segments import Air, Hits, Tracer, add_depth, go_on, set_out
+from ..geometry.segments import Air, Hits, Tracer, measure_depth
 from ..geometry.surfaces import Surfaces
 from ..physics.media import phase
 from ..sampling.rng import path_key, uniform
@@ -225,7 +225,7 @@ def _leave_points(air, wave, ways, keys, rooms, points):
             else:
                 c = pick_band(weight, uniform(path, dimension + 1) * total)
                 sought = -math.log1p(u * math.expm1(-whole[c]))
-            t = _advance(air, i, c, (sought, goal))
+            t, _ = advance(air, i, c, sought, goal)
             metres = t * air.length[i]
             density = _EACH / (high - low) if n < _EACH or low < metres < high else 0.0
             for b in range(weight.size):
@@ -250,40 +250,12 @@ def _leave_points(air, wave, ways, keys, rooms, points):
 def _measure(air, i, power, whole, weight):
     """Fill whole (b,) with the depth of scattering of segment i, and weight (b,) with |power| where there is any;
     returns the sum of the latter."""
-    t, stop, total = 0.0, set_out(air, i), 0.0
-    whole[:] = 0.0
-    while stop < np.inf:
-        add_depth(air, i, air.table.scattering, stop - t, whole)
-        t, stop = stop, go_on(air, i, stop)
+    total = 0.0
+    measure_depth(air, i, air.table.scattering, whole)
     for b in range(weight.size):
         weight[b] = abs(power[b]) if whole[b] > 0.0 else 0.0
         total += weight[b]
     return total
-
-
-@njit(inline="always")
-def _advance(air, i, c, sought):
-    """Go along segment i up to a depth of scattering in band c, or to a distance, in units of the direction's length,
-    which may lie before it or beyond all media; the other is infinite. Returns the distance. air.bands then tell depth,
-    scattered and scattering, 1/m, there."""
-    (left, goal), bands, t, stop = sought, air.bands, 0.0, set_out(air, i)
-    bands.depth[:], bands.scattered[:], bands.scattering[:] = 0.0, 0.0, 0.0
-    arrived = goal <= 0.0
-    while stop < np.inf and not arrived:
-        of_c, end = scattering_in(air, i, c) * air.length[i], stop
-        if of_c * (stop - t) > left:
-            end, arrived = t + left / of_c, True
-        if goal <= end:
-            end, arrived = goal, True
-        left -= of_c * (end - t)
-        add_depth(air, i, air.table.extinction, end - t, bands.depth)
-        add_depth(air, i, air.table.scattering, end - t, bands.scattered)
-        t = end
-        if arrived:
-            add_depth(air, i, air.table.scattering, 1.0 / air.length[i], bands.scattering)
-        else:
-            stop = go_on(air, i, stop)
-    return goal if goal < np.inf else t
 
 
 class Receiver(NamedTuple):
