@@ -19,7 +19,7 @@ from addon.solver.image.tiles import TILE, tiles
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning import preparation
 from addon.solver.planning.sheets import FALL
-from addon.solver.planning.splitting import _FEWEST, noise_and_time, plan_splitting, ray_variance, spread_in
+from addon.solver.planning.splitting import FEWEST_SHARED, noise_and_time, plan_splitting, ray_variance, spread_in
 from addon.solver.sampling.rng import path_key
 from tests.helpers.paper_estimator import ALWAYS_RECALL, changed, lights_alone, no_final_gathers, rays_everywhere
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
@@ -192,7 +192,7 @@ def test_rays_with_other_colours_keep_theirs(second, expected, monkeypatch):
     def watch(stage, estimate, pixels, bounce, gathers):
         if not bounce.rays.final.any():
             groups.append(gathers.of)
-        choose(stage, estimate, pixels, bounce, gathers)
+        return choose(stage, estimate, pixels, bounce, gathers)
 
     monkeypatch.setattr(eye_paths, "choose_splits", watch)
     render(scene, Settings(passes=1, photons_per_pass=20_000))
@@ -206,8 +206,9 @@ def test_all_that_reflects_diffusely_sends_rays(monkeypatch):
     sent, choose = [], eye_paths.choose_splits
 
     def watch(stage, estimate, pixels, bounce, gathers):
-        choose(stage, estimate, pixels, bounce, gathers)
-        sent.extend(zip(bounce.rays.final[gathers.ray], gathers.rays, strict=True))
+        kept = choose(stage, estimate, pixels, bounce, gathers)
+        sent.extend(zip(bounce.rays.final[kept.ray], kept.rays, strict=True))
+        return kept
 
     def plan(*arguments):
         return plan_splitting(*arguments)._replace(price=math.inf)
@@ -216,7 +217,7 @@ def test_all_that_reflects_diffusely_sends_rays(monkeypatch):
     monkeypatch.setattr(eye_paths, "choose_splits", watch)
     render(corner("light mirror"), Settings(passes=1, photons_per_pass=20_000))
     is_end, rays = np.transpose(sent).astype(int)
-    assert np.any(is_end == 0) and set(rays[is_end == 0]) == {_FEWEST}
+    assert np.any(is_end == 0) and set(rays[is_end == 0]) == {FEWEST_SHARED}
     assert not np.any(rays[is_end == 1])  # ends recall, or go on by one ray
 
 

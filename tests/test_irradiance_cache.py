@@ -33,7 +33,7 @@ EDGES = np.array([8.0, 12.0])
 
 SHEETS = 16  # at most, of the surfaces here
 NO_RAYS = Splitting(
-    dark_sheets(SHEETS), Cells(np.zeros(0, np.int64), *np.zeros((5, 0)), np.zeros(0, np.int64), np.zeros(0)),
+    dark_sheets(SHEETS), Cells(np.zeros(0, np.int64), *np.zeros((6, 0)), np.zeros(0, np.int64), np.zeros(0)),
     np.zeros(0, np.int32), np.zeros(0), math.inf,
 )  # fmt: skip
 

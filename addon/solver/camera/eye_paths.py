@@ -82,7 +82,8 @@ def render_pixels(
             # einsum, as numpy leaves matrix products to a library with threads of its own
             np.einsum("pb,b->p", rows.image[: pixels.size], shared.weights, out=seen)
         if estimate.photons:
-            rows = _ask_photons(shared, numbers, bounce, gathers, rows, finals)
+            gathers = choose_splits(stage, estimate, numbers, bounce, gathers)
+            rows = _ask_photons(shared, bounce, gathers, rows, finals)
         shadows = shadow_rays(stage, lighting, bounce, samples, gathers)
         if len(shadows.reach):
             add_unshadowed(tracer, stage, shadows, rows.image)
@@ -133,13 +134,12 @@ def _recall(shared, bounce, image):
     reflect(shared.stage, shared.photon_map, shared.estimate, bounce, anywhere, image)
 
 
-def _ask_photons(shared, numbers, bounce, gathers, rows, finals):
-    """Add the diffuse reflection of gathers, from the photons around them. Choose which gathers send rays instead, and
-    append these to `finals`. Returns the rows, with further rows for the radiance that those rays will meet."""
+def _ask_photons(shared, bounce, gathers, rows, finals):
+    """Add the diffuse reflection of gathers, from the photons around them. Append gathers that send rays instead to
+    `finals`. Returns the rows, with further rows for the radiance that those rays will meet."""
     stage, estimate, photon_map = shared.stage, shared.estimate, shared.photon_map
     points = locate_gathers(stage, bounce, gathers)
     space = unlimited(len(gathers.ray), estimate.reach2)
-    choose_splits(stage, estimate, numbers, bounce, gathers)
     felt = asking_photons(bounce, gathers, photon_map, estimate)
     if len(felt):
         space = free_space(shared.tracer, stage.surfaces, estimate.reach2, *points, felt)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Final gathers: how many rays the gathers of camera paths send, and how neighbouring pixels share these rays.
+"""Final gathers: which gathers of camera paths are kept, how many rays they send, and how neighbouring pixels share
+these rays.
 
 Final gathers of neighbouring pixels on one sheet, within a disk, average the radiance that their rays meet. The disk is
 a part of the disk from which photons would be gathered. It is small where surfaces are close or bent, as irradiance
@@ -17,47 +18,68 @@ from ..geometry.interaction import interact
 from ..geometry.stage import diffuse_reflectance_at, lobes_at
 from ..geometry.surfaces import sheet_of, unit_normal
 from ..physics.lobes import DIFFUSE, diffuse_share
-from ..planning.splitting import NEAR, rays_alone, shared_area, sharing, spread_around
+from ..planning.splitting import FEWEST_SHARED, NEAR, choose_rays, end_chance, shared_area, sharing, spread_around
 from ..sampling.heuristics import looking_from
+from ..sampling.rng import uniform
 from ..sampling.vectors import dot, put_vector
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, KERNEL, njit
+from .gathers import Gathers, first_gathers
+from .streams import GATHERING
 
 _WHOLE = 0.95  # a rim cuts a disk if less than this share of it lies on the sheet: photons would lie to one side
 _BENT = 0.1  # squared difference of two unit normals from which on no rays are shared
 _WINDOW = 3  # pixels on each side, within which final gathers share rays
 
 
-def choose_splits(stage, estimate, pixels, bounce, gathers) -> None:
-    """Choose how many rays gathers send, and within which disk neighbours share these rays.
+def choose_splits(stage, estimate, pixels, bounce, gathers) -> Gathers:
+    """Let roulette decide which gathers to keep; choose how many rays these send, and within which disk neighbours
+    share the rays. Returns the gathers that are kept.
 
     The choice rests on what is known before the pass, not on the photons of the pass, so it leaves the mean of the
     image alone. pixels: (n,) int64, numbers, in the window, of the tile's pixels.
     """
-    if len(gathers.ray):
-        rooms = np.empty(PATCH_LIMIT, np.int32), np.empty(bounce.rays.throughput.shape[1], np.float32)
-        _choose_splits(stage, estimate, pixels, bounce, gathers, rooms)
+    count = len(gathers.ray)
+    if count == 0:
+        return gathers
+    rooms = np.empty(PATCH_LIMIT, np.int32), np.empty(bounce.rays.throughput.shape[1], np.float32)
+    kept = _choose_splits(stage, estimate, pixels, bounce, gathers, np.full(count, -1, np.int32), rooms)
+    return first_gathers(gathers, kept)
 
 
 @njit(**KERNEL)
-def _choose_splits(stage, estimate, pixels, bounce, gathers, rooms):
+def _choose_splits(stage, estimate, pixels, bounce, gathers, kept_as, rooms):
     splitting, k, shrink2, rays = estimate.splitting, estimate.neighbours, estimate.shrink2, bounce.rays
-    patch, room = rooms
+    (patch, room), kept = rooms, np.int64(0)
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
-        if rays.final[i] or lobes_at(stage, at).flags & DIFFUSE == 0:
+        sheet, reach2, contribution, count = sheet_of(stage.surfaces, at.side_id), estimate.reach2, 0.0, 0
+        if rays.final[i]:
+            chance = end_chance(splitting, sheet, gathers.throughput[g])
+        else:
+            pixel, lobes = pixels[rays.pixel[i]], lobes_at(stage, at)
+            rho, sensitivity = diffuse_reflectance_at(stage, at, room), splitting.sensitivity[pixel]
+            share = _reflected_share(rho, rays.throughput[i], gathers.weight[g], diffuse_share(lobes))
+            spread, brings = spread_around(splitting, pixel, sheet), sensitivity * gathers.throughput[g]
+            count, chance, _ = choose_rays(splitting, sheet, spread, (sensitivity * share, brings), reach2, k, shrink2)
+            contribution = sensitivity * share / chance
+            if lobes.flags & DIFFUSE == 0:
+                count = 0
+        if uniform(rays.path[i], GATHERING + bounce.number) >= chance:
             continue
-        sheet, pixel, reach2 = sheet_of(stage.surfaces, at.side_id), pixels[rays.pixel[i]], estimate.reach2
-        rho, diffuse = diffuse_reflectance_at(stage, at, room), diffuse_share(lobes_at(stage, at))
-        share = _reflected_share(rho, rays.throughput[i], gathers.weight[g], diffuse)
-        contribution = splitting.sensitivity[pixel] * share
-        spread = spread_around(splitting, pixel, sheet)
-        count, _ = rays_alone(splitting, sheet, spread, contribution, reach2, k, shrink2)
-        gathers.contribution[g], gathers.rays[g], gathers.radius2[g] = contribution, count, 0.0
-        if count > 0 and sharing(splitting.sheets, sheet, spread, reach2, k, shrink2) >= 1.0:
+        kept_as[g] = kept
+        gathers.ray[kept], gathers.weight[kept] = i, gathers.weight[g] / chance
+        gathers.throughput[kept], gathers.contribution[kept] = gathers.throughput[g], contribution
+        gathers.rays[kept], gathers.radius2[kept], gathers.is_cut[kept] = count, 0.0, False
+        if count >= FEWEST_SHARED and sharing(splitting.sheets, sheet, spread, reach2, k, shrink2) >= 1.0:
             shared = shared_area(splitting.sheets, sheet, spread, reach2, k, shrink2)
-            gathers.radius2[g] = shared / math.pi
-            gathers.is_cut[g] = _is_cut(stage.surfaces, at, shared, patch)
+            gathers.radius2[kept] = shared / math.pi
+            gathers.is_cut[kept] = _is_cut(stage.surfaces, at, shared, patch)
+        kept += 1
+    for i in range(gathers.of.size):
+        if gathers.of[i] >= 0:
+            gathers.of[i] = kept_as[gathers.of[i]]
+    return kept
 
 
 @njit(inline="always")

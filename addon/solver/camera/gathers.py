@@ -17,17 +17,12 @@ from ..sampling.heuristics import ALONE, shared_part
 from ..sampling.rng import uniform
 from ..sampling.vectors import put_vector, vector
 from ..system.kernels import FAST_KERNEL, KERNEL, njit
-from .rays import BLIND, is_astray, largest_throughput, shares_by_lobe
-from .streams import DIMENSIONS, FEELING, GATHERING, GROUPING, PARTING
+from .rays import BLIND, largest_throughput, shares_by_lobe
+from .streams import DIMENSIONS, FEELING, GROUPING, PARTING
 
 # Largest relative difference of the cosines of rays that share a gather, where Fresnel's law holds: what they reflect
 # then differs by about as much.
 _TURNED = 0.1
-_LITTLE = 1.0 / 32.0  # throughput, as a share of a pixel, below which roulette decides on a gather
-# The same where media have scattered the path: its noise is mostly that of where it went, so many rays from one point
-# hardly help. In the benchmarks' fog (64 x 48 pixels, 30,000 photons) 1 / (error^2 x time) is 11.7 with 1/32, 13.7 with
-# this and 13.3 with 1/2.
-_LITTLE_ASTRAY = 1.0 / 8.0
 
 
 class Gathers(NamedTuple):
@@ -96,20 +91,18 @@ def meet(stage, lighting, bounce, rows) -> Gathers:
     """Add to the rows what surfaces emit where rays meet them; return the gathers that ask for the reflected light.
 
     Rays of a pixel that meet the same sheet and material, with throughputs in the same proportion of bands, share a
-    gather. Roulette decides on gathers with little throughput. What rays meet counts as far as it is not left to shadow
-    rays, or to photons of caustics.
+    gather. What rays meet counts as far as it is not left to shadow rays, or to photons of caustics.
     """
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
     bands = stage.radiometry.reference.size
-    rooms = np.empty(count, np.int32), np.empty(bands, np.float32), np.empty(bands)
-    kept = _meet(stage, lighting, bounce, rows, gathers, emitted, rooms)
-    return first_gathers(gathers, kept)
+    found = _meet(stage, lighting, bounce, rows, gathers, emitted, (np.empty(bands, np.float32), np.empty(bands)))
+    return first_gathers(gathers, found)
 
 
 @njit(**FAST_KERNEL)
 def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
-    kept_as, room, from_sky = rooms
+    room, from_sky = rooms
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
     found = newest = np.int64(0)  # no literal, see kernels
@@ -158,7 +151,11 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
         gathers.throughput[g] += reflected
         if uniform(rays.path[i], DIMENSIONS * bounce.number + GROUPING) * gathers.throughput[g] < reflected:
             gathers.ray[g] = i
-    return _roulette(stage, bounce, gathers, found, kept_as, room)
+    for g in range(found):
+        i = gathers.ray[g]
+        rho = reflectance_at(stage, interact(stage.surfaces, hits, i, rays.direction), room)
+        gathers.weight[g] = gathers.throughput[g] / largest_throughput(rays.throughput[i], rho)
+    return found
 
 
 @njit(inline="always")
@@ -173,26 +170,6 @@ def _is_alike(stage, bounce, at, i, other):
         and (bounce.number == 0 or _in_proportion(rays.throughput[i], rays.throughput[other]))
         and (not follows_fresnel(lobes_at(stage, at)) or abs(there.cosine - at.cosine) < _TURNED * at.cosine)
     )
-
-
-@njit(**FAST_KERNEL)
-def _roulette(stage, bounce, gathers, found, kept_as, room):
-    """Keep all gathers with much throughput and, by roulette, some of the others; returns how many are kept."""
-    rays, kept = bounce.rays, 0
-    for g in range(found):
-        i, kept_as[g] = gathers.ray[g], -1
-        little = _LITTLE_ASTRAY if is_astray(rays, i) else _LITTLE
-        chance = min(1.0, gathers.throughput[g] / little)
-        if uniform(rays.path[i], GATHERING + bounce.number) < chance:
-            rho = reflectance_at(stage, interact(stage.surfaces, bounce.hits, i, rays.direction), room)
-            reflected = largest_throughput(rays.throughput[i], rho)
-            gathers.ray[kept], gathers.weight[kept] = i, gathers.throughput[g] / (reflected * chance)
-            gathers.throughput[kept], kept_as[g] = gathers.throughput[g], kept
-            kept += 1
-    for i in range(bounce.hits.triangle.size):
-        if gathers.of[i] >= 0:
-            gathers.of[i] = kept_as[gathers.of[i]]
-    return kept
 
 
 @njit(inline="always")

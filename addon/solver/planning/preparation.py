@@ -203,7 +203,7 @@ def prepare(
     )
     if planned is None:
         price = max(splitting.price if splitting else 0.0, least_price(survey.variance, survey.in_fog))
-        samples = choose_samples(survey.variance, survey.unknown, price)
+        samples = choose_samples(survey.variance, survey.unknown, price, survey.in_fog)
         log.info("%.1f camera rays a pixel and pass", samples.mean())
     else:
         samples = planned.samples

@@ -36,16 +36,17 @@ class Sheets(NamedTuple):
 
     density: m-2, expected photons of a pass. photon_noise: W2 sr-2 m-2, variance of the radiance that a perfect
     reflector reflects, estimated from photons, times the area of the disk. ray_noise: W2 sr-2 m-4, variance of the
-    radiance that single rays from the sheet meet. span: m2, area of the sheet within the largest disk. disk: m2, area
-    of the disk of a gather without walls around. reflected: W sr-1 m-2, mean radiance that a perfect reflector
-    reflects; lit: the same from the absolute values of the photons' powers. caustic_noise: W2 sr-2 m-4, variance from
-    the photons of caustics, which is there with photons and with rays.
+    radiance that single rays from the sheet meet. met: W m-2 sr-1, mean of that radiance. span: m2, area of the sheet
+    within the largest disk. disk: m2, area of the disk of a gather without walls around. reflected: W sr-1 m-2, mean
+    radiance that a perfect reflector reflects; lit: the same from the absolute values of the photons' powers.
+    caustic_noise: W2 sr-2 m-4, variance from the photons of caustics, which is there with photons and with rays.
     evenness: one number for the whole scene: n rays of a lattice have the variance of one ray times evenness n^-FALL.
     """
 
     density: np.ndarray
     photon_noise: np.ndarray
     ray_noise: np.ndarray
+    met: np.ndarray
     span: np.ndarray
     disk: np.ndarray
     reflected: np.ndarray
@@ -104,22 +105,23 @@ def measure_sheets(
     squares = trial.power**2 * (trial.photons / photons) / math.pi**2
     density, photon_noise, reflected, lit = _measure_photons(surfaces, pilot, trial, squares, photons)
     met = _met(stage, excess, pilot.met)
-    mean = _means(pilot.left, met, labels, met.mean() if met.size else 0.0)
-    ray_noise = _means(pilot.left, (met - mean[pilot.left]) ** 2, labels, met.var() if met.size else 0.0)
+    mean = drawn_means(pilot.left, met, labels, met.mean() if met.size else 0.0)
+    ray_noise = drawn_means(pilot.left, (met - mean[pilot.left]) ** 2, labels, met.var() if met.size else 0.0)
     some = _some_points(pilot, max(1, len(pilot.point) // _POINTS))
     sheet = _sheets_of(surfaces, some.side_id)
-    span = _means(sheet, _spans(surfaces, some, reach2), labels, math.pi * reach2, 1e-9)
+    span = drawn_means(sheet, _spans(surfaces, some, reach2), labels, math.pi * reach2, 1e-9)
     few = few_neighbours(neighbours)
     caustic = _caustic_noise(surfaces, some, trial, squares, reach2 * few / neighbours, few * trial.photons / photons)
     return Sheets(
         density=density,
         photon_noise=photon_noise,
         ray_noise=ray_noise,
+        met=mean,
         span=span,
         disk=np.minimum(span, neighbours / np.maximum(density, 1e-30)),
         reflected=reflected,
         lit=lit,
-        caustic_noise=_means(sheet, caustic, labels, 0.0, 1e-9),
+        caustic_noise=drawn_means(sheet, caustic, labels, 0.0, 1e-9),
         evenness=_evenness(stage, tracer, pilot, excess, key),
     )
 
@@ -154,7 +156,7 @@ def _some_points(pilot: Pilot, step: int) -> _Points:
 
 def dark_sheets(labels: int) -> Sheets:
     """The Sheets of a scene without photons: zeros."""
-    return Sheets(*np.zeros((8, labels)), 1.0)
+    return Sheets(*np.zeros((9, labels)), 1.0)
 
 
 def _evenness(stage, tracer, pilot, excess, key):
@@ -186,8 +188,9 @@ def _start_lattices(surfaces, points, key, rays):
                 row += 1
 
 
-def _means(label: np.ndarray, value: np.ndarray, labels: int, prior: float, worth: float = _PRIOR) -> np.ndarray:
-    """Mean value (labels,) of each label, drawn to the prior, which counts as `worth` samples."""
+def drawn_means(label: np.ndarray, value: np.ndarray, labels: int, prior, worth: float = _PRIOR) -> np.ndarray:
+    """Mean value (labels,) of each label, drawn to the prior, a number or (labels,), which counts as `worth`
+    samples."""
     return (np.bincount(label, value, labels) + worth * prior) / (np.bincount(label, minlength=labels) + worth)
 
 

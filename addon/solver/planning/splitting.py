@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Splitting: how many rays a gather of a camera path sends, and at which of their ends roulette stops.
+"""Splitting: with which chance roulette keeps a gather of a camera path, how many rays it sends, and at which of their
+ends roulette stops.
 
 Variance and time can be foreseen. The best choice makes the product of variance and time least. There, a further ray
 saves the same variance everywhere in the image: the variance of the image over its time, called the price of a ray
 (Rath et al. 2022 split paths by this rule). So a gather sends more rays where the contributions of these rays differ
-more.
+more, and is kept less often where it contributes little.
 """
 
 import math
@@ -17,16 +18,21 @@ from ..sampling.heuristics import Looking
 from ..sampling.low_discrepancy import LATTICES
 from ..sampling.rng import PILOT, PRICED_CELLS, PRICED_PIXELS, pass_key, strata
 from ..system.kernels import KERNEL, njit
-from .antialiasing import FEWEST, choose_samples, edge_variance, least_price
+from .antialiasing import FEWEST, camera_variance, choose_samples, least_price
 from .sheets import FALL, Sheets
 from .survey import Cells, Survey
 
 # Times, in units of the time of one ray of a final gather (tests/benchmarks/throughput.py)
 _CAMERA = 0.75  # of a camera ray
-_FIXED = 4.0  # of a pixel, however many rays it sends
-_PHOTON = 2.0  # of a photon, traced and sorted, and its share of the cache
+_FIXED = 8.0  # of a pixel, however many rays it sends
+_GATHER = 12.0  # of a gather, however many rays it sends
+_END = 4.0  # of a gather at the end of a ray, for shadow rays alone
+_PHOTON = 3.0  # of a photon, traced and sorted, and its share of the cache
 _RECALL = 1.6  # of recalling irradiance; more than measured, as neighbouring pixels share the noise of its roulette
 _FEWEST, _MOST = min(LATTICES), max(LATTICES)  # rays of a final gather
+# Rays that a gather over _LITTLE sends at least: the survey does not see light that comes by way of specular surfaces.
+# Gathers with fewer share none: so few do not tell how near surfaces are, which limits sharing.
+FEWEST_SHARED = 8
 _SHARING = 0.25  # area of the disk in which final gathers share rays, over the area of the photons' disk
 _ALONE = 0.25  # distance below which what a ray meets is not shared, over that harmonic mean distance
 NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to what the rays meet: about 5 % of change
@@ -34,11 +40,15 @@ NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to w
 # (sum of w)^2 / (n sum of w^2).
 _EQUAL = 0.75
 _EQUAL_MOST = 28.0  # final gathers of equal weight that those in the window of pixels are worth, at most
+# Passes after which the price weighs the variance from edges, which falls faster than all other. Beside 4, 1 / (error^2
+# x time) after 7 passes is 1.11 in the benchmarks' room, 1.06 in the office, 1.12 in the street, 1.01 in the engine.
+_PASSES = 64.0
 _UNKNOWN = 64.0  # rays of a final gather that are assumed where the survey found no gathers at all
-_LEAST_CHANCE = 1.0 / 8.0  # of roulette, as the mean radiance of a sheet does not tell the radiance at each point
+_LEAST_CHANCE = 1.0 / 8.0  # of recalling, as the mean radiance of a sheet does not tell the radiance at each point
+_LITTLE = 1.0 / 32.0  # share of a pixel over which a gather is always kept, as sheets do not tell where caustics lie
 _PIXELS, _CELLS = 4096, 1 << 16  # pixels and cells, at most, on which prices are tried
 _USUAL = 0.95  # share of the gathers that count in _usual
-_PRICES = np.geomspace(1e-4, 1e1, 31)  # that are tried, over the price if all gathers asked photons
+_PRICES = np.geomspace(1e-6, 1.0, 37)  # that are tried, over the price with as few rays as possible
 
 
 class Splitting(NamedTuple):
@@ -60,6 +70,7 @@ class Spread(NamedTuple):
 
     brightness: float
     ray_noise: float
+    met: float
     closeness: float
     density: float
 
@@ -80,25 +91,44 @@ def spread_around(splitting, pixel, sheet):
             high = middle
     if low < keys.size and keys[low] == key:
         return spread_in(splitting.cells, low)
-    return Spread(1.0, splitting.sheets.ray_noise[sheet], 0.0, 0.0)
+    return Spread(1.0, splitting.sheets.ray_noise[sheet], splitting.sheets.met[sheet], 0.0, 0.0)
 
 
 @njit(inline="always")
 def spread_in(cells, cell):
     """The Spread of one cell."""
-    return Spread(cells.brightness[cell], cells.ray_noise[cell], cells.closeness[cell], cells.density[cell])
+    return Spread(
+        cells.brightness[cell], cells.ray_noise[cell], cells.met[cell], cells.closeness[cell], cells.density[cell]
+    )
 
 
 @njit(inline="always")
-def rays_alone(splitting, sheet, spread, contribution, reach2, k, shrink2):
-    """Number of rays that a gather should send, a power of two, and the variance.
+def choose_rays(splitting, sheet, spread, brings, reach2, k, shrink2):
+    """Number of rays that a gather should send, a power of two, the chance with which roulette should keep it, and the
+    variance: of all choices that for which the variance, and the time at its price, are least.
 
-    spread: around the gather. contribution: see Gathers. reach2, k, shrink2: see Estimate.
+    spread: around the gather. brings: its contribution, see Gathers, and the same with what all lobes reflect. reach2,
+    k, shrink2: see Estimate.
     """
-    noise = contribution * contribution * ray_variance(splitting.sheets, sheet, spread, reach2, k, shrink2)
-    best = (FALL * noise / splitting.price) ** (1.0 / (1.0 + FALL))
-    rays = 1 << int(math.log2(min(max(best, float(_FEWEST)), float(_MOST))) + 0.5)
-    return rays, noise * rays**-FALL
+    sheets, price, (contribution, whole) = splitting.sheets, splitting.price, brings
+    light2 = whole * whole * (_recalled2(sheets, sheet) + spread.met * spread.met)
+    noise = contribution * contribution * sheets.evenness * spread.ray_noise
+    shared = contribution * contribution * ray_variance(sheets, sheet, spread, reach2, k, shrink2)
+    rays, surely = _FEWEST, whole / _LITTLE
+    while rays < FEWEST_SHARED * min(surely, 1.0):
+        rays *= 2
+    best, least = (rays, 1.0, noise * rays**-FALL), math.inf
+    while rays <= _MOST:
+        left = (noise if rays < FEWEST_SHARED else shared) * rays**-FALL
+        chance = _chance(left + light2, _GATHER + rays, price, surely)
+        variance = left / chance + light2 * (1.0 / chance - 1.0)
+        cost = variance + price * chance * (_GATHER + rays)
+        if cost < least:
+            best, least = (rays, chance, variance), cost
+        elif rays >= FEWEST_SHARED:
+            break
+        rays *= 2
+    return best
 
 
 @njit(inline="always")
@@ -134,16 +164,30 @@ def ray_variance(sheets, sheet, spread, reach2, k, shrink2):
 @njit(inline="always")
 def recall_chance(splitting, sheet, throughput):
     """Chance with which a final ray's end on a sheet recalls irradiance. throughput: after the reflection there."""
-    return _chance(splitting, sheet, throughput, _RECALL)
+    return _chance(
+        throughput * throughput * _recalled2(splitting.sheets, sheet), _RECALL, splitting.price, _LEAST_CHANCE
+    )
 
 
 @njit(inline="always")
-def _chance(splitting, sheet, throughput, time):
-    """Best chance q of roulette: on a contribution y it adds variance y^2 (1 / q - 1) and saves 1 - q of the time."""
-    sheets = splitting.sheets
-    # mean square of the radiance from photons
-    square = sheets.reflected[sheet] ** 2 + sheets.photon_noise[sheet] / sheets.disk[sheet]
-    return min(1.0, max(_LEAST_CHANCE, throughput * math.sqrt(square / (time * splitting.price))))
+def end_chance(splitting, sheet, throughput):
+    """Chance with which the end of a final ray on a sheet keeps a gather, for shadow rays alone. throughput: after the
+    reflection there."""
+    light2 = _recalled2(splitting.sheets, sheet) + splitting.sheets.met[sheet] ** 2
+    return _chance(throughput * throughput * light2, _END, splitting.price, throughput / _LITTLE)
+
+
+@njit(inline="always")
+def _recalled2(sheets, sheet):
+    """Mean square (W2 sr-2 m-4) of the radiance that a perfect reflector reflects from photons."""
+    return sheets.reflected[sheet] ** 2 + sheets.photon_noise[sheet] / sheets.disk[sheet]
+
+
+@njit(inline="always")
+def _chance(square, time, price, least):
+    """Best chance q of roulette on a contribution with this mean square: it adds a variance of the square times 1 / q -
+    1, and saves 1 - q of the time. Never 0, as one divides by it."""
+    return min(1.0, max(least, math.sqrt(square / (time * price)), 1e-30))
 
 
 def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: int, photons: int) -> Splitting:
@@ -156,12 +200,13 @@ def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: in
     rest = _usual(survey.cells.contribution2 * survey.cells.rest, survey.cells.count) / pixels
     fixed = _FIXED + _PHOTON * photons / pixels
     usual, pixels = _fewer_cells(splitting, pixels)
-    noise, _ = noise_and_time(usual, pixels, reach2, neighbours)
+    noise, time = noise_and_time(usual, pixels, reach2, neighbours)
     tried = []
-    for price in max(noise + rest, 1e-300) / (fixed + _CAMERA * FEWEST) * _PRICES:
+    noise += float(camera_variance(variance, np.full(len(variance), FEWEST), survey.in_fog, _PASSES).mean()) + rest
+    for price in max(noise, 1e-300) / (fixed + time + _CAMERA * FEWEST) * _PRICES:
         noise, time = noise_and_time(usual._replace(price=price), pixels, reach2, neighbours)
-        samples = choose_samples(variance, unknown, max(price, least))
-        noise += float(edge_variance(variance, samples).mean()) + rest
+        samples = choose_samples(variance, unknown, max(price, least), survey.in_fog)
+        noise += float(camera_variance(variance, samples, survey.in_fog, _PASSES).mean()) + rest
         tried.append((noise * (fixed + time + _CAMERA * samples.mean()), price))
     return splitting._replace(price=min(tried)[1])
 
@@ -171,7 +216,7 @@ def plan_looking(splitting: Splitting, reach2: float, neighbours: int) -> Lookin
     harmonic mean distance to what their rays meet."""
     cells, labels = splitting.cells, len(splitting.sheets.density)
     sheet = cells.key % labels
-    rays, _ = _in_cells(splitting, reach2, neighbours)
+    rays, *_ = _in_cells(splitting, reach2, neighbours)
     sharing = np.zeros(len(rays))
     _share_in_cells(splitting, reach2, neighbours, sharing)
     count = np.maximum(np.bincount(sheet, cells.count, labels), 1e-30)
@@ -209,16 +254,17 @@ def _usual(value: np.ndarray, count: np.ndarray) -> float:
 
 def noise_and_time(splitting: Splitting, pixels: float, reach2: float, neighbours: int) -> tuple[float, float]:
     """Mean over the pixels of the variance and of the time of their gathers, without walls around."""
-    rays, variance = _in_cells(splitting, reach2, neighbours)
+    rays, chance, variance = _in_cells(splitting, reach2, neighbours)
     count = splitting.cells.count
-    return float(np.sum(count * variance)) / pixels, float(np.sum(count * rays)) / pixels
+    return float(np.sum(count * variance)) / pixels, float(np.sum(count * chance * (_GATHER + rays))) / pixels
 
 
 def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, reach2: float, neighbours: int) -> float:
     """Mean number of rays of a pixel, camera rays and rays of final gathers, in the blocks that send most, as many
     blocks as cover a tile. samples: (p,) camera rays. unknown: (p,) bool, pixels that may show surfaces that are in no
     cell; a gather on these is assumed to send as many rays as gathers do on average."""
-    rays, _ = _in_cells(splitting, reach2, neighbours)
+    rays, chance, _ = _in_cells(splitting, reach2, neighbours)
+    rays = rays * chance
     pixels, cells = np.bincount(splitting.block), splitting.cells
     sent = np.bincount(splitting.block, samples, len(pixels))
     sent += np.bincount(cells.key // len(splitting.sheets.density), cells.count * rays, len(pixels))
@@ -230,16 +276,17 @@ def most_rays(splitting: Splitting, samples: np.ndarray, unknown: np.ndarray, re
 
 
 def _in_cells(splitting, reach2, k):
-    """Rays (c,) of a gather in each cell, and the variance (c,)."""
-    rays, variance = np.zeros((2, len(splitting.cells.key)))
-    _choose_in_cells(splitting, reach2, k, rays, variance)
-    return rays, variance
+    """Rays (c,) of a gather in each cell, its chance (c,), and the variance (c,)."""
+    chosen = np.zeros((3, len(splitting.cells.key)))
+    _choose_in_cells(splitting, reach2, k, chosen)
+    return chosen
 
 
 @njit(**KERNEL)
-def _choose_in_cells(splitting, reach2, k, rays, variance):
+def _choose_in_cells(splitting, reach2, k, chosen):
     cells, labels = splitting.cells, splitting.sheets.density.size
-    for cell in range(rays.size):
+    for cell in range(cells.key.size):
         sheet, contribution = cells.key[cell] % labels, math.sqrt(cells.contribution2[cell])
-        spread = spread_in(cells, cell)
-        rays[cell], variance[cell] = rays_alone(splitting, sheet, spread, contribution, reach2, k, 1.0)
+        brings, spread = (contribution, contribution), spread_in(cells, cell)
+        rays, chance, variance = choose_rays(splitting, sheet, spread, brings, reach2, k, 1.0)
+        chosen[0, cell], chosen[1, cell], chosen[2, cell] = rays, chance, variance

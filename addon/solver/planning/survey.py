@@ -40,7 +40,7 @@ from ..sampling.vectors import vector
 from ..system.kernels import INLINED, KERNEL, njit
 from .lamps import share_of_ray, share_of_sky
 from .media import Scattered, cross_samples
-from .sheets import Excess, Sheets
+from .sheets import Excess, Sheets, drawn_means
 
 _SAMPLES = 16  # samples of a pixel: camera rays that survey it
 _BOUNCES = 8  # specular reflections, at most, through which a sample is followed
@@ -52,6 +52,7 @@ _STEP = 1e-3  # relative step of the radiance in the derivative of the temperatu
 _FAINTEST = 0.05  # least radiance of a pixel, over the mean of the image, in that derivative: at 0 K it is undefined
 _AROUND = 1.0 / 16.0  # share of the variance of a pixel's neighbourhood that its own variance is taken to have at least
 _PRIOR = 32.0  # trial rays that the mean over the whole sheet counts as in a cell: few rays of its own may miss much
+_FEW = 4.0  # trial rays that the mean over all sheets counts as on a sheet, as many sheets, such as hairs, have none
 _DIMENSION = 1 << 16  # first dimension of a sample's random numbers on surfaces, four for each bounce
 _WALKING = _DIMENSION + 4 * (_BOUNCES + 1)  # of those in media; and those of trial rays:
 _TRIAL_WALKING = _WALKING + NUMBERS * (_BOUNCES + 1)
@@ -64,16 +65,17 @@ class Cells(NamedTuple):
     key: int64, ascending, number of the block times number of sheets plus label of the sheet. brightness: radiance that
     rays from the cell meet, over the mean radiance that photons of the trial pass tell of the whole sheet. ray_noise:
     W2 sr-2 m-4, variance of the radiance that a single ray from the cell meets, including the variance of the recalled
-    irradiance. closeness: 1 / m, mean of the inverse distance to what rays meet. density: 1 / m2, gathers of a pass.
-    rest: W2 sr-2 m-4, variance that remains however many rays are sent, as the recalled irradiance comes from photons
-    that all rays share, and as caustics do. count: number of gathers, one for each pixel and number of bounces at which
-    the sheet is shown. contribution2: mean square of the gathers' contributions: the share of the pixel that the light
-    reflected there makes up, times the pixel's sensitivity.
+    irradiance. met: W m-2 sr-1, mean of that radiance. closeness: 1 / m, mean of the inverse distance to what rays
+    meet. density: 1 / m2, gathers of a pass. rest: W2 sr-2 m-4, variance that remains however many rays are sent, as
+    the recalled irradiance comes from photons that all rays share, and as caustics do. count: number of gathers, one
+    for each pixel and number of bounces at which the sheet is shown. contribution2: mean square of the gathers'
+    contributions: the share of the pixel that the light reflected there makes up, times the pixel's sensitivity.
     """
 
     key: np.ndarray
     brightness: np.ndarray
     ray_noise: np.ndarray
+    met: np.ndarray
     closeness: np.ndarray
     density: np.ndarray
     rest: np.ndarray
@@ -416,23 +418,22 @@ def _cells(sheets: Sheets, block: np.ndarray, sensitivity: np.ndarray, gathers: 
     labels = len(sheets.lit)
     key, cell = np.unique(block[gathers.pixel].astype(np.int64) * labels + gathers.sheet, return_inverse=True)
     ray_cell = np.searchsorted(key, block[tried.pixel].astype(np.int64) * labels + tried.sheet)
-    count, rays = np.bincount(cell, minlength=len(key)), np.bincount(ray_cell, minlength=len(key))
+    count = np.bincount(cell, minlength=len(key))
     contribution = gathers.throughput * sensitivity[gathers.pixel]
     sheet = key % labels
-    _, spread = _moments(tried.sheet, tried.met, labels)
-    _, local = _moments(ray_cell, tried.met, len(key))
-    free = np.maximum(rays - 1, 0)
 
     def mean_of(value):
-        """Mean of a value of the trial rays in each cell, drawn to its mean over the whole sheet."""
-        of_sheet = _moments(tried.sheet, value, labels)[0][sheet]
-        return (np.bincount(ray_cell, value, len(key)) + _PRIOR * of_sheet) / (rays + _PRIOR)
+        """Mean of a value of the trial rays in each cell, drawn to its mean over the whole sheet, and that to all."""
+        of_sheet = drawn_means(tried.sheet, value, labels, value.mean() if value.size else 0.0, _FEW)
+        return drawn_means(ray_cell, value, len(key), of_sheet[sheet], _PRIOR)
 
+    spread = _drawn_variances(tried.sheet, tried.met, labels, tried.met.var() if tried.met.size else 0.0, _FEW)
     bright, lit = mean_of(tried.bright), sheets.lit[sheet]
     return Cells(
         key=key,
         brightness=np.where((bright > 0.0) & (lit > 0.0), bright / np.maximum(lit, 1e-300), 1.0),
-        ray_noise=(local * free + _PRIOR * spread[sheet]) / (free + _PRIOR) + mean_of(tried.noise),
+        ray_noise=_drawn_variances(ray_cell, tried.met, len(key), spread[sheet], _PRIOR) + mean_of(tried.noise),
+        met=mean_of(tried.met),
         closeness=mean_of(tried.closeness),
         density=mean_of(tried.density),
         rest=mean_of(tried.rest) + sheets.caustic_noise[sheet],
@@ -441,11 +442,12 @@ def _cells(sheets: Sheets, block: np.ndarray, sensitivity: np.ndarray, gathers: 
     )
 
 
-def _moments(label: np.ndarray, value: np.ndarray, labels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance (labels,) of the values of each label; the mean of no value, and the variance of one, is 0."""
+def _drawn_variances(label: np.ndarray, value: np.ndarray, labels: int, prior, worth: float) -> np.ndarray:
+    """Variance (labels,) of the values of each label, drawn to the prior, which counts as `worth` more values."""
     count = np.bincount(label, minlength=labels)
     mean = np.bincount(label, value, labels) / np.maximum(count, 1)
-    return mean, np.bincount(label, (value - mean[label]) ** 2, labels) / np.maximum(count - 1, 1)
+    squares = np.bincount(label, (value - mean[label]) ** 2, labels)
+    return (squares + worth * prior) / (np.maximum(count - 1, 0) + worth)
 
 
 @njit(**INLINED)

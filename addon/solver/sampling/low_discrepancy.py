@@ -79,9 +79,10 @@ def scrambled(index, path, dimension):
 
 # Korobov's lattices: number of points -> (generator, step from point to point). Of all generators these have nearly the
 # least variance for what lies on one side of a random plane. Of all steps these have nearly the least variance for runs
-# of consecutive points (tests/test_low_discrepancy.py).
-LATTICES = {8: (5, 1), 16: (39, 1), 32: (39, 11), 64: (39, 7), 128: (39, 31), 256: (75, 209), 512: (149, 415)}
-_GENERATORS, _STEPS = np.zeros((2, max(LATTICES) // 8 + 1), np.int64)
+# of consecutive points (tests/test_low_discrepancy.py). Fewer than 8 points leave no choice: they lie on a diagonal.
+LATTICES = {1: (1, 1), 2: (1, 1), 4: (1, 1), 8: (5, 1), 16: (39, 1), 32: (39, 11), 64: (39, 7)}
+LATTICES |= {128: (39, 31), 256: (75, 209), 512: (149, 415)}
+_GENERATORS, _STEPS = np.zeros((2, max(LATTICES) // 8 + 1), np.int64)  # 1 to 4 points share one entry
 for _count, (_generator, _step) in LATTICES.items():
     _GENERATORS[_count >> 3], _STEPS[_count >> 3] = _generator, _step
 
