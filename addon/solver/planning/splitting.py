@@ -40,9 +40,7 @@ NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to w
 # (sum of w)^2 / (n sum of w^2).
 _EQUAL = 0.75
 _EQUAL_MOST = 28.0  # final gathers of equal weight that those in the window of pixels are worth, at most
-# Passes after which the price weighs the variance from edges, which falls faster than all other. Beside 4, 1 / (error^2
-# x time) after 7 passes is 1.11 in the benchmarks' room, 1.06 in the office, 1.12 in the street, 1.01 in the engine.
-_PASSES = 64.0
+_PASSES = 32.0  # after which the price weighs the variance from edges, which falls faster than all other: the default
 _UNKNOWN = 64.0  # rays of a final gather that are assumed where the survey found no gathers at all
 _LEAST_CHANCE = 1.0 / 8.0  # of recalling, as the mean radiance of a sheet does not tell the radiance at each point
 _LITTLE = 1.0 / 32.0  # share of a pixel over which a gather is always kept, as sheets do not tell where caustics lie
