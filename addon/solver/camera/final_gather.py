@@ -174,9 +174,9 @@ def _share(surfaces, finals, shrink2, shape, rows, chain, mean):
         x, y = finals.pixel[n] % width, finals.pixel[n] // width
         near = NEAR * finals.rays[n] / max(rows.closeness[finals.row + n], 1e-30)
         limits = max(min(finals.radius2[n], near * near * shrink2), 1e-30), _BENT * shrink2
-        mean[:], total = 0.0, 0.0
-        for row in range(max(0, y - _WINDOW), min(height, y + _WINDOW + 1)):
-            for column in range(max(0, x - _WINDOW), min(width, x + _WINDOW + 1)):
+        mean[:], total, window = 0.0, 0.0, _WINDOW if finals.radius2[n] > 0.0 else 0
+        for row in range(max(0, y - window), min(height, y + window + 1)):
+            for column in range(max(0, x - window), min(width, x + window + 1)):
                 other = first[row * width + column]
                 if finals.is_cut[n]:
                     i, j = 2 * y - row, 2 * x - column  # of the pixel on the opposite side

@@ -37,7 +37,7 @@ def choose_samples(variance: np.ndarray, unknown: np.ndarray, price: float, in_f
     return np.where(unknown, np.maximum(samples, UNKNOWN), samples)
 
 
-def camera_variance(variance: np.ndarray, samples: np.ndarray, in_fog: bool, passes: float = _PASSES) -> np.ndarray:
+def camera_variance(variance: np.ndarray, samples: np.ndarray, in_fog: bool, passes: float) -> np.ndarray:
     """(p,) variance, times the number of passes, that is left in a pixel with so many samples (p,) in each pass."""
     fall = _fall(in_fog)
     return variance * samples.astype(np.float64) ** -fall * passes ** (1.0 - fall)
