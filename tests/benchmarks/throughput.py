@@ -7,7 +7,8 @@ Prints (1) the rate of rays while photons are traced, stored and scattered over 
 rays, and (2) the time for the photon index and for gathers of photons at what the camera meets over the time for
 tracing. Such gathers tell caustics alone in a render, where rays of final gathers find the rest. Beside them what else
 there is: the irradiance cache, what is done for the camera without gathers (its rays, and what they see), and all that
-is done for it, with final gathers as planned and what their ends recall. The last line backs the times in splitting.py.
+is done for it, with final gathers as planned and what their ends recall. The last two lines back the times in
+splitting.py.
 16 bands, 100,000 photons, 128x96 pixels, 81,932 triangles: a room with a ball in the middle. Best of several
 repetitions, interleaved.
 """
@@ -20,7 +21,8 @@ import numpy as np
 
 from addon.solver import Material, Settings
 from addon.solver.camera.eye_paths import CameraPass, render_pixels
-from addon.solver.camera.final_gather import open_finals
+from addon.solver.camera.final_gather import choose_splits, open_finals
+from addon.solver.camera.gathers import first_gathers
 from addon.solver.camera.rays import Estimate
 from addon.solver.camera.reflection import reflect
 from addon.solver.camera.shadow_rays import Lighting, lamp_points
@@ -37,6 +39,7 @@ from tests.helpers.scenes import box, look, make_scene, sphere
 
 PHOTONS_PER_PASS = 100_000
 REPETITIONS = 9
+SENT = 0, 1, 8, 32  # rays of each gather, whose times tell the time of a gather
 
 
 class Recorder(Tracer):
@@ -93,6 +96,36 @@ def rays_of_final_gathers(camera):
     with changed({"camera.eye_paths.open_finals": opened}):
         camera()
     return sum(sent)
+
+
+def sending(rays, counts):
+    """Instead of choose_splits: gathers that send so many rays each, and share none; none are kept for no rays. Appends
+    to counts how many gathers, rays, and gathers at the ends of rays there are."""
+
+    def choose(stage, estimate, pixels, bounce, gathers):
+        kept = choose_splits(stage, estimate, pixels, bounce, gathers)
+        if rays == 0:
+            kept.of[:] = -1
+            return first_gathers(kept, 0)
+        kept.rays[kept.rays > 0], kept.radius2[:] = rays, 0.0
+        split = np.count_nonzero(kept.rays)
+        counts.append((split, rays * split, len(kept.rays) - split))
+        return kept
+
+    return choose
+
+
+def times_of_gathers(camera):
+    """Seconds of a gather, of one of its rays alone, and of a gather at the end of a ray, by least squares from renders
+    with SENT; and the time of one more ray with what follows from it."""
+    spent, told = np.zeros(len(SENT)), np.zeros((len(SENT), 3))
+    for i, rays in enumerate(SENT):
+        counts = []
+        with changed({"camera.eye_paths.choose_splits": sending(rays, counts)}):
+            spent[i] = min(seconds(camera)[0] for _ in range(REPETITIONS))
+        told[i] = np.sum(counts or [(0, 0, 0)], axis=0) / REPETITIONS
+    found = np.linalg.lstsq(told[1:], spent[1:] - spent[0], rcond=None)[0]
+    return *found, (spent[-1] - spent[-2]) / (told[-1, 1] - told[-2, 1])
 
 
 def seconds(function):
@@ -175,6 +208,7 @@ def main():
             with changed(CAMERA_ALONE):
                 times["camera"].append(seconds(camera)[0])
             times["final gathers"].append(seconds(camera)[0])
+        a_gather, alone, an_end, further = times_of_gathers(camera)
         sent, gathers = rays_of_final_gathers(camera), sum(len(asking.gathers.ray) for *_, asking, _ in asked)
     best = {name: min(values[1:]) for name, values in times.items()}
     print(f"{threads} threads, {rays} rays, {store.count} photons stored, {settings.neighbours} neighbours")
@@ -190,6 +224,10 @@ def main():
         f"in the time of one of {sent} rays of final gathers: a gather {best['gather'] / gathers / ray:.1f}, "
         f"{model.samples.mean():.1f} camera rays of a pixel {best['camera'] / model.samples.size / ray:.1f}, a photon "
         f"with its share of index and cache {photon / ray:.1f}"
+    )
+    print(
+        f"in the time of one more ray of a gather that shares none: the gather {a_gather / further:.1f}, the ray alone "
+        f"{alone / further:.1f}, a gather for shadow rays at an end {an_end / further:.1f}"
     )
 
 

@@ -48,38 +48,49 @@ def choose_splits(stage, estimate, pixels, bounce, gathers) -> Gathers:
 
 @njit(**KERNEL)
 def _choose_splits(stage, estimate, pixels, bounce, gathers, kept_as, rooms):
-    splitting, k, shrink2, rays = estimate.splitting, estimate.neighbours, estimate.shrink2, bounce.rays
-    (patch, room), kept = rooms, np.int64(0)
+    rays, (patch, room), kept = bounce.rays, rooms, np.int64(0)
     for g in range(gathers.ray.size):
         i = gathers.ray[g]
         at = interact(stage.surfaces, bounce.hits, i, rays.direction)
-        sheet, reach2, contribution, count = sheet_of(stage.surfaces, at.side_id), estimate.reach2, 0.0, 0
         if rays.final[i]:
-            chance = end_chance(splitting, sheet, gathers.throughput[g])
+            chance = end_chance(estimate.splitting, sheet_of(stage.surfaces, at.side_id), gathers.throughput[g])
+            contribution, count, area = 0.0, 0, 0.0
         else:
-            pixel, lobes = pixels[rays.pixel[i]], lobes_at(stage, at)
-            rho, sensitivity = diffuse_reflectance_at(stage, at, room), splitting.sensitivity[pixel]
-            share = _reflected_share(rho, rays.throughput[i], gathers.weight[g], diffuse_share(lobes))
-            spread, brings = spread_around(splitting, pixel, sheet), sensitivity * gathers.throughput[g]
-            count, chance, _ = choose_rays(splitting, sheet, spread, (sensitivity * share, brings), reach2, k, shrink2)
-            contribution = sensitivity * share / chance
-            if lobes.flags & DIFFUSE == 0:
-                count = 0
+            pixel = pixels[rays.pixel[i]]
+            chance, contribution, count, area = _plan(stage, estimate, pixel, at, rays.throughput[i], gathers, g, room)
         if uniform(rays.path[i], GATHERING + bounce.number) >= chance:
             continue
         kept_as[g] = kept
         gathers.ray[kept], gathers.weight[kept] = i, gathers.weight[g] / chance
-        gathers.throughput[kept], gathers.contribution[kept] = gathers.throughput[g], contribution
-        gathers.rays[kept], gathers.radius2[kept], gathers.is_cut[kept] = count, 0.0, False
-        if count >= FEWEST_SHARED and sharing(splitting.sheets, sheet, spread, reach2, k, shrink2) >= 1.0:
-            shared = shared_area(splitting.sheets, sheet, spread, reach2, k, shrink2)
-            gathers.radius2[kept] = shared / math.pi
-            gathers.is_cut[kept] = _is_cut(stage.surfaces, at, shared, patch)
+        gathers.throughput[kept], gathers.contribution[kept] = gathers.throughput[g], contribution / chance
+        gathers.rays[kept], gathers.radius2[kept] = count, area / math.pi
+        gathers.is_cut[kept] = area > 0.0 and _is_cut(stage.surfaces, at, area, patch)
         kept += 1
     for i in range(gathers.of.size):
         if gathers.of[i] >= 0:
             gathers.of[i] = kept_as[gathers.of[i]]
     return kept
+
+
+@njit(inline="always")
+def _plan(stage, estimate, pixel, at, throughput, gathers, g, room):
+    """The plan for gather g at what a pixel of the window shows, `at`: the chance with which roulette keeps it, its
+    contribution, how many rays it sends, and the area (m2) of the disk within which it shares them, or 0.
+
+    throughput: (b,) of its ray. room: (b,) float32.
+    """
+    splitting, k, shrink2, reach2 = estimate.splitting, estimate.neighbours, estimate.shrink2, estimate.reach2
+    sheet, lobes, sensitivity = sheet_of(stage.surfaces, at.side_id), lobes_at(stage, at), splitting.sensitivity[pixel]
+    rho, spread = diffuse_reflectance_at(stage, at, room), spread_around(splitting, pixel, sheet)
+    contribution = sensitivity * _reflected_share(rho, throughput, gathers.weight[g], diffuse_share(lobes))
+    brings = contribution, sensitivity * gathers.throughput[g]
+    count, chance, _ = choose_rays(splitting, sheet, spread, brings, reach2, k, shrink2)
+    if lobes.flags & DIFFUSE == 0:
+        return chance, contribution, 0, 0.0
+    area = 0.0
+    if count >= FEWEST_SHARED and sharing(splitting.sheets, sheet, spread, reach2, k, shrink2) >= 1.0:
+        area = shared_area(splitting.sheets, sheet, spread, reach2, k, shrink2)
+    return chance, contribution, count, area
 
 
 @njit(inline="always")
