@@ -3,9 +3,11 @@
 
 After one pass the light that surfaces reflect is blotchy, while the first surface behind each pixel, its temperature
 and its emissivity are known without noise. So only the reflected part of the radiance is smoothed, and only between
-pixels that see the same even surface: an edge-avoiding wavelet transform (H. Dammertz, D. Sewtz, J. Hanika, H. P. A.
-Lensch, Edge-avoiding a-trous wavelet transform for fast global illumination filtering, High Performance Graphics 2010),
-guided by first hits instead of the picture. It is for the eye alone: readings are of the radiance as it was rendered.
+pixels that see the same even surface: the first level of an edge-avoiding wavelet transform (H. Dammertz, D. Sewtz, J.
+Hanika, H. P. A. Lensch, Edge-avoiding a-trous wavelet transform for fast global illumination filtering, High
+Performance Graphics 2010), guided by first hits instead of the picture. The error of a first picture falls to about a
+half; a second level would blur the light at corners by more than it takes of the noise (tests/test_smoothing.py). It is
+for the eye alone: readings are of the radiance as it was rendered.
 """
 
 from __future__ import annotations
@@ -22,7 +24,6 @@ from ..solver.physics.spectrum import sensor_radiance
 
 GUIDES = ("surface_temperature", "emissivity", "normal", "position", "depth")
 TAPS = np.array([1.0, 4.0, 6.0, 4.0, 1.0], np.float32) / 16.0  # of a B-spline, the wavelet's smooth part
-LEVELS = 2  # of the transform: the error falls to about a half; with more, light at corners is blurred
 ROUGH = 0.5  # roughness of a specular lobe that is wide enough to be smoothed; what mirrors show is not
 BEND = 0.97  # least cosine between normals of one even surface
 RISE = 0.1  # most height above a tangent plane, over the distance
@@ -52,9 +53,7 @@ def smoothed(
     emitted = known["emissivity"] * sensor_radiance(*sensor, known["surface_temperature"])
     even &= _alike(known, even)
     reflected = np.where(even, radiance - emitted, 0.0).astype(np.float32)
-    for level in range(LEVELS):
-        reflected = _level(reflected, known, even, 1 << level)
-    return np.where(even, emitted + reflected, radiance).astype(np.float32)
+    return np.where(even, emitted + _level(reflected, known, even), radiance).astype(np.float32)
 
 
 def _even(scene: Scene) -> np.ndarray:
@@ -94,11 +93,11 @@ def _alike(known: dict[str, np.ndarray], even: np.ndarray) -> np.ndarray:
     return result
 
 
-def _level(reflected: np.ndarray, known: dict[str, np.ndarray], even: np.ndarray, step: int) -> np.ndarray:
-    """One level of the transform, whose taps are so many pixels apart."""
+def _level(reflected: np.ndarray, known: dict[str, np.ndarray], even: np.ndarray) -> np.ndarray:
+    """One level of the transform."""
     total, weights = np.zeros_like(reflected), np.zeros_like(reflected)
     for (i, across), (j, up) in product(enumerate(TAPS), repeat=2):
-        shift = (i - 2) * step, (j - 2) * step
+        shift = i - 2, j - 2
         weight = across * up * (_same_surface(known, *shift) & _shifted(even, *shift))
         total += weight * _shifted(reflected, *shift)
         weights += weight
