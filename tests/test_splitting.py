@@ -79,9 +79,8 @@ def test_the_cheapest_is_chosen(price, spread, where, square):
     (bright, ray_noise, met, closeness, density), (whole, diffuse, reach2, shrink2) = spread, where
     found = choose_rays(splitting, 0, spread, (whole * diffuse, whole), reach2, 50, shrink2)
     area = min(math.pi * reach2, 50 / (bright * 1e4)) * shrink2
-    shared = max(
-        1.0, min(_EQUAL_MOST, _EQUAL * density * min(_SHARING * area, math.pi * (NEAR / closeness) ** 2 * shrink2))
-    )
+    area = min(_SHARING * area, math.pi * (NEAR / closeness) ** 2 * shrink2)
+    shared = max(1.0, min(_EQUAL_MOST, _EQUAL * density * area))
     light2, noise = whole**2 * (square + met**2), 2.0 * (whole * diffuse) ** 2 * ray_noise
 
     def spent(rays, chance):
@@ -92,11 +91,8 @@ def test_the_cheapest_is_chosen(price, spread, where, square):
     surely = min(1.0, whole / _LITTLE)
     chances = np.append(np.linspace(surely, 1.0, 100), found[1])
     cost, variance = spent(*found[:2])
-    assert (
-        found[0] >= 8 * surely
-        and found[1] >= surely
-        and found[2] == pytest.approx(variance, rel=1e-9, abs=1e-9 * light2)
-    )
+    assert found[0] >= 8 * surely and found[1] >= surely
+    assert found[2] == pytest.approx(variance, rel=1e-9, abs=1e-9 * light2)
     assert cost <= (1 + 1e-9) * min(spent(rays, chances)[0].min() for rays in LATTICES if rays >= 8 * surely)
 
 

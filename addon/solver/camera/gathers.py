@@ -134,7 +134,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
         asks_sky = surroundings.open[label] and not bounce.unresolved[i]
         if rays.final[i] and not (bounce.goes_on[i] > 0.0 or asks_sky or shares_by_lobe(lobes_at(stage, at), True)):
             continue  # the reflected light is recalled from the cache, or roulette has ended the path
-        reflected = largest_throughput(throughput, reflectance_at(stage, at, room))
+        alone = reflected = largest_throughput(throughput, reflectance_at(stage, at, room))
         if bounce.goes_on[i] > 0.0:
             reflected *= bounce.goes_on[i]
         if reflected == 0.0:
@@ -150,11 +150,9 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
         gathers.of[i] = g
         gathers.throughput[g] += reflected
         if uniform(rays.path[i], DIMENSIONS * bounce.number + GROUPING) * gathers.throughput[g] < reflected:
-            gathers.ray[g] = i
+            gathers.ray[g], gathers.weight[g] = i, alone
     for g in range(found):
-        i = gathers.ray[g]
-        rho = reflectance_at(stage, interact(stage.surfaces, hits, i, rays.direction), room)
-        gathers.weight[g] = gathers.throughput[g] / largest_throughput(rays.throughput[i], rho)
+        gathers.weight[g] = gathers.throughput[g] / gathers.weight[g]
     return found
 
 
