@@ -16,6 +16,7 @@ import pytest
 
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
 from addon.solver.camera.shadow_rays import Lighting, direct_irradiance, lamp_points
+from addon.solver.geometry.segments import hidden_from_lobes
 from addon.solver.geometry.surfaces import unit_normal
 from addon.solver.geometry.triangles import Corners, areas
 from addon.solver.photons.lights import light_spectrum
@@ -649,7 +650,7 @@ def test_photons_and_shadow_rays_together_are_the_irradiance(monkeypatch):
         side_id = np.where(point[:, 1] > point[:, 0], 2 + up[1], up[0]).astype(np.int32)
         around = model.emitters.surroundings
         lit = lamp_points(model.lamps, model.stage, around, pass_key(i, 0, LAMP_POINTS))
-        lighting = Lighting(around, model.lamps, lit, model.looking, 1)
+        lighting = Lighting(around, model.lamps, lit, model.looking, 1, hidden_from_lobes(model.tracer))
         key = pass_key(i, 0, CACHE)
         told = direct_irradiance(
             model.stage, model.tracer, lighting, ((point - middle).astype(np.float32), side_id), key, 0

@@ -129,5 +129,5 @@ def test_geometry_is_made_anew_when_something_is_hidden():
 
 
 def test_hidden_needs_a_mask_of_the_triangles():
-    with pytest.raises(SceneError, match=r"hidden has shape \(1,\) and dtype bool, not \(2,\) bool"):
+    with pytest.raises(SceneError, match=r"hidden has shape \(1,\) and dtype bool, not \(2,\) uint8"):
         dataclasses.replace(seen_from_above(plate(0.0, 320.0, 1)), hidden=np.ones(1, np.bool_))

@@ -8,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from addon.reading.visibility import read_visibility  # noqa: E402
+from addon.solver.scene import Hidden  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("reset_blender")
@@ -34,8 +35,8 @@ def hidden():
     scene = read()[0]
     if scene.hidden is None:
         return []
-    count = np.bincount(scene.material[scene.hidden], minlength=len(scene.materials))
-    assert set(count) == {0, 12}
+    count = np.bincount(scene.material[scene.hidden == Hidden.CAMERA], minlength=len(scene.materials))
+    assert set(count) == {0, 12} and set(scene.hidden) == {0, Hidden.CAMERA}
     return [scene.materials[index].name for index in np.flatnonzero(count)]
 
 
@@ -54,6 +55,40 @@ def test_usually_nothing_is_hidden(two):
 def test_objects_are_hidden_from_the_camera(two):
     two.visible_camera = False
     assert hidden() == ["Cube"]
+
+
+@pytest.mark.parametrize(
+    ("rays", "flags"),
+    [
+        (["diffuse"], Hidden.DIFFUSE),
+        (["glossy"], Hidden.GLOSSY),
+        (["shadow"], Hidden.LIGHTS),
+        (["camera", "diffuse", "glossy", "shadow"], sum(Hidden)),
+    ],
+)
+def test_objects_are_hidden_from_other_rays(two, rays, flags):
+    for ray in rays:
+        setattr(two, f"visible_{ray}", False)
+    scene, warnings = read()
+    assert scene.hidden.dtype == np.uint8 and scene.hidden.tolist() == [0] * 12 + [flags] * 12
+    assert not [each for each in warnings if "ray visibility" in each]
+
+
+def test_rays_pass_what_the_instance_or_its_source_hides(two):
+    source = bpy.data.collections.new("Source")
+    cube("Instanced", source).visible_glossy = False
+    empty = link("Instance")
+    empty.instance_type, empty.instance_collection, empty.visible_diffuse = "COLLECTION", source, False
+    assert read()[0].hidden.tolist() == [0] * 24 + [Hidden.DIFFUSE | Hidden.GLOSSY] * 12
+
+
+def test_where_gas_scatters_a_warning_names_what_is_not_hidden(two):
+    two.visible_glossy = False
+    fog = cube("Fog")
+    fog.data.materials[0]["scattering"], fog.data.materials[0]["absorption"] = 0.2, 0.1
+    assert any("Cube" in each and "as gas scatters light" in each for each in read()[1])
+    fog.data.materials[0]["scattering"] = 0.0
+    assert not any("scatters" in each for each in read()[1])
 
 
 def test_collections_that_are_indirect_only_are_hidden(two):

@@ -13,9 +13,8 @@ from .views import ignored_view_settings
 from .visibility import SEEN, read_visibility
 from .volumes import is_gas_domain
 
-# Kinds of rays that Blender's objects can be hidden from, beside the camera's. Photons, shadow rays and rays of final
-# gathers share the light of one balance here: what some of them did not meet would be counted twice, or not at all.
-RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+# Kinds of Blender's rays that there are none of here: what passes a thin sheet, or is scattered, keeps its kind.
+RAYS = "transmission", "volume_scatter"
 
 
 def ignored_scene_settings(scene, layer) -> Iterator[str]:
@@ -57,9 +56,9 @@ def ignored_settings(obj, layer) -> Iterator[str]:
         yield "shadow catcher is ignored; the object is rendered like any other"
     hidden = [ray.replace("_", " ") for ray in RAYS if not getattr(obj, f"visible_{ray}")]
     if hidden:
-        yield (f"ray visibility is ignored but for the camera's (off: {', '.join(hidden)}); all light meets the object")
+        yield f"ray visibility is ignored for {' and '.join(hidden)}; diffuse, glossy, camera and shadow rays have one"
     if read_visibility(obj, obj, layer) != SEEN and _holds_gas(obj):
-        yield "gas cannot be hidden from the camera or held out; it is rendered like any other"
+        yield "gas cannot be hidden or held out; it is rendered like any other"
 
 
 def _holds_gas(obj) -> bool:

@@ -13,7 +13,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..solver.scene import Scene, SceneError
+from ..solver.scene import Hidden, Scene, SceneError
 from .bands import read_band_edges
 from .camera import pixel_size, read_camera
 from .categories import Categories
@@ -81,9 +81,11 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -
     surfaces.ambient_temperature, surfaces.default = read_defaults(scene.infrared)
     warnings, lights, known, metres = surfaces.warnings, [], set(), metres_per_unit(scene)
     surfaces.metres = metres
-    surfaces.pixel_size = _pixel_size(depsgraph, camera or scene.camera)
+    surfaces.pixel_size, hiding = _pixel_size(depsgraph, camera or scene.camera), set()
     for instance, matrix, visibility in _shown_instances(depsgraph, space):
         obj = instance.object
+        if visibility.hidden & ~Hidden.CAMERA and obj.type in FACED:
+            hiding.add(obj.name)
         asks = obj.type in (*FACED, "LIGHT", "VOLUME")
         if asks and obj.name_full not in known:  # all instances of an object ask for the same
             known.add(obj.name_full)
@@ -109,7 +111,11 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -
     world = layer_world(scene, layer)
     if world is not None and (remark := driver_remark(world)):
         warnings.add(world.name, remark)
-    return surfaces.arrays(world) | {
+    arrays = surfaces.arrays(world)
+    if any(medium.scatters for medium in arrays.get("media", ())):
+        for name in sorted(hiding):
+            warnings.add(name, "ray visibility is ignored but for the camera's, as gas scatters light in this scene")
+    return arrays | {
         "band_edges": read_band_edges(scene.infrared),
         **_surroundings(world),
         "lights": tuple(lights),

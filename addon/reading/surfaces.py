@@ -222,16 +222,16 @@ class SurfaceReader:
             "materials": tuple(self.materials),
             "corner_normals": self._corner_normals(),
             "textures": joined(self.varying, [len(each) for each in self.triangles], self.textures.images),
-            "hidden": self._marked("hidden"),
-            "holdout": self._marked("holdout"),
+            "hidden": self._marked("hidden", np.uint8),
+            "holdout": self._marked("holdout", np.bool_),
             **self._media(world),
             **self._groups(world),
         }
 
-    def _marked(self, name: str) -> np.ndarray | None:
-        """(m,) bool, triangles of objects that are 'hidden' or a 'holdout', see Visibility; None if there are none."""
-        marks = [getattr(each, name) for each in self.visibilities]
-        return np.repeat(marks, [len(each) for each in self.triangles]) if any(marks) else None
+    def _marked(self, name: str, dtype: type) -> np.ndarray | None:
+        """(m,) of a dtype, whether triangles are 'hidden' or a 'holdout', see Visibility; None if none are."""
+        marks = np.array([getattr(each, name) for each in self.visibilities], dtype)
+        return np.repeat(marks, [len(each) for each in self.triangles]) if marks.any() else None
 
     def _corner_normals(self) -> np.ndarray | None:
         """(m, 3, 3) float32 of all triangles, 0 on flat ones; None if all are flat."""

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of an object the camera sees, as its own settings and those of its collections say."""
+"""Which rays see an object, as its own settings and those of its collections say."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from ..solver.scene import Hidden
+
+# Blender's kinds of rays (visible_...) that have one here. The others are named, see ignored_settings.
+RAYS = {"camera": Hidden.CAMERA, "diffuse": Hidden.DIFFUSE, "glossy": Hidden.GLOSSY, "shadow": Hidden.LIGHTS}
+
 
 class Visibility(NamedTuple):
-    """Of an object or an instance. hidden: the camera looks through it. holdout: it is a hole in the picture."""
+    """Of an object or an instance. hidden: which rays pass it. holdout: it is a hole in the picture."""
 
-    hidden: bool = False
+    hidden: Hidden = Hidden(0)
     holdout: bool = False
 
 
@@ -25,4 +30,8 @@ def read_visibility(obj, parent, layer) -> Visibility:
     """
     holdout = parent.is_holdout or parent.holdout_get(view_layer=layer)
     indirect = parent.indirect_only_get(view_layer=layer) and not holdout
-    return Visibility(bool(indirect or not (obj.visible_camera and parent.visible_camera)), bool(holdout))
+    hidden = Hidden.CAMERA if indirect else Hidden(0)
+    for ray, flag in RAYS.items():
+        if not (getattr(obj, f"visible_{ray}") and getattr(parent, f"visible_{ray}")):
+            hidden |= flag
+    return Visibility(hidden, bool(holdout))

@@ -3,8 +3,8 @@
 
 With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a pass, in bytes:
 
-    film       P (12 l b + 80)                mean in float64, one pass in float32, ten more values for the noise
-                                              and four results of the survey
+    film       P (12 l b + 112)               mean in float64, one pass in float32, twelve more values for the noise,
+                                              six results of the survey
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
                P (16 + 24 j)                  with molecules: what follows the j numbers that tell their draws
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
@@ -17,7 +17,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
                                               and those of final gathers, as many as where most are planned
     geometry   240 m                          vertices, adjacency, trees of our own and Embree's, what they emit (of
                                               closed meshes about 180; every sheet of loose triangles takes more)
-               200 m                          where some are hidden from the camera: Embree's tree of the others
+               200 m                          where some are hidden from rays: Embree's tree of the others, for each
+                                              kind of rays that sees others
                44 m                           where some are shaded smooth: unit normals at corners, and their rows
     tables     16 (n + 1) t b                 what n materials and a blackbody emit at t temperatures, and its slope
                1024 (6 + 10 r) f b            what f materials that follow Fresnel's law reflect and emit at 256
@@ -46,7 +47,7 @@ from .physics.layers import scene_layers
 from .physics.molecules import probe_count
 from .physics.radiometry import emission_range, table_rows
 from .physics.sky import sky_size
-from .scene import Medium, Scene, SceneError
+from .scene import Hidden, Medium, Scene, SceneError
 from .settings import Settings
 
 _GIGABYTE = 1e9
@@ -73,7 +74,7 @@ def memory_of_images(pixels: float, bands: int, copies: float = 0, layers: int =
     copies: see memory_beforehand. layers: of temperature groups. around: number of pixels of the frame that lie around
     the render region and are shown with it.
     """
-    film = 12 * layers * bands + 80 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
+    film = 12 * layers * bands + 112 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
     parts = {"film": float(pixels) * film, "images": float(pixels) * (4 * copies * (bands + 7) + 64)}
     return parts | ({"frame": 20.0 * around} if around else {})
 
@@ -85,7 +86,7 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     """
     temperatures = emission_range(scene.temperature.reshape(len(scene.triangles), -1), scene.images_of_temperature)
     rows, angular = table_rows(temperatures), bytes_of_fresnel(scene.materials, temperatures, scene.band_count)
-    triangles = len(scene.triangles), scene.corner_normals is not None, scene.hidden is not None
+    triangles = len(scene.triangles), scene.corner_normals is not None, _parts(scene.hidden)
     parts = {
         "geometry": memory_of_triangles(*triangles),
         "tables": 16.0 * (len(scene.materials) + 1) * rows * scene.band_count + angular,
@@ -97,10 +98,15 @@ def memory_beforehand(scene: Scene, copies: float = 0) -> dict[str, float]:
     return _images_of(scene, copies) | parts | again
 
 
-def memory_of_triangles(count: int, smooth: bool = False, hidden: bool = False) -> float:
-    """Bytes of the geometry of so many triangles. smooth: whether some are shaded smooth. hidden: whether the camera
-    does not see some."""
-    return (240.0 + 44.0 * smooth + 200.0 * hidden) * count
+def memory_of_triangles(count: int, smooth: bool = False, parts: int = 0) -> float:
+    """Bytes of the geometry of so many triangles. smooth: whether some are shaded smooth. parts: in which rays of some
+    kinds do not see all."""
+    return (240.0 + 44.0 * smooth + 200.0 * parts) * count
+
+
+def _parts(hidden: np.ndarray | None) -> int:
+    """How many different parts of the triangles rays see that do not see all. hidden: see Scene."""
+    return 0 if hidden is None else len({(hidden & flag).tobytes() for flag in Hidden if (hidden & flag).any()})
 
 
 def memory_of_passes(

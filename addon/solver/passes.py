@@ -27,6 +27,7 @@ import numpy as np
 from .camera.eye_paths import CameraPass, render_pixels
 from .camera.rays import Estimate
 from .camera.shadow_rays import Lighting, direct_irradiance, lamp_closeness, lamp_points
+from .geometry.segments import hidden_from_lobes
 from .geometry.surfaces import Geometry, build_geometry
 from .image.film import Film
 from .image.tiles import tiles
@@ -217,7 +218,9 @@ def render_pass(model: Model, settings: Settings, index: int, work: Work, render
     )
     surroundings = model.emitters.surroundings
     points = lamp_points(model.lamps, model.stage, surroundings, pass_key(settings.seed, index, LAMPS))
-    lighting = Lighting(surroundings, model.lamps, points, model.looking, len(model.layers))
+    lighting = Lighting(
+        surroundings, model.lamps, points, model.looking, len(model.layers), hidden_from_lobes(model.tracer)
+    )
     cache = None
     if estimate.photons:
         key = pass_key(settings.seed, index, CACHE)

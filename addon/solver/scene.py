@@ -6,6 +6,7 @@ Units everywhere: metres, kelvin, micrometres, watts. World coordinates are righ
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
@@ -729,6 +730,17 @@ class Change(NamedTuple):
 Moment = tuple[Change, ...]
 
 
+class Hidden(enum.IntFlag):
+    """Rays that pass a triangle as if it were not there: those from the camera, also behind thin sheets; those that a
+    diffuse lobe reflected, or a specular one, smooth or rough (from the eye on: light goes the other way); and those to
+    light objects."""
+
+    CAMERA = 1
+    DIFFUSE = 2
+    GLOSSY = 4
+    LIGHTS = 8
+
+
 @dataclass(frozen=True)
 class Scene:
     """Everything a render needs. Arrays are not copied: do not write to them afterwards.
@@ -750,8 +762,8 @@ class Scene:
     textures: what varies over triangles, by images or from corner to corner; None if nothing does but `temperature`.
     corner_normals: (m, 3, 3) float32, normals at the corners of triangles, on their front side, of a surface that is
         shaded smooth; zero, or the triangle's own, where it is flat. None if all are.
-    hidden: (m,) bool, triangles that the camera does not see: its rays pass them as if they were not there, also behind
-        thin sheets. All other light meets them. None if there are none.
+    hidden: (m,) uint8, sums of Hidden: which rays pass each triangle as if it were not there. (m,) bool are those that
+        the camera does not see. None if there are none.
     holdout: (m,) bool, triangles that are a hole in the picture, see coverage_image; radiance is as without. None if
         there are none.
     moments: what is otherwise at the times that passes see, in the order of time (see moments); all else is planned by
@@ -817,10 +829,15 @@ class Scene:
             _check_corner_normals(self.corner_normals, count)
         if self.textures is not None:
             self._check_textures()
-        for name in ("hidden", "holdout"):
+        for name, usual in (("hidden", np.uint8), ("holdout", np.bool_)):
             marks = getattr(self, name)
-            if marks is not None and (marks.shape != (count,) or marks.dtype != np.bool_):
-                raise SceneError(f"{name} has shape {marks.shape} and dtype {marks.dtype}, not ({count},) bool")
+            if marks is not None and (marks.shape != (count,) or marks.dtype not in (usual, np.bool_)):
+                wanted = f"({count},) {np.dtype(usual)}"
+                raise SceneError(f"{name} has shape {marks.shape} and dtype {marks.dtype}, not {wanted}")
+        if self.hidden is not None:
+            object.__setattr__(self, "hidden", self.hidden.astype(np.uint8))
+            if self.hidden.max() > sum(Hidden):
+                raise SceneError(f"hidden holds {self.hidden.max()}; sums of Hidden are at most {sum(Hidden)}")
 
     @property
     def images_of_temperature(self) -> tuple[Texture, ...]:

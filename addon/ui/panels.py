@@ -15,6 +15,7 @@ from ..reading.media import is_medium
 from ..reading.objects import STRAND_TYPES, SURFACE_TYPES
 from ..reading.strands import path_systems
 from ..reading.surface_temperature import DOMAINS, temperature_source, usable_attribute
+from ..reading.visibility import RAYS
 from ..reading.world import SKY_KEYS
 from ..rendering.checks import band_problem, find_bands, holds_gas, material_checks, settings_checks
 from ..rendering.render_passes import CRYPTOMATTE_SWITCHES, LAYER_SWITCHES, SCENE_SWITCHES
@@ -215,7 +216,9 @@ class INFRARED_PT_ray_visibility(InfraredPanel, Panel):
         return super().poll(context) and obj is not None and (obj.type in SURFACE_TYPES or instances)
 
     def draw(self, context):
-        self.column().prop(context.object, "visible_camera", text="Camera")
+        column = self.column()
+        for ray in RAYS:
+            column.prop(context.object, f"visible_{ray}", text=ray.capitalize())
 
 
 class INFRARED_PT_object(InfraredPanel, Panel):

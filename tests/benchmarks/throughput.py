@@ -26,7 +26,7 @@ from addon.solver.camera.gathers import first_gathers
 from addon.solver.camera.rays import Estimate
 from addon.solver.camera.reflection import reflect
 from addon.solver.camera.shadow_rays import Lighting, lamp_points
-from addon.solver.geometry.segments import Tracer
+from addon.solver.geometry.segments import Tracer, hidden_from_lobes
 from addon.solver.image.tiles import tiles
 from addon.solver.passes import PHOTON_CHUNK, Work, cache_irradiance
 from addon.solver.photons.emission import Batch
@@ -162,7 +162,8 @@ def main():
     with ThreadPoolExecutor(threads) as pool:
         store = photon_store(scene.band_count, model.optics)
         work = Work(store, pool, lambda: False)
-        lighting = Lighting(model.emitters.surroundings, model.lamps, shining, model.looking, len(model.layers))
+        around, hidden = model.emitters.surroundings, hidden_from_lobes(model.tracer)
+        lighting = Lighting(around, model.lamps, shining, model.looking, len(model.layers), hidden)
         straight = model.optics.keep_incoming
         k = settings.neighbours
         few = few_neighbours(k)

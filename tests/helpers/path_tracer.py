@@ -35,6 +35,7 @@ from embreex.rtcore_scene import EmbreeScene
 from scipy.stats import qmc
 
 from addon.solver import SunLight
+from addon.solver.scene import Hidden
 from tests.helpers.exact_cases import C1, C2, blackbody
 from tests.helpers.traced_gas import Bodies, Gas, build_gas, check_gas
 from tests.helpers.traced_lights import Lights, build_lights, light_met
@@ -91,7 +92,8 @@ class _Tables(NamedTuple):
 
 class _Paths(NamedTuple):
     """n paths: pixel (n,), origin and direction (n, 3), throughput (n, b), kind (n,): code of the lobes so far, bounces
-    (n,); unseen (n,): whether they have met nothing but mirrors, in which lights are not seen."""
+    (n,); unseen (n,): whether they have met nothing but mirrors, in which lights are not seen; lobe (n,): the last one,
+    0 for those straight from the camera, else 1, 2, 3: D, G, S."""
 
     pixel: np.ndarray
     origin: np.ndarray
@@ -100,6 +102,7 @@ class _Paths(NamedTuple):
     kind: np.ndarray
     bounces: np.ndarray
     unseen: np.ndarray
+    lobe: np.ndarray
 
 
 @dataclass
@@ -173,11 +176,8 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
     reference = float(scene.world_temperature if reference is None else reference)
     centre = 0.5 * (np.min(scene.vertices, axis=0) + np.max(scene.vertices, axis=0))
     tables = _tables(scene, reference, centre)
-    embree = EmbreeScene()
-    corners = tables.corners.astype(np.float32).reshape(-1, 3)
-    TriangleMesh(embree, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
-    embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # builds the tree before threads need it
-    tracers = embree, Bodies(scene.media, centre, np.abs(corners).max())
+    corners = tables.corners.astype(np.float32)
+    tracers = _Sights(corners, scene.hidden), Bodies(scene.media, centre, np.abs(corners).max())
 
     def trace(index):
         return _batch(scene.camera, centre, tables, tracers, samples, np.random.default_rng((seed, index)), kinds)
@@ -185,6 +185,43 @@ def trace_paths(scene, samples, batches=16, seed=0, first_batch=0, threads=1, re
     with ThreadPoolExecutor(threads) as pool:
         images, tallies = zip(*pool.map(trace, range(first_batch, first_batch + batches)), strict=True)
     return PathTraced(np.array(images), np.asarray(scene.band_edges), reference, np.array(tallies))
+
+
+class _Sights:
+    """What paths see, by their last lobe: surfaces that are not hidden from them (scene.Hidden). Lights are seen past
+    others."""
+
+    def __init__(self, corners, hidden):
+        """corners: (m, 3, 3) float32. hidden: see Scene."""
+        flags = 0, Hidden.CAMERA, Hidden.DIFFUSE, Hidden.GLOSSY, Hidden.LIGHTS
+        seen = [
+            np.flatnonzero((0 if hidden is None else hidden) & flag == np.zeros(len(corners), int)) for flag in flags
+        ]
+        self.hides, self._seen, self._scenes = hidden is not None, seen, [EmbreeScene() for _ in seen]
+        for scene, part in zip(self._scenes, seen, strict=True):
+            points = corners[part].reshape(-1, 3)
+            if len(part):
+                TriangleMesh(scene, points, np.arange(len(points), dtype=np.int32).reshape(-1, 3))
+            # builds the tree before threads need it
+            scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+
+    def hits(self, paths):
+        """triangle, u, v, distance (n,) of what paths meet, and how far (n,) they would get on the way to a light."""
+        origin, direction = paths.origin.astype(np.float32), paths.direction.astype(np.float32)
+        if not self.hides:
+            found = self._run(0, origin, direction)
+            return *found, found[3]
+        found = np.empty(len(origin), np.int64), *np.empty((3, len(origin)))
+        for scene, lobes in ((1, (0,)), (2, (1,)), (3, (2, 3))):
+            rows = np.flatnonzero(np.isin(paths.lobe, lobes))
+            for column, values in zip(found, self._run(scene, origin[rows], direction[rows]), strict=True):
+                column[rows] = values
+        lit = self._run(4, origin, direction)
+        return *found, np.where(lit[0] < 0, np.inf, lit[3])
+
+    def _run(self, number, origin, direction):
+        hits, part = self._scenes[number].run(origin, direction, output=True), np.append(self._seen[number], -1)
+        return part[hits["primID"]], hits["u"], hits["v"], hits["tfar"]
 
 
 def _check(scene):
@@ -317,7 +354,7 @@ def _face_reflectance(index, cosine):
 def _batch(camera, centre, tables, tracers, samples, random, kinds):
     """Image (height, width, b) of so many samples a pixel, and its parts by kind (codes, height, width). tracers: of
     surfaces and of the meshes of gas."""
-    embree, bodies = tracers
+    sights, bodies = tracers
     pixels, bands = camera.width * camera.height, tables.world.shape[-1]
     image, tally = np.zeros((pixels, bands)), np.zeros((_CODES if kinds else 0, pixels))
     even = qmc.Sobol(2 + _UNIFORMS, rng=random).random_base2(int(samples - 1).bit_length())
@@ -329,10 +366,9 @@ def _batch(camera, centre, tables, tracers, samples, random, kinds):
         count = len(pixel)
         while count:
             paths = _Paths(*(array[:count] for array in paths))
-            hits = embree.run(paths.origin.astype(np.float32), paths.direction.astype(np.float32), output=True)
+            hits = sights.hits(paths)
             crossings = bodies.crossings(paths.origin, paths.direction)
             uniforms = random.random((count, _UNIFORMS)) if begin is None else begin[:, 2:]
-            hits = hits["primID"], hits["u"], hits["v"], hits["tfar"]
             count, begin = _bounce(tables, paths, hits, crossings, uniforms, image, tally), None
     shape = camera.height, camera.width
     return image.reshape(*shape, bands) / samples, tally.reshape(-1, *shape) / samples
@@ -357,6 +393,7 @@ def _camera_paths(camera, centre, pixel, bands, place):
         np.zeros(len(pixel), np.int64),
         np.zeros(len(pixel), np.int64),
         np.ones(len(pixel), np.bool_),
+        np.zeros(len(pixel), np.int64),
     )
 
 
@@ -364,7 +401,7 @@ def _camera_paths(camera, centre, pixel, bands, place):
 def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
     """Add what is emitted where paths arrive, and on their way there, and send them on; those that go on move to the
     front; their number."""
-    triangle, u, v, distance = hits
+    triangle, u, v, distance, lit = hits
     kept, has_gas = 0, tables.gas.absorption.size > 0
     black, factor = np.empty(image.shape[1]), np.empty(image.shape[1])
     brought, one = np.empty(image.shape[1]), np.ones(image.shape[1])
@@ -372,10 +409,11 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
         t, pixel, kind = triangle[i], paths.pixel[i], paths.kind[i]
         throughput, unseen = paths.throughput[i], paths.unseen[i]
         ray, way = (paths.origin[i], paths.direction[i]), float(distance[i]) if t >= 0 else np.inf
+        clear = float(lit[i]) if lit[i] < 1e30 else np.inf
         drawn = uniforms[i, 4], uniforms[i, 0]
         for light in range(0 if unseen else tables.lights.kind.size):
             to_light, share = light_met(tables.lights, light, *ray)
-            if share <= 0.0 or to_light < 0.0 or to_light > way or (to_light == np.inf and t >= 0):
+            if share <= 0.0 or to_light < 0.0 or to_light > clear or (to_light == np.inf and clear < np.inf):
                 continue
             factor[:] = throughput
             medium = -1
@@ -390,7 +428,7 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
                 survival = min(_MOST_SURVIVE, throughput.max())
                 if uniforms[i, 3] < survival:
                     paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, _CODES - 1, paths.bounces[i] + 1
-                    paths.unseen[kept] = False
+                    paths.unseen[kept], paths.lobe[kept] = False, 1
                     paths.origin[kept] = paths.origin[i] + free * paths.direction[i]
                     g = tables.gas.anisotropy[medium]
                     paths.direction[kept] = _deflected(paths.direction[i], g, uniforms[i])
@@ -413,7 +451,7 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
             survival = 1.0 if paths.bounces[i] < _ROULETTE_FROM else min(_MOST_SURVIVE, throughput.max())
             if throughput.max() > 0.0 and uniforms[i, 3] < survival:
                 paths.pixel[kept], paths.kind[kept], paths.bounces[kept] = pixel, kind, paths.bounces[i]
-                paths.unseen[kept] = unseen
+                paths.unseen[kept], paths.lobe[kept] = unseen, paths.lobe[i]
                 ahead = paths.direction[i].copy()
                 _leave(tables, t, (u[i], v[i]), ahead, paths, kept)
                 paths.throughput[kept] = throughput / survival
@@ -433,7 +471,7 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
             continue
         paths.pixel[kept] = pixel
         paths.kind[kept] = min(4 * kind + lobe, _CODES - 1) if paths.bounces[i] < KIND_LENGTH else _CODES - 1
-        paths.bounces[kept], paths.unseen[kept] = paths.bounces[i] + 1, unseen and lobe == 3
+        paths.bounces[kept], paths.unseen[kept], paths.lobe[kept] = paths.bounces[i] + 1, unseen and lobe == 3, lobe
         _leave(tables, t, (u[i], v[i]), direction, paths, kept)
         paths.throughput[kept] = throughput / survival
         kept += 1

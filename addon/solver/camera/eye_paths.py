@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.eye import Eye, eye_rays
 from ..geometry.free_space import free_space, unlimited
-from ..geometry.segments import ENDLESS, Tracer
+from ..geometry.segments import ENDLESS, Tracer, trace_by_kind
 from ..geometry.stage import Stage, transmits_anywhere
 from ..photons.irradiance_cache import IrradianceCache
 from ..photons.photon_map import PhotonMap
@@ -52,9 +52,9 @@ def render_pixels(
     """Estimate the excess radiance of a tile of pixels in one pass.
 
     pixels: (h, w) int64, numbers in the window. Returns image (h w, layers * b) float32, W m-2 sr-1, and two parts of
-    the radiance over all bands, (h w,) float32: seen, what surfaces emit straight into the camera, 0 where media
-    scatter; and missed, what continued rays find in place of what is recalled, less the latter. It is not in the image,
-    tells of few rays and thus little of a single pixel.
+    the radiance over all bands, (h w,) float32: seen, what steady rays meet (see Rays); and missed, what continued rays
+    find in place of what is recalled, less the latter. It is not in the image, tells of few rays and thus little of a
+    single pixel.
     """
     tracer, stage, lighting, estimate = shared.tracer, shared.stage, shared.lighting, shared.estimate
     bands, numbers = stage.radiometry.reference.size, pixels.ravel()
@@ -62,7 +62,7 @@ def render_pixels(
     rays, reach = _camera_rays(shared, samples, numbers)
     # the pixels, and two rows for each that check what is recalled, see follow
     rows = empty_rows(np.zeros((3 * pixels.size, shared.weights.size), np.float32))
-    seen, finals = np.zeros(pixels.size, np.float32), []
+    steady, finals = np.zeros((pixels.size, shared.weights.size), np.float32), []
     count, number, passes = len(rays.origin), 0, transmits_anywhere(stage)
     while count and not cancelled():
         limit = reach.copy() if passes else reach  # a trace overwrites it
@@ -72,15 +72,16 @@ def render_pixels(
         whole = rays._replace(pixel=rays.pixel.copy(), density=rays.density.copy()) if passes else rays
         if estimate.photons and number > 0:
             part_near(bounce, rows)
-        scattered = cross_media(tracer, stage, lighting, bounce, rows, shared.thrown) if tracer.holds_media else None
+        scattered = (
+            cross_media(tracer, stage, lighting, bounce, (rows.image, steady), shared.thrown)
+            if tracer.holds_media
+            else None
+        )
         if passes:
             passed, left = pass_through(stage, bounce._replace(rays=whole), samples, limit)
         if estimate.photons and number > 0:
             _recall(shared, bounce, rows.image)
-        gathers = meet(stage, lighting, bounce, rows)
-        if number == 0 and not tracer.scatters:  # else what is seen hangs on chance, not on edges in a pixel alone
-            # einsum, as numpy leaves matrix products to a library with threads of its own
-            np.einsum("pb,b->p", rows.image[: pixels.size], shared.weights, out=seen)
+        gathers = meet(stage, lighting, bounce, rows, steady)
         if estimate.photons:
             gathers = choose_splits(stage, estimate, numbers, bounce, gathers)
             rows = _ask_photons(shared, bounce, gathers, rows, finals)
@@ -98,22 +99,17 @@ def render_pixels(
     for final in finals:
         share(stage.surfaces, final, estimate.shrink2, pixels.shape, rows)
     image, goes_on, recalls, *_ = np.split(rows.image, (pixels.size, 2 * pixels.size, 3 * pixels.size))
-    return image, seen, np.einsum("pb,b->p", goes_on - recalls, shared.weights)
+    # einsum, as numpy leaves matrix products to a library with threads of its own
+    seen, missed = (np.einsum("pb,b->p", of, shared.weights) for of in (steady, goes_on - recalls))
+    return image + steady, seen, missed
 
 
 def _trace(tracer, number, rays, count, reach):
-    """The Hits of the first `count` rays of a bounce: those straight from the camera pass what is hidden from it."""
-    origin, direction = rays.origin[:count], rays.direction[:count]
-    if number == 0:
-        return tracer.camera.trace(origin, direction, reach)
-    straight = np.flatnonzero(rays.straight[:count]) if tracer.camera is not tracer else ()
-    if len(straight) == 0:
-        return tracer.trace(origin, direction, reach)
-    seen = tracer.camera.trace(origin[straight], direction[straight], reach[straight])
-    hits = tracer.trace(origin, direction, reach)
-    for column, found in zip(hits, seen, strict=True):
-        column[straight] = found
-    return hits
+    """The Hits of the first `count` rays of a bounce, which pass what is hidden from their kind."""
+    batch = rays.origin[:count], rays.direction[:count]
+    if number > 0 and (tracer.hides or tracer.camera is not tracer):
+        return trace_by_kind(tracer, rays.kind[:count], batch, reach)
+    return (tracer if number else tracer.camera).trace(*batch, reach)
 
 
 def _camera_rays(shared, samples, numbers):
@@ -123,7 +119,7 @@ def _camera_rays(shared, samples, numbers):
     rays = empty_rays(count, stage.radiometry.reference.size, transmits_anywhere(stage))
     reach = np.empty(count, np.float32)
     eye_rays(shared.eye, shared.keys[0], shared.index, samples, numbers, rays.origin, rays.direction, reach)
-    start_paths(shared.keys[1], samples, numbers, rays)
+    start_paths(shared.keys[1], samples, numbers, not shared.tracer.scatters, rays)
     return rays, reach
 
 

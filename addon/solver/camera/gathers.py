@@ -87,8 +87,9 @@ def part_near(bounce, rows):
                 rays.pixel[i] = row + rows.apart[row]
 
 
-def meet(stage, lighting, bounce, rows) -> Gathers:
+def meet(stage, lighting, bounce, rows, steady) -> Gathers:
     """Add to the rows what surfaces emit where rays meet them; return the gathers that ask for the reflected light.
+    What steady rays meet is added to an image (pixels, layers * b) float32 of its own.
 
     Rays of a pixel that meet the same sheet and material, with throughputs in the same proportion of bands, share a
     gather. What rays meet counts as far as it is not left to shadow rays, or to photons of caustics.
@@ -96,13 +97,14 @@ def meet(stage, lighting, bounce, rows) -> Gathers:
     count = len(bounce.hits.triangle)
     gathers, emitted = empty_gathers(count), nothing_emitted(stage.radiometry.reference.size)
     bands = stage.radiometry.reference.size
-    found = _meet(stage, lighting, bounce, rows, gathers, emitted, (np.empty(bands, np.float32), np.empty(bands)))
+    rooms = np.empty(bands, np.float32), np.empty(bands)
+    found = _meet(stage, lighting, bounce, (rows.image, steady), gathers, emitted, rooms)
     return first_gathers(gathers, found)
 
 
 @njit(**FAST_KERNEL)
-def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
-    room, from_sky = rooms
+def _meet(stage, lighting, bounce, images, gathers, emitted, rooms):
+    (room, from_sky), (image, steady) = rooms, images
     hits, rays, surroundings, lamps = bounce.hits, bounce.rays, lighting.surroundings, lighting.lamps
     sky, bands = surroundings.layer * surroundings.radiance.size, surroundings.radiance.size
     found = newest = np.int64(0)  # no literal, see kernels
@@ -110,14 +112,14 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
     for i in range(hits.triangle.size):
         if rays.pixel[i] != pixel:
             pixel, newest = rays.pixel[i], found
-        throughput = rays.throughput[i]
+        throughput, out = rays.throughput[i], steady[pixel] if rays.steady[i] else image[pixel]
         if hits.triangle[i] < 0:
             way = vector(rays.direction, i)
             around, share = radiance_from(surroundings, way, from_sky), np.float32(1.0)
             if rays.density[i] < ALONE:
                 share = np.float32(share_of_sky(abs(rays.density[i]), lamps, surroundings, way))
             for b in range(bands):
-                rows.image[pixel, sky + b] += throughput[b] * (share * around[b])
+                out[sky + b] += throughput[b] * (share * around[b])
             continue
         at = interact(stage.surfaces, hits, i, rays.direction)
         label, share = sheet_of(stage.surfaces, at.side_id), np.float32(1.0)
@@ -128,7 +130,7 @@ def _meet(stage, lighting, bounce, rows, gathers, emitted, rooms):
         if share > 0.0:
             radiance, first = emission_at(stage, at, emitted), bands * layer_at(stage, at)
             for b in range(bands):
-                rows.image[pixel, first + b] += throughput[b] * (share * radiance[b])
+                out[first + b] += throughput[b] * (share * radiance[b])
         if asked_at(stage, at) == NONE:
             continue
         asks_sky = surroundings.open[label] and not bounce.unresolved[i]

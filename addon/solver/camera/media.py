@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.flight import ARRIVED, NUMBERS, walk
-from ..geometry.segments import Tracer, glow, traverse, ways
+from ..geometry.segments import FROM_DIFFUSE, Tracer, glow, traverse, ways
 from ..geometry.stage import Stage
 from ..photons.photon_map import neighbours_room
 from ..photons.thrown import Receiver, ThrownMap, add_thrown
@@ -17,7 +17,7 @@ from ..sampling.heuristics import CANDIDATES, SINGLE_RAY, balance
 from ..sampling.rng import path_key
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import KERNEL, njit
-from .rays import ASTRAY, Bounce, Rays, Rows, empty_rays
+from .rays import ASTRAY, Bounce, Rays, empty_rays
 from .shadow_rays import (
     LampRoom,
     Lighting,
@@ -46,31 +46,32 @@ class _Vertex(NamedTuple):
 
 
 def cross_media(
-    tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce, rows: Rows, thrown: ThrownMap
+    tracer: Tracer, stage: Stage, lighting: Lighting, bounce: Bounce, images: tuple, thrown: ThrownMap
 ) -> Rays | None:
     """Add to the rows what media along the rays of a bounce emit, and take from the rays what media take. Those that
     are scattered meet nothing and carry nothing any more: they go on as the rays that are returned, if media scatter.
-    thrown: of the pass.
+    images: (n, layers * b) float32, of all rays and of steady ones, see meet. thrown: of the pass.
     """
     count, bands = len(bounce.hits.triangle), bounce.rays.throughput.shape[1]
     air = tracer.cross(bounce.rays.origin[:count], bounce.rays.direction[:count], ways(bounce.hits))
     if not tracer.scatters:
-        _cross(air, bounce, rows.image)
+        _cross(air, bounce, *images)
         return None
     scattered = empty_rays(count, bands, len(bounce.rays.passed) > 0)
     shadows = empty_shadows(count if len(lighting.points.side_id) else 0, bands)
     rooms = LampRoom(np.empty(CANDIDATES), np.empty(bands)), neighbours_room(thrown.neighbours)
-    found, sent = _scatter(air, stage, (lighting, thrown), bounce, rows.image, (scattered, shadows), rooms)
+    found, sent = _scatter(air, stage, (lighting, thrown), bounce, images[0], (scattered, shadows), rooms)
     if sent:
-        add_unshadowed(tracer, stage, Shadows(*(column[:sent] for column in shadows)), rows.image)
+        add_unshadowed(tracer, stage, Shadows(*(column[:sent] for column in shadows)), images[0])
     return Rays(*(column[:found] for column in scattered))
 
 
 @njit(**KERNEL)
-def _cross(air, bounce, image):
+def _cross(air, bounce, image, steady):
     rays = bounce.rays
     for i in range(bounce.hits.triangle.size):
-        traverse(air, i, rays.throughput[i], image[rays.pixel[i]])
+        out = steady[rays.pixel[i]] if rays.steady[i] else image[rays.pixel[i]]
+        traverse(air, i, rays.throughput[i], out)
 
 
 @njit(**KERNEL)
@@ -90,7 +91,7 @@ def _scatter(air, stage, light, bounce, image, onward, rooms):
             anisotropy, along = air.table.anisotropy[end], scaled(vector(rays.direction, i), 1.0 / air.length[i])
             scattered.pixel[found], scattered.final[found] = rays.pixel[i], rays.final[i]
             scattered.continued[found], scattered.doubts[found] = rays.continued[i], rays.doubts[i]
-            scattered.density[found] = ASTRAY
+            scattered.density[found], scattered.kind[found] = ASTRAY, FROM_DIFFUSE
             scattered.path[found] = path_key(rays.path[i], first + NUMBERS)
             if thrown.points.straight.size:
                 at, before = vector(scattered.origin, found), rays.throughput[i]
@@ -119,7 +120,7 @@ def _send_shadow(lighting, stage, vertex, room, shadows, n):
     way, shadows.reach[n], shadows.layer[n] = light_of(lighting, stage, i, vertex.point, total, room.value)
     put_vector(vertex.point, shadows.origin, n)
     put_vector(way, shadows.direction, n)
-    shadows.pixel[n] = vertex.rays.pixel[vertex.i]
+    shadows.pixel[n], shadows.kind[n] = vertex.rays.pixel[vertex.i], FROM_DIFFUSE
     for b in range(room.value.size):
         shadows.radiance[n, b] = throughput[b] * room.value[b]
     if vertex.anisotropy.size > 1:

@@ -5,6 +5,7 @@ import numpy as np
 
 from ..geometry.curved import reflecting
 from ..geometry.interaction import interact, leave
+from ..geometry.segments import FROM_DIFFUSE, FROM_GLOSSY
 from ..geometry.stage import diffuse_reflectance_at, enter, lobe_reflectance_at, lobes_at, lobes_met, reflectance_at
 from ..geometry.surfaces import clear_of, sheet_of
 from ..photons.transport import MAX_SURVIVAL
@@ -94,6 +95,7 @@ def _split(stage, at, gathers, g, group, first, onward):
         onward.density[first + ray] = together * diffuse_density(at.normal, direction)
         onward.pixel[first + ray], onward.path[first + ray] = row, path_key(path, 3 + ray)
         onward.final[first + ray], onward.continued[first + ray] = True, False
+        onward.kind[first + ray] = FROM_DIFFUSE
         onward.throughput[first + ray, :] = throughput * np.float32(evaluate_diffuse(at, direction))
         enter(stage, at, dot(direction, at.shading_normal), onward.throughput[first + ray])
 
@@ -121,6 +123,7 @@ def _doubt(stage, bounce, gather, pixels, out, sent):
         put_vector(vector(onward.direction, ray), onward.direction, sent + twin)
         onward.pixel[sent + twin], onward.path[sent + twin] = rays.pixel[i] + (1 + twin) * pixels, onward.path[ray]
         onward.final[sent + twin], onward.continued[sent + twin] = True, False
+        onward.kind[sent + twin] = FROM_DIFFUSE
         onward.density[sent + twin], onward.doubts[sent + twin] = onward.density[ray], twin == 0
         for b in range(rho.size):
             onward.throughput[sent + twin, b] = rays.throughput[i, b] * rho[b] * scale
@@ -149,6 +152,7 @@ def _go_on(stage, at, bounce, i, out, sent):
     direction = sample_diffuse(at.normal, uniform(path, 0), uniform(path, 1))
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent] = onward.continued[sent] = True
+    onward.kind[sent] = FROM_DIFFUSE
     onward.density[sent] = SINGLE_RAY * diffuse_density(at.normal, direction)
     scale = np.float32(diffuse_share(lobes_at(stage, at)) * evaluate_diffuse(at, direction) * bounce.goes_on[i])
     for b in range(rho.size):
@@ -190,7 +194,8 @@ def _reflect_specularly(stage, at, bounce, i, counts, out, sent):
         return 0
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
-    onward.doubts[sent] = rays.doubts[i]
+    onward.doubts[sent], onward.kind[sent] = rays.doubts[i], FROM_GLOSSY
+    onward.steady[sent] = rays.steady[i] and survival >= 1.0 and lobes.alpha == 0.0
     astray = is_astray(rays, i)
     onward.density[sent] = ASTRAY if astray else BLIND if rays.final[i] else ALONE
     if shares_by_lobe(lobes, rays.final[i]):

@@ -51,7 +51,7 @@ def _pass_through(stage, bounce, samples, reach, passed, left):
         pass_on(stage.surfaces, at, passed, found)
         passed.pixel[found], passed.path[found], passed.density[found] = rays.pixel[i], path, rays.density[i]
         passed.final[found], passed.continued[found] = rays.final[i], rays.continued[i]
-        passed.straight[found] = rays.straight[i]
+        passed.kind[found], passed.steady[found] = rays.kind[i], rays.steady[i] and survival >= 1.0
         passed.doubts[found], passed.passed[found] = rays.doubts[i], rays.passed[i] + np.float32(at.distance)
         remaining = (reach[i] - hits.distance[i]) * np.float32(np.sqrt(dot(way, way)))
         left[found] = remaining if reach[i] < ENDLESS else ENDLESS

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.segments import Hits
+from ..geometry.segments import FROM_CAMERA, Hits
 from ..physics.lobes import is_glossy, is_wide
 from ..planning.antialiasing import MOST
 from ..planning.splitting import Splitting
@@ -45,9 +45,10 @@ class Rays(NamedTuple):
     where photons find the light of the lamps that throw caustics. After media have scattered it, until it is reflected
     diffusely, photons are no part of a caustic: negative where shadow rays could find what it meets, else ASTRAY.
     doubts: (n,) bool, whether the ray goes on from its end though the cache resolves the light there, see onward.doubt.
-    passed: (n,) float32, length of the way, in units of the direction's length, that the ray had come before it passed
-    the thin sheet at its origin; straight: (n,) bool, whether it comes straight from the camera; both (0,) in a scene
-    without thin sheets, where only the first rays do.
+    steady: (n,) bool, whether nothing but the place in the pixel and in the lens decides what the ray meets, and with
+    which throughput: it comes from the camera by way of mirrors and thin sheets alone, and roulette played nowhere.
+    kind: (n,) uint8, see Tracer.seen_from. passed: (n,) float32, length of the way, in units of the direction's length,
+    that the ray had come before it passed the thin sheet at its origin; (0,) in a scene without thin sheets.
     """
 
     origin: np.ndarray
@@ -59,8 +60,9 @@ class Rays(NamedTuple):
     continued: np.ndarray
     density: np.ndarray
     doubts: np.ndarray
+    steady: np.ndarray
+    kind: np.ndarray
     passed: np.ndarray
-    straight: np.ndarray
 
 
 def empty_rays(count: int, bands: int, passes: bool = False) -> Rays:
@@ -75,8 +77,9 @@ def empty_rays(count: int, bands: int, passes: bool = False) -> Rays:
         np.empty(count, np.bool_),
         np.empty(count, np.float32),
         np.zeros(count, np.bool_),
+        np.zeros(count, np.bool_),
+        np.empty(count, np.uint8),
         np.zeros(count if passes else 0, np.float32),
-        np.zeros(count if passes else 0, np.bool_),
     )
 
 
@@ -87,10 +90,10 @@ def join(onward: Rays, count: int, more: Rays) -> tuple[Rays, int]:
 
 
 @njit(**KERNEL)
-def start_paths(key, samples, pixels, rays):
-    """Fill in pixel, key and throughput of camera rays; each has an even share of its pixel."""
+def start_paths(key, samples, pixels, steady, rays):
+    """Fill in pixel, key and throughput of camera rays; each has an even share of its pixel. steady: see Rays."""
     row = 0
-    rays.straight[:] = True
+    rays.kind[:], rays.steady[:] = FROM_CAMERA, steady
     for i in range(pixels.size):
         for sample in range(samples[i]):
             rays.pixel[row], rays.final[row], rays.continued[row] = i, False, False

@@ -15,7 +15,7 @@ from ..geometry.interaction import (
     stand_at,
 )
 from ..geometry.see_through import unshadowed
-from ..geometry.segments import ENDLESS, RayBatch
+from ..geometry.segments import ENDLESS, FROM_DIFFUSE, FROM_GLOSSY, TO_LIGHT, RayBatch
 from ..geometry.stage import (
     emission_at,
     enter,
@@ -62,6 +62,7 @@ from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import difference, dot, moved, put_vector, scaled, vector
 from ..sampling.warps import cone_direction, cosine_stratum, to_world
 from ..system.kernels import KERNEL, njit
+from .streams import SEEING
 
 _SIDE = math.isqrt(SKY_RAYS)  # strata on each side of the unit square, of the rays to the surroundings
 POINTS = 4096  # lamp points of one pass
@@ -96,13 +97,14 @@ class LampPoints(NamedTuple):
 
 class Lighting(NamedTuple):
     """What finds light in one pass, besides photons: surroundings, lamps, and the points on lamps. looking: rays that
-    do, too, from each sheet. layers: of the image."""
+    do, too, from each sheet. layers: of the image. hidden: (m,) uint8, see Scene; (0,) if nothing is."""
 
     surroundings: Surroundings
     lamps: Lamps
     points: LampPoints
     looking: Looking
     layers: int
+    hidden: np.ndarray
 
 
 def lamp_points(lamps, stage, surroundings, key) -> LampPoints:
@@ -265,7 +267,7 @@ def _shared_brdfs(receiver, way, distance, aimed):
 class Shadows(NamedTuple):
     """n shadow rays. origin, direction: (n, 3) float32. reach: (n,) float32, in units of the direction's length, up to
     the lamp. radiance: (n, b) float32, what the pixel gets if the lamp is visible. pixel: (n,) int32. layer: (n,)
-    uint8, of the image (see layers).
+    uint8, of the image (see layers). kind: (n,) uint8, see Tracer.seen_from.
     """
 
     origin: np.ndarray
@@ -274,6 +276,7 @@ class Shadows(NamedTuple):
     radiance: np.ndarray
     pixel: np.ndarray
     layer: np.ndarray
+    kind: np.ndarray
 
 
 def empty_shadows(count: int, bands: int) -> Shadows:
@@ -284,6 +287,7 @@ def empty_shadows(count: int, bands: int) -> Shadows:
         np.empty(count, np.float32),
         np.empty((count, bands), np.float32),
         np.empty(count, np.int32),
+        np.empty(count, np.uint8),
         np.empty(count, np.uint8),
     )
 
@@ -332,8 +336,20 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
     start = clear_of(stage.surfaces, at.side_id, at.point)
     way, reach, layer = light_of(lighting, stage, i, start, receiver.weight * total, value)
     _start(stage.surfaces, receiver, way, reach, layer, shadows, count)
+    share = 1.0
+    if lighting.hidden.size or follows_fresnel(receiver.lobes):
+        share = _share_of_diffuse(lighting, receiver, i)
+    if lighting.hidden.size:
+        lamp = lighting.points.side_id[i]
+        if lamp < 0 and lighting.lamps.lights.kind[-1 - lamp] != SKY:
+            shadows.kind[count] = TO_LIGHT
+        else:  # what lies on the way may hang on the lobe: one of them asks, as often as it brings its share
+            share = 1.0 if uniform(receiver.path, SEEING + receiver.dimension) < share else 0.0
+            shadows.kind[count] = FROM_DIFFUSE if share > 0.0 else FROM_GLOSSY
+            if lamp >= 0 and lighting.hidden[lamp >> 1] >> shadows.kind[count] & 1:
+                return 0
     if follows_fresnel(receiver.lobes):
-        _weigh_lobes(lighting, stage, receiver, i, value)
+        _weigh_lobes(lighting, stage, receiver, i, share, value)
         for b in range(value.size):
             shadows.radiance[count, b] = receiver.throughput[b] * value[b]
         return 1
@@ -343,16 +359,22 @@ def send_shadow(lighting, stage, receiver, room, shadows, count):
 
 
 @njit(inline="always")
-def _weigh_lobes(lighting, stage, receiver, i, value):
-    """Multiply value (b,), from lamp point i, by the reflectances of the lobes, each in proportion to what it brings.
-    Fresnel's law must hold: the lamp point was chosen as for lobes of one reflectance."""
+def _share_of_diffuse(lighting, receiver, i):
+    """Share of the diffuse lobe in what is reflected from lamp point i, for lobes of one reflectance."""
+    way, _ = _towards(lighting, i, receiver.at)
+    distance = math.sqrt(dot(way, way))
+    diffuse, glossy = _shared_brdfs(receiver, way, distance, competing(lighting.points, i, way, distance))
+    total = diffuse + glossy
+    return diffuse / total if total > 0.0 else 0.0  # rounding may choose a point that brings nothing
+
+
+@njit(inline="always")
+def _weigh_lobes(lighting, stage, receiver, i, share, value):
+    """Multiply value (b,), from lamp point i, by the reflectances of the lobes, of which the diffuse one has this share
+    in what they bring. Fresnel's law must hold: the lamp point was chosen as for lobes of one reflectance."""
     at, table = receiver.at, stage.radiometry.fresnel
     way, _ = _towards(lighting, i, at)
-    distance = math.sqrt(dot(way, way))
-    direction = scaled(way, 1.0 / distance)
-    diffuse, glossy = _shared_brdfs(receiver, way, distance, competing(lighting.points, i, way, distance))
-    total, row = diffuse + glossy, table.row[at.material]
-    share = diffuse / total if total > 0.0 else 0.0  # rounding may choose a point that brings nothing
+    direction, row = scaled(way, 1.0 / math.sqrt(dot(way, way))), table.row[at.material]
     cosine, facet = dot(direction, at.shading_normal), facet_cosine(receiver.lobes, at, direction)
     for b in range(value.size):
         below = receiver.reflectance[b] * reflectance_of(table, row, ENTERING, cosine, b)
@@ -449,7 +471,7 @@ def send_sky(lighting, stage, receiver, room, shadows, count):
 @njit(inline="always")
 def _start(surfaces, receiver, direction, reach, layer, shadows, count):
     leave(surfaces, receiver.at.side_id, receiver.at.point, direction, shadows, count)
-    shadows.reach[count] = reach
+    shadows.reach[count], shadows.kind[count] = reach, FROM_DIFFUSE
     shadows.pixel[count], shadows.layer[count] = receiver.pixel, layer
 
 
@@ -457,7 +479,7 @@ def add_unshadowed(tracer, stage, shadows, image) -> None:
     """Add to the image (n, layers * b) the radiance of the shadow rays that meet nothing, as far as it gets through
     thin sheets and media."""
     rays = RayBatch(shadows.origin, shadows.direction)
-    _add(unshadowed(tracer, stage, rays, shadows.reach, shadows.radiance), shadows, image)
+    _add(unshadowed(tracer, stage, rays, shadows.reach, shadows.radiance, shadows.kind), shadows, image)
 
 
 @njit(**KERNEL)

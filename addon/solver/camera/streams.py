@@ -11,3 +11,4 @@ RECALLING, GATHERING, FEELING, LAMPS, SPLITTING, CONTINUING, PARTING, DOUBTING =
 WALKING, WALK_NUMBERS = 1 << 25, 16  # in media, first number and how many for each bounce
 PASSING = 1 << 16  # through a thin sheet
 LAMP_NUMBERS = 16  # numbers from LAMPS on, for each bounce
+SEEING = 1 << 26  # further than the first number of a shadow ray: by which lobe it is seen

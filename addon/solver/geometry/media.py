@@ -20,7 +20,7 @@ from ..scene import Medium, SceneError
 from ..system.kernels import KERNEL, njit
 from .closed import leak_place, outward
 from .grids import cross_boxes, empty_ahead, empty_march, fill_cells, place_grids
-from .segments import Air, Hits, Peaks, RayBatch, Tracer, empty_bands
+from .segments import FROM_CAMERA, Air, Hits, Peaks, RayBatch, Tracer, empty_bands
 from .triangles import CLEAR
 
 # A ray that runs within a face would meet it again after every step over it. So steps grow, by 2 in so many crossings:
@@ -105,10 +105,15 @@ class Atmosphere(Tracer):
     def trace_uncut(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         return self._surfaces.trace_uncut(origin, direction, reach)
 
+    def seen_from(self, kind: int) -> Tracer:
+        """Finds surfaces alone; what lies before them this tracer tells. Where media scatter, nothing is hidden but
+        from the camera: what rays from a point in a medium pass is not said."""
+        part = self._surfaces.seen_from(kind)
+        return self if part is self._surfaces or (self.scatters and kind != FROM_CAMERA) else part
+
     @property
-    def camera(self) -> Tracer:
-        """Finds surfaces alone; what lies before them this tracer tells."""
-        return self if self._surfaces.camera is self._surfaces else self._surfaces.camera
+    def hidden(self) -> np.ndarray | None:
+        return self._surfaces.hidden
 
     def between(self, surfaces: Tracer) -> Atmosphere:
         """The same media between surfaces that another tracer finds."""

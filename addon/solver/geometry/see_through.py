@@ -14,9 +14,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ..sampling.vectors import moved, put_vector, vector
+from ..scene import Hidden
 from ..system.kernels import KERNEL, njit
 from .interaction import interact, pass_on, pass_towards
-from .segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch, transmit
+from .segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch, trace_by_kind, transmit
 from .stage import Stage, shine_through, transmits_anywhere
 from .surfaces import Surfaces, used_materials
 from .textures import PASSING, grain
@@ -29,8 +30,10 @@ class SeeingThrough(Tracer):
         """tracer: of these surfaces. chance: (materials,) float64, 0..1, 1 for holes."""
         self._uncut, self._surfaces, self._chance = tracer, surfaces, chance
         self._may = _may_pass(surfaces, chance)
-        if tracer.camera is not tracer:
-            self._of_camera = SeeingThrough(tracer.camera, surfaces, chance)
+        self.hidden = tracer.hidden
+        parts = [tracer.seen_from(kind) for kind in range(len(Hidden))]
+        if any(part is not tracer for part in parts):
+            self._parts = tuple(self if part is tracer else SeeingThrough(part, surfaces, chance) for part in parts)
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         ends = np.full(len(origin), ENDLESS) if reach is None else reach.copy()
@@ -78,15 +81,24 @@ def let_through(
         met = Hits(*(column[stopped] for column in met))
 
 
-def unshadowed(tracer: Tracer, stage: Stage, rays: RayBatch, reach: np.ndarray, value: np.ndarray) -> np.ndarray:
+def unshadowed(
+    tracer: Tracer, stage: Stage, rays: RayBatch, reach: np.ndarray, value: np.ndarray, kind: np.ndarray | None = None
+) -> np.ndarray:
     """(n,) bool, which shadow rays meet nothing but thin sheets. Lowers what they bring by what these and media take.
 
-    reach, value: see let_through; reach is overwritten.
+    reach, value: see let_through; reach is overwritten. kind: (n,) uint8, of the rays, see Tracer.seen_from; None if
+    nothing is hidden from them.
     """
     passes = transmits_anywhere(stage)
-    hits = tracer.trace(*rays, reach.copy() if passes else reach)
-    if passes:
-        let_through(tracer.trace, stage, hits, (rays, reach), value, np.flatnonzero(hits.triangle >= 0))
+    if kind is None or not tracer.hides:
+        hits = tracer.trace(*rays, reach.copy() if passes else reach)
+        if passes:
+            let_through(tracer.trace, stage, hits, (rays, reach), value, np.flatnonzero(hits.triangle >= 0))
+    else:
+        hits = trace_by_kind(tracer, kind, rays, reach)
+        for each in range(len(Hidden)) if passes else ():
+            met = np.flatnonzero((hits.triangle >= 0) & (kind == each))
+            let_through(tracer.seen_from(each).trace, stage, hits, (rays, reach), value, met)
     if tracer.holds_media:
         _transmit(tracer.cross(*rays, hits.distance), value)
     return hits.triangle < 0

@@ -17,10 +17,13 @@ from embreex.rtcore_scene import EmbreeScene
 from ..physics.heat import between_nodes, temperature_at
 from ..physics.media import THIN, MediumTable, absorbed, absorbed_if_thin
 from ..physics.mixtures import around
+from ..scene import Hidden
 from ..system.kernels import FAST_INLINED, INLINED, njit
 from .grids import AHEAD, Ahead, GridTable, March, begin_march, enter_grid, look_ahead, march_on, next_cell
 
 ENDLESS = np.float32(1e37)  # reach of rays that end nowhere
+# Kinds of rays by where they set out, from the eye on: bits of Hidden, see Tracer.seen_from. Light goes the other way.
+FROM_CAMERA, FROM_DIFFUSE, FROM_GLOSSY, TO_LIGHT = range(len(Hidden))
 _FAINTEST = 1e-300  # depth added where there may be none
 _VECTORS = FAST_INLINED | {
     "error_model": "numpy"
@@ -64,21 +67,40 @@ class Tracer:
 
     holds_media = scatters = False
 
-    _of_camera: Tracer | None = None
+    hidden: np.ndarray | None = None
+    _parts: tuple[Tracer, ...] = ()
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray, hidden: np.ndarray | None = None):
-        """vertices (n, 3) float32, triangles (m, 3) int32. hidden: (m,) bool, what rays from the camera pass, None for
-        nothing. Builds the BVH at once, so threads never race for it."""
+        """vertices (n, 3) float32, triangles (m, 3) int32. hidden: (m,) uint8, see Scene. Builds the BVH at once, so
+        threads never race for it."""
         self._scene = EmbreeScene()  # robust: no ray slips between two triangles that share an edge
         TriangleMesh(self._scene, vertices, triangles)
         Tracer.trace(self, np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         if hidden is not None and hidden.any():
-            self._of_camera = _PartTracer(vertices, triangles, np.flatnonzero(~hidden))
+            self.hidden, self._parts = hidden, self._without_hidden(vertices, triangles, hidden)
+
+    def _without_hidden(self, vertices, triangles, hidden) -> tuple[Tracer, ...]:
+        """The tracers of each kind of rays; kinds that pass the same have one."""
+        seen = [hidden & flag == 0 for flag in Hidden]
+        of = {each.tobytes(): each for each in seen}
+        made = {
+            k: self if part.all() else _PartTracer(vertices, triangles, np.flatnonzero(part)) for k, part in of.items()
+        }
+        return tuple(made[each.tobytes()] for each in seen)
+
+    def seen_from(self, kind: int) -> Tracer:
+        """The tracer of a kind of rays, FROM_CAMERA to TO_LIGHT: itself, unless something is hidden from them."""
+        return self._parts[kind] if self._parts else self
 
     @property
     def camera(self) -> Tracer:
-        """The tracer of rays that come straight from the camera: itself, unless something is hidden from it."""
-        return self._of_camera or self
+        """The tracer of rays that come straight from the camera."""
+        return self.seen_from(FROM_CAMERA)
+
+    @property
+    def hides(self) -> bool:
+        """Whether light between surfaces passes any of them, see Hidden."""
+        return any(self.seen_from(kind) is not self for kind in (FROM_DIFFUSE, FROM_GLOSSY, TO_LIGHT))
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         """The first Hits of rays, origin and direction (n, 3) float32. reach: (n,) float32, in units of the direction's
@@ -107,6 +129,34 @@ class _PartTracer(Tracer):
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         hits = super().trace(origin, direction, reach)
         return hits._replace(triangle=self._row[hits.triangle])
+
+
+def hidden_from_lobes(tracer: Tracer) -> np.ndarray:
+    """(m,) uint8, what is hidden from which rays, see Scene; (0,) if nothing is but from the camera."""
+    return tracer.hidden if tracer.hides else np.empty(0, np.uint8)
+
+
+def trace_by_kind(
+    tracer: Tracer,
+    kind: np.ndarray,
+    rays: tuple[np.ndarray, np.ndarray],
+    reach: np.ndarray | None = None,
+    uncut: bool = False,
+) -> Hits:
+    """The Hits of rays, origin and direction (n, 3) float32, each of its kind (n,) uint8, see Tracer.seen_from.
+
+    reach: see Tracer.trace. uncut: whether to trace_uncut.
+    """
+    count = len(kind)
+    hits = Hits(np.empty(count, np.int32), *np.empty((3, count), np.float32))
+    for each in range(len(Hidden)):
+        of_kind, part = np.flatnonzero(kind == each), tracer.seen_from(each)
+        if len(of_kind):
+            trace = part.trace_uncut if uncut else part.trace
+            found = trace(*(column[of_kind] for column in rays), None if reach is None else reach[of_kind])
+            for column, values in zip(hits, found, strict=True):
+                column[of_kind] = values
+    return hits
 
 
 class Bands(NamedTuple):

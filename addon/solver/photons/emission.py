@@ -33,7 +33,7 @@ from .cells import EmissionCells, build_cells, choose_point, no_cells
 from .lights import SUN, LightTable, light_ray, light_totals, no_lights
 from .side_table import SideTable, build_side_table, first_found, found_from, number_in
 from .walk import collect
-from .wave import CAUSTIC, FORWARDS, FROM_SUN, OF_LIGHT, STRAIGHT_FROM_LIGHT, empty_wave
+from .wave import CAUSTIC, EITHER, FORWARDS, FROM_SUN, OF_LIGHT, STRAIGHT_FROM_LIGHT, empty_wave
 
 # Where the scene seems closed: photons from the surroundings, over all other photons.
 _SKY_DEFENSIVE = 1.0 / 64.0
@@ -203,7 +203,7 @@ def fill_surroundings(
     )
     dark = Emission(np.zeros(len(stage.surfaces.sheet), np.float32), np.zeros_like(reach.extent), no_cells())
     emitters = build_emitters(stage, afar, no_lights(lights), reach, dark, lamps)
-    wave = empty_wave(_AFAR, len(afar.radiance), False)
+    wave = empty_wave(_AFAR, len(afar.radiance), False, hides=tracer.hides)
     emit(emitters, stage, Batch(key, 0, _AFAR, _AFAR), wave)
     collect(tracer, stage, wave, key, surroundings)
     power = np.abs(wave.power).sum(axis=1, dtype=np.float64)
@@ -257,6 +257,8 @@ def _emit(emitters, stage, batch, wave, emitted, room):
         number, path = number_in((photon + shift) / batch.total, total), path_key(batch.key, photon)
         s0, s1, s2, s3 = uniform(path, 0), uniform(path, 1), uniform(path, 2), uniform(path, 3)
         wave.photon[i], wave.arrival[i], layer = photon, FORWARDS, 0
+        if wave.start.size:
+            wave.lobe[i], wave.start[i] = EITHER, -1
         of_sky = min(number - of_surfaces, number_in(1.0, emitters.sky.before[-1]))
         if i == 0:
             surface, sky = first_found(emitters.surface, number), first_found(emitters.sky, max(of_sky, 0.0))
@@ -293,6 +295,8 @@ def _emit(emitters, stage, batch, wave, emitted, room):
             wave.chain[i] = CAUSTIC if is_surface and emitters.caustic[label] else 0
             if is_surface:
                 layer = layer_at(stage, at)
+                if wave.start.size:
+                    wave.start[i] = at.triangle
                 aimed = emitters.aimed[label] * emitters.surface.exitance[at.triangle]
                 wave.aimed[i] = aimed * density / max(cosine, LEAST_COSINE)
                 _set_power(wave, i, emission_at(stage, at, emitted), scale)

@@ -38,13 +38,17 @@ from ..sampling.vectors import dot, put_vector, scaled
 from ..system.kernels import FAST_INLINED, FAST_KERNEL, njit
 from .emission import Batch, Emitters, emit
 from .photon_map import Photons, photon_arrays
+from .sight import choose_lobes, meet_unhidden, parts_of
 from .thrown import Throwing
 from .walk import append, collect, fly_photons
 from .wave import (
     CAUSTIC,
+    EITHER,
     FORWARDS,
     MIRRORED,
     OF_LIGHT,
+    ONLY_DIFFUSE,
+    ONLY_GLOSSY,
     STRAIGHT_FROM_LIGHT,
     Wave,
     arrive,
@@ -93,20 +97,26 @@ def trace_photons(
     """
     bands = stage.radiometry.reference.size
     passes = transmits_anywhere(stage)
-    wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer, passes), batch.count, 0
+    wave, count, bounce = empty_wave(batch.count, bands, optics.keep_layer, passes, tracer.hides), batch.count, 0
     emit(emitters, stage, batch, wave)
     rooms = np.empty(bands, np.float32), np.empty(bands, np.float32)
     scattered, flying = None, 0
+    if tracer.hides and passes and not tracer.holds_media:
+        choose_lobes(wave, batch.key)
     if tracer.holds_media:
         collect(tracer, stage, wave, batch.key, emitters.surroundings)
         scattered = empty_wave(count, bands, optics.keep_layer, passes)
     while count and not cancelled():
-        hits = tracer.trace_uncut(wave.origin[:count], wave.direction[:count])
+        if tracer.hides:
+            hits = meet_unhidden(tracer, wave, count, (batch.key, bounce))
+        else:
+            hits = tracer.trace_uncut(wave.origin[:count], wave.direction[:count])
         if passes and not tracer.holds_media:
             # rays of photons from the surroundings lead back to them
             back = np.flatnonzero((wave.arrival[:count] >= 0) & (hits.triangle >= 0))
             rays, reach = RayBatch(wave.origin, wave.direction), np.full(count, ENDLESS)
-            let_through(tracer.trace_uncut, stage, hits, (rays, reach), wave.power, back)
+            for part, among in parts_of(tracer, wave, back):
+                let_through(part.trace_uncut, stage, hits, (rays, reach), wave.power, among)
         if tracer.holds_media:
             hits.triangle[wave.arrival[:count] >= 0] = -1  # they have arrived, whatever their ray met
             flying = fly_photons(tracer, hits, wave, (batch.key, bounce), scattered, thrown)
@@ -143,13 +153,13 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             continue
         diffuse = evaluate_diffuse(at, scaled(at.incoming, -1.0))
         straight, stores = wave.chain[i] & STRAIGHT_FROM_LIGHT != 0 and is_glossy(lobes), stored_at(stage, at)
-        path = path_key(key, wave.photon[i])
+        path, lobe = path_key(key, wave.photon[i]), wave.lobe[i] if wave.lobe.size else EITHER
         if stores == ALL:
             kept_share = stored_share(wave, i, at)
             is_stored = kept_share >= 1.0 or uniform(path, _DIMENSIONS * bounce + _STORING) < kept_share
         else:
             is_stored = straight and stores == STRAIGHT and wave.aimed[i] == 0.0
-        if is_stored:
+        if is_stored and lobe != ONLY_GLOSSY:
             _store(optics, at, straight, diffuse, wave, i, stored, kept)
             enter(stage, at, at.cosine, stored.power[kept])
             if optics.keep_caustic:
@@ -181,7 +191,7 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             else:
                 direction = sample_diffuse(at.normal, s, w)
         scale *= adjoint(at, direction) if is_mirrored else diffuse
-        if scale == 0.0:
+        if scale == 0.0 or lobe == (ONLY_DIFFUSE if is_mirrored else ONLY_GLOSSY):
             continue
         chain = 0
         if is_mirrored:
@@ -201,6 +211,8 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
             wave.layer[alive] = wave.layer[i]
         if wave.passed.size:
             wave.passed[alive] = 0.0
+        if wave.start.size:
+            wave.lobe[alive], wave.start[alive] = EITHER, at.triangle
         alive += 1
     return kept, alive
 
@@ -217,6 +229,8 @@ def _pass(stage, optics, at, passing, wave, i, to):
     wave.arrival[to], wave.passed[to] = wave.arrival[i], wave.passed[i] + np.float32(at.distance)
     if optics.keep_layer:
         wave.layer[to] = wave.layer[i]
+    if wave.start.size:
+        wave.lobe[to], wave.start[to] = wave.lobe[i], wave.start[i]
 
 
 @njit(inline="always")

@@ -19,7 +19,17 @@ import numpy as np
 from ..geometry.flight import ARRIVED, LOST, NUMBERS, walk
 from ..geometry.interaction import interact, pass_on
 from ..geometry.see_through import unshadowed
-from ..geometry.segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch, glow, transmit, ways
+from ..geometry.segments import (
+    ENDLESS,
+    Hits,
+    RayBatch,
+    Tracer,
+    empty_ray_batch,
+    glow,
+    trace_by_kind,
+    transmit,
+    ways,
+)
 from ..geometry.stage import Stage, lobes_met, shine_through
 from ..physics.lobes import transmits
 from ..physics.media import mean_phase, phase
@@ -28,6 +38,7 @@ from ..sampling.heuristics import balance
 from ..sampling.rng import path_key, path_keys, uniform
 from ..sampling.vectors import dot, put_vector, scaled, vector
 from ..system.kernels import KERNEL, njit
+from .sight import choose_lobes, kind_of
 from .thrown import Throwing, leave_points
 from .wave import FORWARDS, FROM_SUN, Wave
 
@@ -129,6 +140,8 @@ def collect(tracer: Tracer, stage: Stage, wave: Wave, key: np.uint64, surroundin
     first layer, or that of the surroundings; where shadow rays look for the sky, what comes straight from there, or the
     rest.
     """
+    if tracer.hides:
+        choose_lobes(wave, key)
     wave.power[wave.arrival == FROM_SUN] *= np.exp(-tracer.before_scene).astype(np.float32)
     photon, bands = np.flatnonzero(wave.arrival >= 0), len(surroundings.radiance)
     rays, count, segment = RayBatch(wave.origin[photon], wave.direction[photon]), len(photon), 0
@@ -139,8 +152,12 @@ def collect(tracer: Tracer, stage: Stage, wave: Wave, key: np.uint64, surroundin
     light = _Light(np.ones_like(of_media), of_media, of_sky, straight, np.zeros(count))
     room = np.empty(bands), np.empty((2, bands), np.float32)
     while count:
-        hits = tracer.trace_uncut(*(column[:count] for column in rays))
-        air = tracer.cross(*(column[:count] for column in rays), ways(hits))
+        batch = RayBatch(*(column[:count] for column in rays))
+        if tracer.hides:
+            hits = trace_by_kind(tracer, kind_of(wave, photon[index[:count]]), batch, uncut=True)
+        else:
+            hits = tracer.trace_uncut(*batch)
+        air = tracer.cross(*batch, ways(hits))
         numbers = index, path, (_COLLECTING + NUMBERS * segment, _SEEKING + 2 * segment)
         shadows = count if sought and tracer.scatters else 0
         seeking = _Seeking(

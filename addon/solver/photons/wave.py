@@ -13,6 +13,7 @@ from ..system.kernels import INLINED, njit
 
 STRAIGHT_FROM_LIGHT, CAUSTIC, MIRRORED, OF_LIGHT = 1, 2, 4, 8  # flags, see Wave.chain
 FORWARDS, FROM_SUN = -1, -2  # see Wave.arrival
+EITHER, ONLY_DIFFUSE, ONLY_GLOSSY = range(3)  # see Wave.lobe
 
 
 class Wave(NamedTuple):
@@ -30,6 +31,8 @@ class Wave(NamedTuple):
     them that have met nothing yet since a sun sent them. u, v: (n,) float32, barycentric coordinates on that side.
     layer: (n,) uint8 as in Photons. passed: (n,) float32, m, length of the way up to the last thin sheet that it has
     passed since its emission or reflection; (0,) in a scene without thin sheets.
+    lobe: (n,) uint8, which lobes reflect the photon where it arrives, EITHER or one alone; start: (n,) int32, triangle
+    that it has left, -1 for none; both (0,) where nothing is hidden from the rays of either lobe (see sight).
     """
 
     origin: np.ndarray
@@ -43,10 +46,13 @@ class Wave(NamedTuple):
     v: np.ndarray
     layer: np.ndarray
     passed: np.ndarray
+    lobe: np.ndarray
+    start: np.ndarray
 
 
-def empty_wave(count: int, bands: int, layer: bool, passes: bool = False) -> Wave:
-    """Room for count rays. layer: see photon_arrays. passes: whether light passes through any surface."""
+def empty_wave(count: int, bands: int, layer: bool, passes: bool = False, hides: bool = False) -> Wave:
+    """Room for count rays. layer: see photon_arrays. passes: whether light passes through any surface. hides: see
+    Tracer."""
     return Wave(
         np.empty((count, 3), np.float32),
         np.empty((count, 3), np.float32),
@@ -59,6 +65,8 @@ def empty_wave(count: int, bands: int, layer: bool, passes: bool = False) -> Wav
         np.empty(count, np.float32),
         np.empty(count if layer else 0, np.uint8),
         np.zeros(count if passes else 0, np.float32),
+        np.full(count if hides else 0, EITHER, np.uint8),
+        np.full(count if hides else 0, -1, np.int32),
     )
 
 

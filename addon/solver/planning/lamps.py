@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.interaction import emit_at, leave
-from ..geometry.segments import Tracer, empty_ray_batch
+from ..geometry.segments import FROM_DIFFUSE, Tracer, empty_ray_batch
 from ..geometry.stage import Stage, fill_emission
 from ..geometry.surfaces import clear_of, sheet_of
 from ..geometry.triangles import CLEAR, area_of, areas, corner
@@ -322,7 +322,8 @@ def _aimed(surfaces, tracer, chosen, receiver, key) -> tuple[np.ndarray, np.ndar
     (n,) bool, and whether it faces the receiver at all, (n,) bool. key: of the random numbers."""
     rays, faces = empty_ray_batch(len(chosen)), np.zeros(len(chosen), np.bool_)
     _aim(surfaces, chosen, *receiver, key, rays, faces)
-    return faces & tracer.visible(*rays, np.ones(len(chosen), np.float32)), faces
+    clear = tracer.seen_from(FROM_DIFFUSE).visible(*rays, np.ones(len(chosen), np.float32))
+    return faces & clear, faces
 
 
 @njit(**KERNEL)

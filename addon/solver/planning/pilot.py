@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry.curved import reflecting
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.interaction import emit_at, interact, leave
-from ..geometry.segments import Hits, RayBatch, Tracer, empty_ray_batch
+from ..geometry.segments import FROM_CAMERA, FROM_DIFFUSE, Hits, RayBatch, Tracer, empty_ray_batch
 from ..geometry.stage import Stage, lobes_at, one_reflectance_at
 from ..geometry.surfaces import Surfaces, facing_side, sheet_count, sheet_of
 from ..geometry.triangles import area_of
@@ -138,7 +138,7 @@ def explore(stage: Stage, tracer: Tracer, eye: Eye) -> Pilot:
     tally = _Tally(np.zeros(labels, np.bool_), *np.zeros((4, labels)))
     view, background, sights = math.inf, 0.0, []
     for bounce in range(_BOUNCES):
-        hits = (tracer if bounce else tracer.camera).trace(paths.origin, paths.direction, reach)
+        hits = tracer.seen_from(FROM_DIFFUSE if bounce else FROM_CAMERA).trace(paths.origin, paths.direction, reach)
         if bounce == 0:
             view, background = _view_width(surfaces, eye, hits), float(np.mean(hits.triangle < 0))
         on_way = paths.label >= 0
@@ -301,7 +301,7 @@ def _probe(surfaces: Surfaces, tracer: Tracer, key: np.uint64, side_id: np.ndarr
     """Triangles (n,) that cosine-distributed rays from sides (n,) meet, -1 for none, and the rays."""
     rays = empty_ray_batch(side_id.size)
     _start_probes(surfaces, key, side_id, rays)
-    return tracer.trace(*rays).triangle, rays
+    return tracer.seen_from(FROM_DIFFUSE).trace(*rays).triangle, rays
 
 
 @njit(**KERNEL)

@@ -10,7 +10,7 @@ import numpy as np
 from ..geometry.area import NO_WALL, PATCH_LIMIT, Ball, patch_in_ball, region_area
 from ..geometry.interaction import emit_at, leave
 from ..geometry.point_tree import empty_walk
-from ..geometry.segments import Tracer, empty_ray_batch
+from ..geometry.segments import FROM_DIFFUSE, Tracer, empty_ray_batch
 from ..geometry.stage import Stage, emission_at, nothing_emitted
 from ..geometry.surfaces import Surfaces, sheet_count
 from ..photons.emission import Surroundings
@@ -168,7 +168,7 @@ def _evenness(stage, tracer, pilot, excess, key):
         return _LATTICE_RAYS ** (FALL - 1.0)
     rays = empty_ray_batch(2 * _LATTICE_RAYS * count)
     _start_lattices(stage.surfaces, some, key, rays)
-    met = _met(stage, excess, tracer.trace(*rays).triangle).reshape(count, 2, _LATTICE_RAYS)
+    met = _met(stage, excess, tracer.seen_from(FROM_DIFFUSE).trace(*rays).triangle).reshape(count, 2, _LATTICE_RAYS)
     pairs = float(np.mean(np.diff(met.mean(axis=2), axis=1) ** 2)) / 2.0
     alone = float(np.mean(met.reshape(count, -1).var(axis=1))) / _LATTICE_RAYS
     return _LATTICE_RAYS ** (FALL - 1.0) * (min(pairs / alone, 1.0) if alone > 0.0 else 1.0)
