@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.solver.image.pooling import pooled_variance
+from addon.solver.image.pooling import pooled_variance, variance_of_edges
 
 SHAPE = 40, 50
 ALL = np.ones(SHAPE, bool)
@@ -83,3 +83,43 @@ def test_what_is_known_exactly_receives_nothing():
     variance = pooled_variance(squares, fourths, np.broadcast_to(estimated, SHAPE), 64)
     assert np.all(variance[:, 25:40] == 0.0) and np.all((variance[:, 40:] > 0.0) == (squares[:, 40:] > 0.0))
     assert variance.sum() * 63 == pytest.approx(squares.sum(), rel=1e-12)
+
+
+def of_edges(passes):
+    """variance_of_edges of passes (n, h, w)."""
+    deviation = passes - passes.mean(axis=0)
+    return variance_of_edges((deviation**2).sum(axis=0), (deviation**4).sum(axis=0), len(passes))
+
+
+def test_edges_of_which_all_passes_tell_fall_by_the_root_of_the_passes():
+    passes = np.random.default_rng(3).normal(size=(256, *SHAPE))
+    ratio = of_edges(passes) / passes.var(axis=0, ddof=1)
+    assert ratio.mean() == pytest.approx(1 / 16, rel=0.05)  # the kurtosis of 256 normal values is 3 to 10 %
+
+
+@pytest.mark.parametrize("hits", [1, 4])
+def test_what_is_seldom_met_falls_by_the_root_of_the_hits(hits):
+    """256 passes of which few meet something, which is then not known better than that."""
+    passes = np.zeros((256, *SHAPE))
+    passes[:hits] = 1.0
+    np.testing.assert_allclose(of_edges(passes) / passes.var(axis=0, ddof=1), (3.0 * hits) ** -0.5, rtol=0.02)
+
+
+def test_neighbours_of_what_is_seldom_met_state_it_too():
+    """A wire across the image that rays met in one pixel: those around share two thirds of its variance, and it keeps
+    its own."""
+    passes = np.zeros((64, *SHAPE))
+    passes[5, 20, 25] = 1.0
+    variance = of_edges(passes)
+    own = passes.var(axis=0, ddof=1)[20, 25] * 3.0**-0.5
+    assert variance[20, 25] == pytest.approx(own, rel=0.04)
+    assert variance[18:23, 23:28].min() == pytest.approx(own * 2.0 / 3.0 / 25.0, rel=0.04)
+    assert variance[17].max() == 0.0
+
+
+def test_edges_that_are_met_share_little():
+    """A pixel beside an edge that all of 1024 passes meet: 2 / (1024 / 3 + 2) of it, in 25 pixels, 6 of them on it."""
+    passes = np.zeros((1024, *SHAPE))
+    passes[:, :, 25] = np.random.default_rng(4).normal(size=(1024, SHAPE[0]))
+    variance = of_edges(passes)
+    assert variance[:, 23].mean() < 0.002 * variance[:, 25].mean()

@@ -156,6 +156,14 @@ def middle_rays(eye, pixels, origin, direction, reach):
         _put_eye_ray(eye, x + 0.5, y + 0.5, (0.0, 0.0), origin, direction, reach, i)
 
 
+@njit(**KERNEL)
+def rays_through(eye, x, y, origin, direction, reach):
+    """Fill one ray for each of n places in the picture, (n,) each, in pixels from the lower left of the whole picture;
+    the eye is a pinhole. Other arguments as in eye_rays."""
+    for i in range(x.size):
+        _put_eye_ray(eye, x[i], y[i], (0.0, 0.0), origin, direction, reach, i)
+
+
 @njit(inline="always")
 def _put_eye_ray(eye, x, y, lens, origin, direction, reach, row):
     """Fill one ray: through the frame at (x, y), in pixels from its lower left, and the lens at two numbers in [0, 1).

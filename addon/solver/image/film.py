@@ -14,14 +14,15 @@ from ..physics.layers import SINGLE, Layer, from_json, layer_factors, to_json
 from ..physics.radiometry import reference_radiance
 from ..physics.spectrum import apparent_temperature, band_names
 from ..scene import check_band_edges
-from ..system.kernels import KERNEL, njit
-from .pooling import REACH, pooled_variance, sum_around
+from ..system.kernels import INLINED, KERNEL, njit
+from .pooling import REACH, pooled_variance, sum_around, variance_of_edges
 from .regression import Regression
 from .self_check import GRID, region_means, regions, significant, spread_out
 from .trend import blur
 
 _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", "passes", "photons", "moments")
-_ARRAYS = ("_mean", "_seen", "_seen_squares", "_squares", "_cubes", "_fourths")  # by pixel
+_SEEN, _REST = ("_seen_squares", "_seen_cubes", "_seen_fourths"), ("_squares", "_cubes", "_fourths")
+_ARRAYS = ("_mean", "_seen", *_SEEN, *_REST)  # by pixel
 _CHECKS = ("_missed", "_missed_squares")  # by region of the image
 _FOLLOWED = ("seen", "rest", "blur")  # what a film may hold a Regression of, see follow_draws and follow_disks
 
@@ -37,6 +38,9 @@ class Film:
     openness: share of the rays that leave the scene and see its surroundings, as far as the pilot knows.
     estimated: (height * width,) bool, pixels whose reflected light is estimated, which may have missed something; the
     others are exact but for edges.
+    specks: (2, height * width) float64, of what is seen that is so small that no ray may have met it: the radiance,
+    through the sensor's response, that it adds to the pixel, and how many rays of a pass meet it in the mean; None
+    without such.
     moments: number of times over which the passes are spread; 0 if the scene stands still.
     layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
     seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
@@ -63,6 +67,7 @@ class Film:
         self.openness = 0.0
         self.moments = 0
         self.estimated = np.ones(height * width, np.bool_)
+        self.specks: np.ndarray | None = None
         self.layers = layers
         self._factors = layer_factors(layers, self.band_edges, reference_temperature)
         self.ranges = [(seed, first_pass, first_pass)]
@@ -72,9 +77,9 @@ class Film:
         self._reference = reference_radiance(self.band_edges, reference_temperature)
         # float64: a float32 mean stops moving after 2^24 passes and drifts long before
         self._mean = np.zeros((height * width, self._factors.size))
-        # sums of squared deviations (Welford 1962) of the radiance that surfaces emit straight into the camera (seen),
-        # and of second to fourth powers (Pebay 2008) of all other radiance, both through the sensor's response
-        self._seen, self._seen_squares = np.zeros((2, height * width))
+        # sums of second to fourth powers (Welford 1962, Pebay 2008) of the deviations of the radiance that steady rays
+        # meet (seen, see rays.Rays), and of all other radiance, both through the sensor's response
+        self._seen, self._seen_squares, self._seen_cubes, self._seen_fourths = np.zeros((4, height * width))
         self._squares, self._cubes, self._fourths = np.zeros((3, height * width))
         # mean over the passes, and sum of squared deviations, of what regions miss (see self_check)
         self._missed, self._missed_squares = np.zeros((2, GRID**2))
@@ -99,7 +104,8 @@ class Film:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
         arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS)}
         followed = {f"{part}_{name}": a for part, each in self._followed.items() for name, a in each.state().items()}
-        return arrays | {"layers": np.asarray(to_json(self.layers))} | followed
+        specks = {} if self.specks is None else {"specks": self.specks}
+        return arrays | {"layers": np.asarray(to_json(self.layers))} | specks | followed
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
@@ -114,6 +120,8 @@ class Film:
         layers = from_json(str(state["layers"]))
         shapes = dict.fromkeys(_ARRAYS, (height * width,)) | dict.fromkeys(_CHECKS, (GRID**2,))
         shapes["_mean"] = height * width, len(layers) * (len(edges) - 1)
+        if "specks" in state:
+            shapes["specks"] = 2, height * width
         for name, shape in shapes.items():
             if state[name].shape != shape or state[name].dtype != np.float64:
                 raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
@@ -163,10 +171,11 @@ class Film:
         """Add one finished pass.
 
         excess: (height * width, layers * b) float32, excess radiance, W m-2 sr-1 per band. seen: (height * width,)
-        float32, the part of its sum, weighted with layer_weights, that surfaces emit straight into the camera. photons:
-        emitted in the pass. missed: (height * width,) float32, what the excess misses where rays recall, as few rays
-        tell (see render_pixels); None for nothing. drawn: see follow_draws; None without draws. area: of the disks in
-        which photons are counted, over that of the first pass, see follow_disks.
+        float32, the part of its sum, weighted with layer_weights, that surfaces emit into the camera, straight or by
+        way of mirrors, so that only the place in the pixel decides what is met. photons: emitted in the pass. missed:
+        (height * width,) float32, what the excess misses where rays recall, as few rays tell (see render_pixels); None
+        for nothing. drawn: see follow_draws; None without draws. area: of the disks in which photons are counted, over
+        that of the first pass, see follow_disks.
         """
         with self.lock:
             if self._followed:
@@ -175,8 +184,8 @@ class Film:
                 for part, regression in self._followed.items():
                     regression.add(values.get(part, rest), numbers.get(part, drawn))
             count = self.passes + 1
-            directly, rest = (self._seen, self._seen_squares), (self._squares, self._cubes, self._fourths)
-            _accumulate(self._mean, directly, rest, (excess, seen), self.layer_weights.ravel(), count)
+            means, powers = (self._mean, self._seen), (self._powers(_SEEN), self._powers(_REST))
+            _accumulate(means, powers, (excess, seen), self.layer_weights.ravel(), count)
             by_region = 0.0 if missed is None else region_means(missed, regions(self.width, self.height))
             delta = by_region - self._missed
             self._missed = self._missed + delta / count
@@ -185,6 +194,10 @@ class Film:
             self.ranges[-1] = seed, first, stop + 1
             self.passes += 1
             self.photons += photons
+
+    def _powers(self, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
+        """Sums of second to fourth powers of deviations, (pixels,) each: _SEEN or _REST."""
+        return tuple(getattr(self, name) for name in names)
 
     def check_same_kind(self, other: Film) -> None:
         """Raise ValueError if the passes of two films cannot be of one image."""
@@ -215,6 +228,7 @@ class Film:
         options = {"weights": self.weights, "layers": self.layers}
         total = Film(self.width, self.height, self.band_edges, self.reference_temperature, **options)
         total.correction, total.estimated, total.moments = self.correction, self.estimated, self.moments
+        total.specks = self.specks
         total.ranges = _joined(self.ranges + other.ranges) or self.ranges[:]
         total.passes = self.passes + other.passes
         total.photons = self.photons + other.photons
@@ -224,17 +238,12 @@ class Film:
             total._mean = self._mean + share * difference
             seen = other._seen - self._seen
             total._seen = self._seen + share * seen
-            total._seen_squares = self._seen_squares + other._seen_squares + seen**2 * self.passes * share
             rest = _weighted(difference, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
-            apart = rest / total.passes
-            a, b = self.passes, other.passes
-            squares, cubes = (self._squares, other._squares), (self._cubes, other._cubes)
-            total._squares = sum(squares) + a * b * rest * apart
-            total._cubes = sum(cubes) + a * b * (a - b) * rest * apart**2
-            total._cubes += 3.0 * apart * (a * squares[1] - b * squares[0])
-            total._fourths = self._fourths + other._fourths + a * b * (a * a - a * b + b * b) * rest * apart**3
-            total._fourths += 6.0 * apart**2 * (a * a * squares[1] + b * b * squares[0])
-            total._fourths += 4.0 * apart * (a * cubes[1] - b * cubes[0])
+            passes = self.passes, other.passes
+            for names, apart in ((_SEEN, seen), (_REST, rest)):
+                merged = _merged_powers(self._powers(names), other._powers(names), apart, passes)
+                for name, power in zip(names, merged, strict=True):
+                    setattr(total, name, power)
             total._followed = {part: each.merge(other._followed[part]) for part, each in self._followed.items()}
             missed = other._missed - self._missed
             total._missed = self._missed + share * missed
@@ -270,25 +279,26 @@ class Film:
     def noise(self) -> np.ndarray:
         """(height, width) float32 standard error of temperature(), K. Neighbouring pixels have a say, see pooling.
 
-        It includes what regions are known to miss, see self_check, and what shrinking disks tell of their blur, see
-        trend. After a single pass the error is unknown, and the result is the temperature itself.
+        It includes what regions are known to miss, see self_check, what shrinking disks tell of their blur, see trend,
+        and what is seen that is so small that no ray may have met it, see specks. After a single pass the error is
+        unknown, and the result is the temperature itself.
         """
         if self.passes < 2:
             return self.temperature()
         radiance = self._object_radiance()
-        # Photons of different passes are independent. But the camera rays of all passes are one stratified sequence:
-        # the variance from an edge in a pixel falls as n^-3/2, as only the n^1/2 strata on the edge err (Mitchell
-        # 1996).
-        seen, squares, fourths, off = self._undrawn()
-        seen = seen / math.sqrt(self.passes)
+        directly, others, off = self._undrawn()
         shape = self.height, self.width
-        sums = squares.reshape(shape), fourths.reshape(shape)
+        sums = tuple(of.reshape(shape) for of in others)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
+        seen = variance_of_edges(*(of.reshape(shape) for of in directly), self.passes).ravel()
         if self.moments:
             seen, rest = self._in_motion(seen, rest)
         if "blur" in self._followed:
             rest = rest * (1.0 + blur(self._followed["blur"], sums[0] / (self.passes - 1)).ravel())
-        variance = (rest + seen / (self.passes - 1)) / self.passes
+        variance = (rest + seen) / self.passes
+        if self.specks is not None:  # the squared radiance, times the chance that no ray has met it
+            added, hits = self.specks
+            variance += added**2 * np.exp(-hits * self.passes)
         bias = significant(self._missed, self._missed_squares, self.passes)
         if bias.any():
             variance += spread_out(bias, np.sqrt(rest / self.passes), regions(self.width, self.height)) ** 2
@@ -312,17 +322,18 @@ class Film:
         around = sum_around(seen.reshape(self.height, self.width), REACH).ravel() / (2 * REACH + 1) ** 2
         return np.maximum(seen, around) * max(over, 1.0) ** 1.5, rest * max(over / math.sqrt(self.moments), 1.0)
 
-    def _undrawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | float]:
-        """Sums of squares of what is seen, sums of squares and of fourth powers of the rest, both without what follows
-        the draws of spectra; and how far these let the radiance be off, W m-2 sr-1. As many passes would tell them."""
-        sums = self._seen_squares, self._squares, self._fourths
+    def _undrawn(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray | float]:
+        """Sums of squares and of fourth powers of what is seen, and of the rest, both without what follows the draws of
+        spectra; and how far these let the radiance be off, W m-2 sr-1. As many passes would tell them."""
+        sums = [(squares, fourths) for squares, _, fourths in (self._powers(_SEEN), self._powers(_REST))]
         if "rest" not in self._followed or self._followed["rest"].freedom() < 1:
             return *sums, 0.0
-        seen, rest = (self._followed[part] for part in ("seen", "rest"))
-        scale = (self.passes - 1) / rest.freedom()
-        left = [scale * np.maximum(of - each.explained(), 0.0) for of, each in zip(sums[:2], (seen, rest), strict=True)]
-        ratio = np.divide(left[1], sums[1], out=np.ones_like(left[1]), where=sums[1] > 0.0)
-        return left[0], left[1], sums[2] * ratio**2, seen.bias() + rest.bias()
+        followed, left = [self._followed[part] for part in ("seen", "rest")], []
+        for (squares, fourths), each in zip(sums, followed, strict=True):
+            less = (self.passes - 1) / each.freedom() * np.maximum(squares - each.explained(), 0.0)
+            ratio = np.divide(less, squares, out=np.ones_like(less), where=squares > 0.0)
+            left.append((less, fourths * ratio**2))
+        return *left, sum(each.bias() for each in followed)
 
     def missed(self) -> tuple[np.ndarray, np.ndarray]:
         """What regions of the image miss where rays recall, in the mean over their pixels and all passes, and its
@@ -392,11 +403,22 @@ def _weighted(mean, reference, weights):
     return total
 
 
+def _merged_powers(mine, others, apart, passes) -> tuple[np.ndarray, ...]:
+    """Sums of second to fourth powers of the deviations of two groups of passes together (Pebay 2008). mine, others: of
+    the groups, of so many passes. apart: (pixels,) difference of their means."""
+    (a, b), ((squares, cubes, fourths), (squares_b, cubes_b, fourths_b)) = passes, (mine, others)
+    step = apart / (a + b)
+    total_cubes = cubes + cubes_b + a * b * (a - b) * apart * step**2 + 3.0 * step * (a * squares_b - b * squares)
+    total = fourths + fourths_b + a * b * (a * a - a * b + b * b) * apart * step**3
+    total += 6.0 * step**2 * (a * a * squares_b + b * b * squares) + 4.0 * step * (a * cubes_b - b * cubes)
+    return squares + squares_b + a * b * apart * step, total_cubes, total
+
+
 @njit(**KERNEL)
-def _accumulate(mean, directly, powers, radiance, weights, count):
-    """Welford's step for the means of the bands, for what is seen, and for the rest of the radiance, of which third and
-    fourth powers are summed, too (Pebay 2008)."""
-    (seen_mean, seen_squares), (squares, cubes, fourths), (excess, seen) = directly, powers, radiance
+def _accumulate(means, powers, radiance, weights, count):
+    """Welford's step for the means of the bands and of what is seen, and for second to fourth powers of the deviations
+    of what is seen, and of the rest of the radiance."""
+    (mean, seen_mean), (of_seen, of_rest), (excess, seen) = means, powers, radiance
     share = 1.0 / count
     for i in range(excess.shape[0]):
         row = mean[i]
@@ -407,10 +429,17 @@ def _accumulate(mean, directly, powers, radiance, weights, count):
             rest += weights[b] * delta
         delta = seen[i] - seen_mean[i]
         seen_mean[i] += delta * share
-        seen_squares[i] += delta * delta * (1.0 - share)
-        rest -= delta
-        step, term = rest * share, rest * rest * (1.0 - share)
-        fourth = term * (count * count - 3 * count + 3) + 6.0 * squares[i]
-        fourths[i] += step * (step * fourth - 4.0 * cubes[i])
-        cubes[i] += step * (term * (count - 2) - 3.0 * squares[i])
-        squares[i] += term
+        _add_powers(of_seen, i, delta, count)
+        _add_powers(of_rest, i, rest - delta, count)
+
+
+@njit(**INLINED)
+def _add_powers(powers, i, deviation, count):
+    """Add a pass, the count-th, to the sums of powers of pixel i. deviation: from the mean before (Pebay 2008)."""
+    squares, cubes, fourths = powers
+    share = 1.0 / count
+    step, term = deviation * share, deviation * deviation * (1.0 - share)
+    fourth = term * (count * count - 3 * count + 3) + 6.0 * squares[i]
+    fourths[i] += step * (step * fourth - 4.0 * cubes[i])
+    cubes[i] += step * (term * (count - 2) - 3.0 * squares[i])
+    squares[i] += term

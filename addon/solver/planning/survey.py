@@ -17,7 +17,7 @@ from ..geometry.curved import reflecting
 from ..geometry.eye import Eye, empty_eye_rays, eye_rays
 from ..geometry.flight import NUMBERS
 from ..geometry.interaction import emit_at, interact, leave
-from ..geometry.segments import RayBatch, Tracer
+from ..geometry.segments import FROM_CAMERA, FROM_DIFFUSE, RayBatch, Tracer
 from ..geometry.stage import Stage, emission_at, lobes_at, nothing_emitted, one_reflectance_at
 from ..geometry.surfaces import sheet_of
 from ..image.pooling import sum_around
@@ -41,6 +41,7 @@ from ..system.kernels import INLINED, KERNEL, njit
 from .lamps import share_of_ray, share_of_sky
 from .media import Scattered, cross_samples
 from .sheets import Excess, Sheets, drawn_means
+from .specks import Specks, find_specks, variance_of_specks
 
 _SAMPLES = 16  # samples of a pixel: camera rays that survey it
 _BOUNCES = 8  # specular reflections, at most, through which a sample is followed
@@ -88,7 +89,8 @@ class Survey(NamedTuple):
 
     sensitivity: float64, how much the apparent temperature depends on the radiance, with a mean square of 1.
     variance: float64, W2 sr-2 m-4, variance of the radiance that single camera rays see, times the squared sensitivity;
-    but at least a sixteenth of the sum of these over the pixel and its eight neighbours.
+    but at least a sixteenth of the sum of these over the pixel and its eight neighbours. specks: see Specks, with their
+    contrast to what is around them for their radiance.
     unknown: bool, whether the pixel shows a rough lobe, of which a few samples do not say all, or a specular surface
     where a sample ended, as its throughput was small or after too many reflections. estimated: bool, whether it shows a
     surface whose reflected light has to be estimated. All else is seen exactly, but for edges. block: int32, number of
@@ -102,6 +104,7 @@ class Survey(NamedTuple):
     block: np.ndarray
     cells: Cells
     in_fog: bool
+    specks: Specks
 
 
 class _Samples(NamedTuple):
@@ -212,13 +215,14 @@ def survey_pixels(
     tried = _Tried(*map(np.concatenate, zip(*tried, strict=True)))
     sensitivity = _sensitivity(stage.radiometry.reference.sum() + mean, edges)
     cells = _cells(sheets, block, sensitivity, gathers, tried)
-    variance *= sensitivity**2
+    specks = find_specks(stage, tracer, eye)
+    specks = specks._replace(radiance=np.where(specks.share > 0.0, np.abs(specks.radiance - mean), 0.0))
+    variance = np.maximum(variance, variance_of_specks(specks, _SAMPLES)) * sensitivity**2
     around = sum_around(variance.reshape(height, width), 1).ravel()
     estimated = unknown.copy()
     estimated[gathers.pixel] = True
-    return Survey(
-        sensitivity, np.maximum(variance, _AROUND * around), unknown, estimated, block, cells, tracer.scatters
-    )
+    variance = np.maximum(variance, _AROUND * around)
+    return Survey(sensitivity, variance, unknown, estimated, block, cells, tracer.scatters, specks)
 
 
 def _in_one_band(stage: Stage) -> Stage:
@@ -251,7 +255,8 @@ class _Surveyor:
         seen, unclear = np.zeros(count), np.zeros(count, np.bool_)
         gathers, tried = [], []
         for bounce in range(_BOUNCES + 1):
-            hits = (self.tracer if bounce else self.tracer.camera).trace(samples.origin, samples.direction, reach)
+            tracer = self.tracer.seen_from(FROM_DIFFUSE if bounce else FROM_CAMERA)
+            hits = tracer.trace(samples.origin, samples.direction, reach)
             scattered = self._cross(hits, samples, _WALKING + NUMBERS * bounce, seen)
             seen[samples.number] += samples.throughput * self._see(hits, samples)
             shown = self._shown(hits, samples)
@@ -292,7 +297,7 @@ class _Surveyor:
         for bounce in range(1, _BOUNCES + 1):
             if rays is None or len(rays.number) == 0:
                 return
-            hits = self.tracer.trace(rays.origin, rays.direction)
+            hits = self.tracer.seen_from(FROM_DIFFUSE).trace(rays.origin, rays.direction)
             scattered = self._cross(hits, rays, _TRIAL_WALKING + NUMBERS * bounce, met)
             np.add.at(met, rays.number, rays.throughput * self._see(hits, rays))
             rays = scattered
@@ -311,7 +316,7 @@ class _Surveyor:
         chosen = chosen[(first + samples.number[chosen]) % self.stride == 0]
         rays = _Samples(*(np.empty((len(chosen), *column.shape[1:]), column.dtype) for column in samples))
         _start_gathers(stage.surfaces, bounce, hits, samples, chosen, rays)
-        ends, met = self.tracer.trace(rays.origin, rays.direction), np.zeros(len(chosen))
+        ends, met = self.tracer.seen_from(FROM_DIFFUSE).trace(rays.origin, rays.direction), np.zeros(len(chosen))
         scattered = self._cross(ends, rays, _TRIAL_WALKING, met)
         noise, closeness, rest = np.zeros((3, len(chosen)))
         _measure(stage, self.sheets, ends, rays, closeness, noise, rest)
