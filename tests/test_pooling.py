@@ -88,7 +88,8 @@ def test_what_is_known_exactly_receives_nothing():
 def of_edges(passes):
     """variance_of_edges of passes (n, h, w)."""
     deviation = passes - passes.mean(axis=0)
-    return variance_of_edges((deviation**2).sum(axis=0), (deviation**4).sum(axis=0), len(passes))
+    resolved = np.full(passes.shape[1:], np.inf)
+    return variance_of_edges((deviation**2).sum(axis=0), (deviation**4).sum(axis=0), resolved, len(passes))
 
 
 def test_edges_of_which_all_passes_tell_fall_by_the_root_of_the_passes():

@@ -38,9 +38,9 @@ class Film:
     openness: share of the rays that leave the scene and see its surroundings, as far as the pilot knows.
     estimated: (height * width,) bool, pixels whose reflected light is estimated, which may have missed something; the
     others are exact but for edges.
-    specks: (2, height * width) float64, of what is seen that is so small that no ray may have met it: the radiance,
-    through the sensor's response, that it adds to the pixel, and how many rays of a pass meet it in the mean; None
-    without such.
+    specks: (3, height * width) float64, of what is seen that is so small that no ray may have met it: the radiance,
+    through the sensor's response, that it adds to the pixel, how many rays of a pass meet it in the mean, and how many
+    meet a square of its width, infinite where there is none; None without such.
     moments: number of times over which the passes are spread; 0 if the scene stands still.
     layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
     seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
@@ -121,11 +121,11 @@ class Film:
         shapes = dict.fromkeys(_ARRAYS, (height * width,)) | dict.fromkeys(_CHECKS, (GRID**2,))
         shapes["_mean"] = height * width, len(layers) * (len(edges) - 1)
         if "specks" in state:
-            shapes["specks"] = 2, height * width
+            shapes["specks"] = 3, height * width
         for name, shape in shapes.items():
             if state[name].shape != shape or state[name].dtype != np.float64:
                 raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
-            if not np.isfinite(state[name]).all():
+            if np.isnan(state[name]).any() or (name != "specks" and np.isinf(state[name]).any()):
                 raise ValueError(f"{name} holds values that are not finite")
         weights = state["weights"]
         if weights.shape != (len(edges) - 1,) or not (
@@ -290,14 +290,15 @@ class Film:
         shape = self.height, self.width
         sums = tuple(of.reshape(shape) for of in others)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
-        seen = variance_of_edges(*(of.reshape(shape) for of in directly), self.passes).ravel()
+        resolved = np.full(shape, np.inf) if self.specks is None else self.passes * self.specks[2].reshape(shape)
+        seen = variance_of_edges(*(of.reshape(shape) for of in directly), resolved, self.passes).ravel()
         if self.moments:
             seen, rest = self._in_motion(seen, rest)
         if "blur" in self._followed:
             rest = rest * (1.0 + blur(self._followed["blur"], sums[0] / (self.passes - 1)).ravel())
         variance = (rest + seen) / self.passes
         if self.specks is not None:  # the squared radiance, times the chance that no ray has met it
-            added, hits = self.specks
+            added, hits, _ = self.specks
             variance += added**2 * np.exp(-hits * self.passes)
         bias = significant(self._missed, self._missed_squares, self.passes)
         if bias.any():

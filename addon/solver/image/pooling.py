@@ -36,20 +36,22 @@ def pooled_variance(squares: np.ndarray, fourths: np.ndarray, estimated: np.ndar
     return (squares - shared + received) / (passes - 1)
 
 
-def variance_of_edges(squares: np.ndarray, fourths: np.ndarray, passes: int) -> np.ndarray:
-    """(height, width) float64 variance of what is seen, times the number of passes. Arguments as in pooled_variance.
+def variance_of_edges(squares: np.ndarray, fourths: np.ndarray, resolved: np.ndarray, passes: int) -> np.ndarray:
+    """(height, width) float64 variance of what is seen, times the number of passes. squares, fourths, passes: see
+    pooled_variance. resolved: (height, width) float64, how many events count at most.
 
     Passes are not independent here: all camera rays of a pixel are one stratified sequence. n rays that tell an edge
     leave a variance as n^-3/2, as only the n^1/2 strata on the edge err (Mitchell 1996): m passes leave 1 / m^1/2 of
     what they would if they were independent. But rays that seldom meet what is small in a pixel are as good as
     independent until they have met it: then the square root of the hits counts, not that of the passes. So events
-    count, see _ROUND, and at most the passes.
+    count, see _ROUND, and at most the passes. A line has many hits before the strata are as narrow as it is: of these
+    count as many as would meet a square of its width.
 
     What few events tell is shared out, as in pooled_variance, but nobody gives it away: what neighbours see, such as
     the rest of a wire, is no substitute for an edge of one's own.
     """
     events = _events(squares, fourths)
-    own = squares / np.sqrt(np.clip(_ROUND * events, 1.0, passes))
+    own = squares / np.sqrt(np.clip(_ROUND * np.minimum(events, resolved), 1.0, passes))
     shared = own * (_FEW / (events + _FEW))
     return np.maximum(own, sum_around(shared, REACH) / (2 * REACH + 1) ** 2) / (passes - 1)
 
