@@ -101,8 +101,8 @@ def spread_and_noise(scene, renders=RENDERS, **settings):
 def test_noise_is_the_spread_over_independent_renders(scene, renders):
     """True over predicted, in the mean over the image, within 10 %."""
     spread, noise = spread_and_noise(scene(), renders, passes=8, photons_per_pass=10_000)
-    noisy = noise > 1e-4  # K; elsewhere what is seen is known: the sky, an edge that no ray meets
-    assert np.all(spread[~noisy] < 1e-3)
+    noisy = spread > 1e-4  # K; elsewhere what is seen is known: the sky, what lies beside an edge
+    assert np.sum(noise[~noisy] ** 2) < 0.15 * np.sum(noise**2)  # for what neighbours see, see pooling
     ratio = spread[noisy] / noise[noisy]
     print(f"{noisy.sum()} pixels, mean {ratio.mean():.3f}, percentiles {np.percentile(ratio, (5, 50, 95)).round(2)}")
     assert noisy.sum() > 250
@@ -116,7 +116,7 @@ def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
     the sequence are not spread as evenly, up to 14 % of the error for the best of sequences.
     """
     spread, noise = spread_and_noise(silhouettes(), passes=passes, photons_per_pass=2_000)
-    edge = noise > np.percentile(noise, 85)
+    edge = spread > np.percentile(spread, 85)
     ratio = spread[edge] / noise[edge]
     print(f"{edge.sum()} pixels, {noise[edge].mean():.2f} K, mean {ratio.mean():.3f}")
     assert 0.8 < ratio.mean() < 1.2

@@ -10,7 +10,7 @@ import pytest
 from addon.solver import Material, Medium, Settings, render
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance
 from addon.solver.planning.preparation import prepare
-from addon.solver.planning.specks import Specks, added_by_specks, find_specks, variance_of_specks
+from addon.solver.planning.specks import Specks, find_specks, variance_of_specks, what_to_expect
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -89,9 +89,9 @@ def test_gas_takes_from_it():
 def test_what_it_adds():
     specks = Specks(np.array([0.0, 0.01]), np.array([0.0, 50.0]), np.array([0.0, 0.05]))
     np.testing.assert_allclose(variance_of_specks(specks, 16), [0.0, 0.99**17 * 0.01 * 2500.0])
-    added = added_by_specks(specks, np.array([4, 32]), np.array([1.0, 0.5]))
-    np.testing.assert_allclose(added, [[0.0, 0.375], [0.0, 0.32], [np.inf, 0.08]])
-    assert added_by_specks(Specks(*np.zeros((3, 2))), np.array([4, 32]), np.ones(2)) is None
+    variance, samples = np.array([8.0, 0.0]), np.array([4, 32])
+    found = what_to_expect(specks, variance, samples, np.array([1.0, 0.5]))
+    np.testing.assert_allclose(found, [[0.75**2, 0.0], [0.0, 0.375], [0.0, 0.32], [np.inf, 0.08]])
 
 
 def field(share, pixel=0.625, height=0.0):
@@ -126,14 +126,15 @@ def ratios(scene, passes, seeds, kelvin=None):
 @pytest.mark.parametrize("share", [0.1, 0.01, 0.001, 0.0001])
 @pytest.mark.parametrize("passes", [4, 32])
 def test_the_error_of_specks_is_stated(share, passes):
-    """True over stated errors, root mean square: at most 1.2, and 0.5 at least, as neighbours that met theirs tell of
-    specks, too. None beyond 5, as half of the pixels were that had met none."""
+    """True over stated errors, root mean square: at most 1.2, and 0.4 at least, as the plan and neighbours that met
+    theirs tell of specks, too. None beyond 5 after 32 passes, as half of the pixels were that had met none; after four
+    passes a few that agree by chance."""
     scene = over_a_floor(*field(share), camera=view("ORTHOGRAPHIC"))
     found = ratios(scene, passes, 12, truth(share))
     print(f"rms {np.sqrt(np.mean(found**2)):.2f}, largest {np.abs(found).max():.1f}")
-    assert 0.5 < np.sqrt(np.mean(found**2)) < 1.2
+    assert 0.4 < np.sqrt(np.mean(found**2)) < 1.2
     assert np.mean(np.abs(found) > 3.0) < 0.02
-    assert np.abs(found).max() < 5.0
+    assert np.mean(np.abs(found) > 5.0) <= (0.005 if passes == 4 else 0.0)
 
 
 def wires(width):
@@ -151,7 +152,7 @@ def test_a_wire_is_found_all_along():
     """Also where it is one sheet with ends far beside the picture."""
     found = specks_of(over_a_floor(wires(0.01)[0], camera=view("ORTHOGRAPHIC")))
     row = math.floor(6 - 2.1 / 0.625)
-    np.testing.assert_allclose(found.share[row], 0.01, rtol=0.6)  # by four points or so in each pixel
+    np.testing.assert_allclose(found.share[row], 0.01, rtol=0.2)  # by sixteen points or so in each pixel
     assert found.share[row].mean() == pytest.approx(0.01, rel=0.05)
     assert not np.delete(found.share, row, axis=0).any()
     np.testing.assert_allclose(found.width[row], 0.01, rtol=0.01)
@@ -161,13 +162,14 @@ def test_a_wire_is_found_all_along():
 @pytest.mark.parametrize("width", [0.1, 0.01, 0.001])
 @pytest.mark.parametrize("passes", [4, 32])
 def test_the_error_of_wires_is_stated(width, passes):
-    """As of specks; against many passes, 5 in 1000 beyond 5, as no point may lie in a corner that a wire cuts."""
+    """As of specks; against many passes, 5 in 1000 beyond 5, as no point may lie in a corner that a wire cuts, and what
+    is a tenth of a pixel wide has agreed by chance in more of four passes."""
     scene = over_a_floor(*wires(width), camera=view("ORTHOGRAPHIC"))
     converged = render(scene, Settings(512, 1000, seed=99, reference_temperature=COLD)).temperature().astype(float)
     found = ratios(scene, passes, 12, converged)
     print(f"rms {np.sqrt(np.mean(found**2)):.2f}, largest {np.abs(found).max():.1f}")
     assert np.sqrt(np.mean(np.clip(found, -5.0, 5.0) ** 2)) < 1.2
-    assert np.mean(np.abs(found) > 3.0) < 0.02
+    assert np.mean(np.abs(found) > 3.0) < (0.03 if passes == 4 else 0.01)
     assert np.mean(np.abs(found) > 5.0) < 0.005
 
 

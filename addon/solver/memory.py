@@ -3,7 +3,7 @@
 
 With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a pass, in bytes:
 
-    film       P (12 l b + 112)               mean in float64, one pass in float32, twelve more values for the noise,
+    film       P (12 l b + 144)               mean in float64, one pass in float32, sixteen more values for the noise,
                                               six results of the survey
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
                P (16 + 24 j)                  with molecules: what follows the j numbers that tell their draws
@@ -74,7 +74,7 @@ def memory_of_images(pixels: float, bands: int, copies: float = 0, layers: int =
     copies: see memory_beforehand. layers: of temperature groups. around: number of pixels of the frame that lie around
     the render region and are shown with it.
     """
-    film = 12 * layers * bands + 112 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
+    film = 12 * layers * bands + 144 + (4 * layers * bands + 8 * bands if layers > 1 else 0)
     parts = {"film": float(pixels) * film, "images": float(pixels) * (4 * copies * (bands + 7) + 64)}
     return parts | ({"frame": 20.0 * around} if around else {})
 

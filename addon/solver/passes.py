@@ -94,7 +94,7 @@ def render(
     if len(film.ranges) > 1 or film.ranges[0][:2] != empty.ranges[0][:2]:
         raise ValueError("The film does not hold the first passes of this render")
     film.correction, film.openness = settings.correction, model.openness
-    film.estimated, film.specks = model.estimated, model.specks
+    film.estimated, film.expected = model.estimated, model.expected
     if scene.moments:  # at another time other pixels may show what has to be estimated
         film.estimated = np.ones_like(model.estimated)
     image = np.empty(((x1 - x0) * (y1 - y0), empty.layer_weights.size), np.float32)

@@ -38,9 +38,10 @@ class Film:
     openness: share of the rays that leave the scene and see its surroundings, as far as the pilot knows.
     estimated: (height * width,) bool, pixels whose reflected light is estimated, which may have missed something; the
     others are exact but for edges.
-    specks: (3, height * width) float64, of what is seen that is so small that no ray may have met it: the radiance,
-    through the sensor's response, that it adds to the pixel, how many rays of a pass meet it in the mean, and how many
-    meet a square of its width, infinite where there is none; None without such.
+    expected: (4, height * width) float64, what the plan knows of what is seen, through the sensor's response: its
+    variance in a pass; and of specks, so small that no ray may have met them, the radiance that they add to the pixel,
+    how many rays of a pass meet them in the mean, and how many meet a square of their width, infinite where there are
+    none. None if nothing was planned.
     moments: number of times over which the passes are spread; 0 if the scene stands still.
     layers: the temperature groups that are kept apart; images show them at the temperatures of the scene.
     seed, first_pass: of the passes that will be added. ranges: list of (seed, first pass, last pass + 1) of finished
@@ -67,7 +68,7 @@ class Film:
         self.openness = 0.0
         self.moments = 0
         self.estimated = np.ones(height * width, np.bool_)
-        self.specks: np.ndarray | None = None
+        self.expected: np.ndarray | None = None
         self.layers = layers
         self._factors = layer_factors(layers, self.band_edges, reference_temperature)
         self.ranges = [(seed, first_pass, first_pass)]
@@ -104,8 +105,8 @@ class Film:
         """All that the film holds, by name, to be kept in a file: `from_state` makes an equal film of it."""
         arrays = {name: np.asarray(getattr(self, name)) for name in (*_VALUES, "ranges", *_ARRAYS, *_CHECKS)}
         followed = {f"{part}_{name}": a for part, each in self._followed.items() for name, a in each.state().items()}
-        specks = {} if self.specks is None else {"specks": self.specks}
-        return arrays | {"layers": np.asarray(to_json(self.layers))} | specks | followed
+        expected = {} if self.expected is None else {"expected": self.expected}
+        return arrays | {"layers": np.asarray(to_json(self.layers))} | expected | followed
 
     @classmethod
     def from_state(cls, state: Mapping[str, np.ndarray]) -> Film:
@@ -120,12 +121,12 @@ class Film:
         layers = from_json(str(state["layers"]))
         shapes = dict.fromkeys(_ARRAYS, (height * width,)) | dict.fromkeys(_CHECKS, (GRID**2,))
         shapes["_mean"] = height * width, len(layers) * (len(edges) - 1)
-        if "specks" in state:
-            shapes["specks"] = 3, height * width
+        if "expected" in state:
+            shapes["expected"] = 4, height * width
         for name, shape in shapes.items():
             if state[name].shape != shape or state[name].dtype != np.float64:
                 raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}, expected float64 {shape}")
-            if np.isnan(state[name]).any() or (name != "specks" and np.isinf(state[name]).any()):
+            if np.isnan(state[name]).any() or (name != "expected" and np.isinf(state[name]).any()):
                 raise ValueError(f"{name} holds values that are not finite")
         weights = state["weights"]
         if weights.shape != (len(edges) - 1,) or not (
@@ -228,7 +229,7 @@ class Film:
         options = {"weights": self.weights, "layers": self.layers}
         total = Film(self.width, self.height, self.band_edges, self.reference_temperature, **options)
         total.correction, total.estimated, total.moments = self.correction, self.estimated, self.moments
-        total.specks = self.specks
+        total.expected = self.expected
         total.ranges = _joined(self.ranges + other.ranges) or self.ranges[:]
         total.passes = self.passes + other.passes
         total.photons = self.photons + other.photons
@@ -280,7 +281,7 @@ class Film:
         """(height, width) float32 standard error of temperature(), K. Neighbouring pixels have a say, see pooling.
 
         It includes what regions are known to miss, see self_check, what shrinking disks tell of their blur, see trend,
-        and what is seen that is so small that no ray may have met it, see specks. After a single pass the error is
+        and what is seen that is so small that no ray may have met it, see `expected`. After a single pass the error is
         unknown, and the result is the temperature itself.
         """
         if self.passes < 2:
@@ -290,16 +291,16 @@ class Film:
         shape = self.height, self.width
         sums = tuple(of.reshape(shape) for of in others)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
-        resolved = np.full(shape, np.inf) if self.specks is None else self.passes * self.specks[2].reshape(shape)
-        seen = variance_of_edges(*(of.reshape(shape) for of in directly), resolved, self.passes).ravel()
+        planned, added, hits, resolved = self._expected()
+        planned = None if self.expected is None else planned.reshape(shape)
+        directly, resolved = (of.reshape(shape) for of in directly), self.passes * resolved.reshape(shape)
+        seen = variance_of_edges(*directly, planned, resolved, self.passes).ravel()
         if self.moments:
             seen, rest = self._in_motion(seen, rest)
         if "blur" in self._followed:
             rest = rest * (1.0 + blur(self._followed["blur"], sums[0] / (self.passes - 1)).ravel())
-        variance = (rest + seen) / self.passes
-        if self.specks is not None:  # the squared radiance, times the chance that no ray has met it
-            added, hits, _ = self.specks
-            variance += added**2 * np.exp(-hits * self.passes)
+        # of specks the squared radiance, times the chance that no ray has met them
+        variance = (rest + seen) / self.passes + added**2 * np.exp(-hits * self.passes)
         bias = significant(self._missed, self._missed_squares, self.passes)
         if bias.any():
             variance += spread_out(bias, np.sqrt(rest / self.passes), regions(self.width, self.height)) ** 2
@@ -309,6 +310,12 @@ class Film:
         above = self._apparent(radiance + error)
         below = self._apparent(np.maximum(radiance - error, 0.0))
         return self._image(0.5 * (above - below))
+
+    def _expected(self) -> np.ndarray:
+        """`expected`; what has no say if nothing was planned."""
+        if self.expected is not None:
+            return self.expected
+        return np.array([0.0, 0.0, 0.0, math.inf])[:, None].repeat(self.height * self.width, axis=1)
 
     def _in_motion(self, seen: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The variances of what is seen and of the rest (pixels,), times what passes at few times know less.

@@ -65,7 +65,7 @@ from .media import absorbed_shares, add_media
 from .pilot import explore, gather_reach
 from .reference import Sources, choose_reference, gather_sources, typical_source
 from .sheets import Excess, Gathering, Trial, dark_sheets, measure_sheets
-from .specks import added_by_specks
+from .specks import what_to_expect
 from .splitting import Splitting, most_rays, plan_looking, plan_splitting
 from .survey import Survey, survey_pixels
 
@@ -81,14 +81,14 @@ class Model:
 
     throwing: how photons tell what mirrors throw into gas; None if they throw nothing. samples: (pixels,) uint16,
     camera rays of each pixel in a pass. reach2: m2, squared radius of the largest disk.
-    estimated: (pixels,) bool, see Survey. specks: see Film. visible: where camera paths gather. splitting: None without
-    photons. looking: from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each band.
-    layers: temperature groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each layer
-    count in the sensor's signal. hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel: rays
-    under way at once, in the tile where they are most. openness: share of the rays that leave the scene, of those from
-    the camera or of those from what the image depends on, whichever is larger. molecular: media whose coefficients each
-    pass draws, None if there are none. diameter: of the scene, in its units. worth: how many rays a shadow ray counts
-    as. survey: what the moments of the scene need of it; None if it has none.
+    estimated: (pixels,) bool, see Survey. expected: see Film. visible: where camera paths gather. splitting: None
+    without photons. looking: from each sheet. reference_temperature: K. weights: (b,) response of the sensor in each
+    band. layers: temperature groups that the image keeps apart; layer_weights: (layers, b) by which the bands of each
+    layer count in the sensor's signal. hits_per_photon: mean number of stored hits of a trial photon. rays_per_pixel:
+    rays under way at once, in the tile where they are most. openness: share of the rays that leave the scene, of those
+    from the camera or of those from what the image depends on, whichever is larger. molecular: media whose coefficients
+    each pass draws, None if there are none. diameter: of the scene, in its units. worth: how many rays a shadow ray
+    counts as. survey: what the moments of the scene need of it; None if it has none.
     """
 
     tracer: Tracer
@@ -101,7 +101,7 @@ class Model:
     samples: np.ndarray
     reach2: float
     estimated: np.ndarray
-    specks: np.ndarray | None
+    expected: np.ndarray
     visible: VisiblePoints
     splitting: Splitting | None
     looking: Looking
@@ -222,7 +222,7 @@ def prepare(
         samples=samples,
         reach2=reach2,
         estimated=survey.estimated,
-        specks=added_by_specks(survey.specks, samples, weights),
+        expected=what_to_expect(survey.specks, survey.own, samples, weights),
         visible=VisiblePoints(pilot.point, pilot.normal, pilot.side_id, np.cumsum(pilot.throughput)),
         splitting=splitting,
         looking=looking,

@@ -5,7 +5,7 @@ A thing that fills a thousandth of a pixel, such as a person a kilometre away or
 none may be among the first thousands. Then nothing in the pixel tells of it. But the plan knows where it is. So the
 sheets that span few pixels, or are narrow, are projected into the picture, and rays to points on their triangles tell
 which are seen. They add to the variance by which camera rays are chosen, and to the error of pixels that have not met
-them yet (Film.specks).
+them yet (Film.expected).
 
 What is seen of them in mirrors and through thin sheets is not looked for, nor what is seen through narrow gaps; a lens
 is taken as a pinhole.
@@ -26,12 +26,13 @@ from ..image.pooling import REACH
 from ..sampling.vectors import difference
 from ..sampling.warps import triangle_point
 from ..system.kernels import INLINED, KERNEL, njit
+from .antialiasing import camera_variance
 
 _LARGEST = 2.0 * REACH + 1.0  # pixels that a speck spans at most: of larger things neighbours tell, see pooling
 _NARROW = (
     0.25  # pixels, mean width of larger ones: the survey's 16 rays through a pixel miss what is wider 1 time in 100
 )
-_DENSITY, _POINTS = 4.0, 1 << 12  # points on a triangle for each pixel that it is long, and at most
+_DENSITY, _POINTS = 16.0, 1 << 14  # points on a triangle for each pixel that it is long, and at most
 _RAYS = 1 << 18  # points, at most, to which rays are sent; each then stands for several
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
@@ -52,13 +53,13 @@ def variance_of_specks(specks: Specks, samples: int) -> np.ndarray:
     return unmet * specks.share * (1.0 - specks.share) * specks.radiance**2
 
 
-def added_by_specks(specks: Specks, samples: np.ndarray, weights: np.ndarray) -> np.ndarray | None:
-    """Film.specks; None if there are none. specks: as in variance_of_specks. samples: (p,) camera rays of a pass.
-    weights: (b,) response of the sensor, of which the mean counts."""
-    if not specks.share.any():
-        return None
-    met = np.where(specks.share > 0.0, specks.width**2 * samples, np.inf)
-    return np.stack((specks.share * specks.radiance * weights.mean(), specks.share * samples, met))
+def what_to_expect(specks: Specks, variance: np.ndarray, samples: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Film.expected. specks: as in variance_of_specks. variance: (p,) of the radiance that single camera rays see.
+    samples: (p,) camera rays of a pass. weights: (b,) response of the sensor, of which the mean counts."""
+    met, response = np.where(specks.share > 0.0, specks.width**2 * samples, np.inf), weights.mean()
+    of_pass = camera_variance(variance, samples, False, 1.0)
+    added = specks.share * specks.radiance * response
+    return np.stack((response**2 * of_pass, added, specks.share * samples, met))
 
 
 class _Projected(NamedTuple):

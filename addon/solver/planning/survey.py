@@ -87,14 +87,15 @@ class Cells(NamedTuple):
 class Survey(NamedTuple):
     """What the survey found, by pixel of the window (p,).
 
-    sensitivity: float64, how much the apparent temperature depends on the radiance, with a mean square of 1.
-    variance: float64, W2 sr-2 m-4, variance of the radiance that single camera rays see, times the squared sensitivity;
-    but at least a sixteenth of the sum of these over the pixel and its eight neighbours. specks: see Specks, with their
-    contrast to what is around them for their radiance.
-    unknown: bool, whether the pixel shows a rough lobe, of which a few samples do not say all, or a specular surface
-    where a sample ended, as its throughput was small or after too many reflections. estimated: bool, whether it shows a
-    surface whose reflected light has to be estimated. All else is seen exactly, but for edges. block: int32, number of
-    the block that the pixel lies in. in_fog: whether there is gas that scatters.
+    sensitivity: float64, how much the apparent temperature depends on the radiance, with a mean square of 1. variance:
+    float64, W2 sr-2 m-4, variance of the radiance that single camera rays see, times the squared sensitivity; but at
+    least a sixteenth of the sum of these over the pixel and its eight neighbours. own: float64, W2 sr-2 m-4, the
+    variance of what the pixel shows straight or in mirrors, 0 where chance has a part in it. specks: see Specks, with
+    their contrast to what is around them for their radiance. unknown: bool, whether the pixel shows a rough lobe, of
+    which a few samples do not say all, or a specular surface where a sample ended, as its throughput was small or after
+    too many reflections. estimated: bool, whether it shows a surface whose reflected light has to be estimated. All
+    else is seen exactly, but for edges. block: int32, number of the block that the pixel lies in. in_fog: whether there
+    is gas that scatters.
     """
 
     sensitivity: np.ndarray
@@ -104,6 +105,7 @@ class Survey(NamedTuple):
     block: np.ndarray
     cells: Cells
     in_fog: bool
+    own: np.ndarray
     specks: Specks
 
 
@@ -217,12 +219,14 @@ def survey_pixels(
     cells = _cells(sheets, block, sensitivity, gathers, tried)
     specks = find_specks(stage, tracer, eye)
     specks = specks._replace(radiance=np.where(specks.share > 0.0, np.abs(specks.radiance - mean), 0.0))
-    variance = np.maximum(variance, variance_of_specks(specks, _SAMPLES)) * sensitivity**2
+    own = np.maximum(variance, variance_of_specks(specks, _SAMPLES))
+    variance = own * sensitivity**2
     around = sum_around(variance.reshape(height, width), 1).ravel()
     estimated = unknown.copy()
     estimated[gathers.pixel] = True
     variance = np.maximum(variance, _AROUND * around)
-    return Survey(sensitivity, variance, unknown, estimated, block, cells, tracer.scatters, specks)
+    own[unknown | tracer.scatters] = 0.0
+    return Survey(sensitivity, variance, unknown, estimated, block, cells, tracer.scatters, own, specks)
 
 
 def _in_one_band(stage: Stage) -> Stage:
