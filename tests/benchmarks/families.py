@@ -665,6 +665,23 @@ def skylit(rng):
     return replace(parts.scene(view((0.6, -2.2, 1.3), (0, 0, 0.35)), BAND, AMBIENT), sky=sky)
 
 
+def distant(rng):
+    """A plain with hot things and wires from 50 m to 1.5 km away: most of them fill little of a pixel."""
+    parts, height = Parts(), rng.uniform(2.0, 40.0)
+    parts.add(quad((0, 1000, 0), (1500, 0, 0), (0, 1500, 0)), 285.0, grey(rng.uniform(0.7, 1.0)))
+    for _ in range(rng.integers(5, 60)):
+        away, size = 10 ** rng.uniform(1.7, 3.2), rng.uniform(0.1, 2.0)
+        mesh = sphere(2, 0.5 * size) if rng.random() < 0.5 else turned(block((size, size, size)), rng.uniform(0, 1.5))
+        above = 0.5 * size + 10 ** rng.uniform(-1.0, 1.5)
+        at = away * rng.uniform(-0.4, 0.4), away, above
+        parts.add(mesh, rng.uniform(310.0, 1200.0), grey(rng.uniform(0.3, 1.0)), at)
+    for _ in range(rng.integers(1, 5)):
+        away, width = rng.uniform(30.0, 400.0), 10 ** rng.uniform(-2.3, -0.7)
+        wire = turned(block((2.0 * away, width, width)), rng.uniform(-0.5, 0.5))
+        parts.add(wire, rng.uniform(290.0, 500.0), grey(rng.uniform(0.3, 0.9)), (0, away, rng.uniform(5.0, 25.0)))
+    return parts.scene(view((0, 0, height), (0, 200, 8)), BAND, 270.0)
+
+
 FAMILIES = {
     "tube": random_tube,
     "comb": random_comb,
@@ -687,6 +704,7 @@ FAMILIES = {
     "stairs": stairs,
     "jar": jar,
     "crack": crack,
+    "distant": distant,
     "plume": plume,
     "fog": fog,
     "smoke": smoke,
