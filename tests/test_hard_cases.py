@@ -1056,8 +1056,8 @@ def test_film_of_a_hundred_thousand_passes():
     """Mean and noise do not drift: float64 sums of 1e5 passes err by 1e5 roundings of 1e-16 at most, far below what
     the float32 image resolves. Passes repeat a few random ones, so that the truth is known without a sum as long.
 
-    What the camera sees directly varies 20 times as much as the rest, in all passes alike. As camera rays are one stratified sequence, that
-    counts by 1 / sqrt(passes) (see Film.noise): by about as much as the rest does.
+    What the camera sees directly varies 20 times as much as the rest, in all passes alike. As camera rays are one
+    stratified sequence, that counts by 1 / sqrt(passes) (see Film.noise): by about as much as the rest does.
     """
     rng = np.random.default_rng(5)
     shape, rounds = (50, 6, len(EDGES) - 1), 2000

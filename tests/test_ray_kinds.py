@@ -136,15 +136,15 @@ WARM = np.linspace(230.0, 300.0, 8)[:, None] * np.ones((1, 16))
 @pytest.mark.parametrize(
     ("seed", "options"),
     [
-        (2, {}),
-        (3, {"lobe": BOTH}),
+        pytest.param(2, {}, marks=pytest.mark.long),
+        pytest.param(3, {"lobe": BOTH}, marks=pytest.mark.long),
         (4, {"lobe": GLAZED}),
-        (5, {"film": True}),
-        (6, {"media": (AIR,), "world_depth": 5.0}),
+        pytest.param(5, {"film": True}, marks=pytest.mark.long),
+        pytest.param(6, {"media": (AIR,), "world_depth": 5.0}, marks=pytest.mark.long),
         (7, {"media": (AIR,), "world_depth": 5.0, "film": True}),
         (8, {"lights": LIGHTS, "lobe": BOTH}),
-        (9, {"lights": LIGHTS, "film": True}),
-        (10, {"sky": Sky(WARM)}),
+        pytest.param(9, {"lights": LIGHTS, "film": True}, marks=pytest.mark.long),
+        pytest.param(10, {"sky": Sky(WARM)}, marks=pytest.mark.long),
         (11, {"sky": Sky(WARM), "film": True, "lobe": BOTH}),
     ],
 )
