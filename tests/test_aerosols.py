@@ -160,7 +160,7 @@ def test_anisotropy_of_bands():
     assert table.anisotropy.shape == (2, 3) and np.all(table.anisotropy[0] == 0.25)
 
 
-@pytest.mark.once
+@pytest.mark.long
 def test_fog_of_one_temperature_is_black():
     """Without subtraction, several bands: mean within 4 standard errors; with it exactly."""
     edges = np.array([3.0, 5.0, 8.0, 12.0])

@@ -30,7 +30,10 @@ SCENES = {  # the script and its file
     "template": (make_template, TEMPLATE),
 }
 every_scene = pytest.mark.parametrize("name", SCENES)
-LONG = "plume", "steam", "street", "car", "traffic"  # renders that one Python is enough for
+# Renders that one Python is enough for, and those, with kernels of their own to compile, that are left to --long
+MARKS = dict.fromkeys(("street", "car", "traffic"), pytest.mark.once) | dict.fromkeys(
+    ("plume", "steam"), pytest.mark.long
+)
 
 
 def open_scene(name):
@@ -129,9 +132,7 @@ def test_panels_show_the_units_of_all_numbers(path):
     assert fixed == []  # Blender keeps their type: scripts could no longer set a library name or a curve
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.once if name in LONG else []) for name in SCENES]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, [])) for name in SCENES])
 def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_path):
     """A body emits at most what a blackbody of the hottest one does; what it lacks it reflects, at least the coldest.
 

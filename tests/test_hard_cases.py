@@ -897,6 +897,7 @@ def test_photons_that_could_never_be_stored_are_not_traced(emissivity, roughness
     assert (prepare(scene, settings).photons_per_pass == 0) == (roughness == 0.0)
 
 
+@pytest.mark.long
 def test_one_diffuse_wall_among_perfect_mirrors():
     """It keeps half of what arrives, and all that a lamp sends ends there: 0.5 A E = P on average."""
     power, floor = 1e4, 1.0 * 0.8

@@ -123,7 +123,9 @@ def ratios(scene, passes, seeds, kelvin=None):
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("share", [0.1, pytest.param(0.01, marks=pytest.mark.long), 0.001, 0.0001])
+@pytest.mark.parametrize(
+    "share", [0.1, *(pytest.param(share, marks=pytest.mark.long) for share in (0.01, 0.001)), 0.0001]
+)
 @pytest.mark.parametrize("passes", [4, 32])
 def test_the_error_of_specks_is_stated(share, passes):
     """True over stated errors, root mean square: at most 1.2, and 0.4 at least, as the plan and neighbours that met
@@ -159,7 +161,7 @@ def test_a_wire_is_found_all_along():
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("width", [0.1, pytest.param(0.01, marks=pytest.mark.long), 0.001])
+@pytest.mark.parametrize("width", [*(pytest.param(width, marks=pytest.mark.long) for width in (0.1, 0.01)), 0.001])
 @pytest.mark.parametrize("passes", [4, 32])
 def test_the_error_of_wires_is_stated(width, passes):
     """As of specks; against many passes, 5 in 1000 beyond 5, as no point may lie in a corner that a wire cuts, and what
