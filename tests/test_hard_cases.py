@@ -51,7 +51,7 @@ BRIEFLY = [SUBTRACTION[0], pytest.param(*SUBTRACTION[1].values, id=SUBTRACTION[1
 WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0")
 # Under a sky of 0 K the solver may choose 0 K, which traces the same as without the subtraction: a given one does not
 WARM = pytest.param({"reference_temperature": 300.0}, id="T0=300")
-ROUNDING = 6e-7  # of images: float32 keeps 6e-8, and sums over rays and differences to a reference ten of that
+ROUNDING = 5e-7  # of images: float32 keeps 6e-8, and differences to a reference a few of that
 SUMMED = 512 * 2.0**-24  # of a pixel: at most so many rays, each alike and rounded alike in the sum
 CHANCE = 2 * stats.norm.sf(3.0)  # of more than 3 standard errors
 
@@ -712,7 +712,8 @@ def test_coplanar_faces_of_different_materials(settings):
     left, right = (e * black(EDGES, 300.0) + (1 - e) * black(EDGES, 250.0) for e in (0.8, 0.3))
     # nothing rises above the floor: every ray that looks for the sky finds it
     np.testing.assert_allclose(film.radiance()[:, :4], left, rtol=ROUNDING)
-    np.testing.assert_allclose(film.radiance()[:, 4:], right, rtol=ROUNDING)
+    # without subtraction a third of this is a sum over rays that round alike, which costs 5.1e-7
+    np.testing.assert_allclose(film.radiance()[:, 4:], right, rtol=1.2 * ROUNDING)
 
 
 def doubled(kind, corners, half_u, half_v, centre):

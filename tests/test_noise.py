@@ -102,6 +102,7 @@ def test_noise_is_the_spread_over_independent_renders(scene, renders):
     """True over predicted, in the mean over the image, within 10 %."""
     spread, noise = spread_and_noise(scene(), renders, passes=8, photons_per_pass=10_000)
     noisy = spread > 1e-4  # K; elsewhere what is seen is known: the sky, what lies beside an edge
+    assert np.all(spread[noise < 1e-4] < 1e-3)
     assert np.sum(noise[~noisy] ** 2) < 0.15 * np.sum(noise**2)  # for what neighbours see, see pooling
     ratio = spread[noisy] / noise[noisy]
     print(f"{noisy.sum()} pixels, mean {ratio.mean():.3f}, percentiles {np.percentile(ratio, (5, 50, 95)).round(2)}")
@@ -116,7 +117,7 @@ def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
     the sequence are not spread as evenly, up to 14 % of the error for the best of sequences.
     """
     spread, noise = spread_and_noise(silhouettes(), passes=passes, photons_per_pass=2_000)
-    edge = spread > np.percentile(spread, 85)
+    edge = (noise > np.percentile(noise, 85)) & (spread > 0.0)  # the others lie beside one, see pooling
     ratio = spread[edge] / noise[edge]
     print(f"{edge.sum()} pixels, {noise[edge].mean():.2f} K, mean {ratio.mean():.3f}")
     assert 0.8 < ratio.mean() < 1.2
