@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from addon.solver import Material, Medium, Settings, render
+from addon.solver.geometry.eye import rays_through
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance
+from addon.solver.planning import specks
 from addon.solver.planning.preparation import prepare
 from addon.solver.planning.specks import Specks, find_specks, variance_of_specks, what_to_expect
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
@@ -79,6 +81,19 @@ def test_a_box_of_six_sheets_is_one_speck():
     assert found.share.sum() == pytest.approx(aslant * (0.03 / 0.625) ** 2, rel=0.02)
 
 
+def test_many_of_them_share_few_rays(monkeypatch):
+    """A ninth of the rays that their points would take: the triangles that get one stand for the others."""
+    every = specks_of(over_a_floor(*field(0.01)))
+    sent = []
+    monkeypatch.setattr(specks, "_RAYS", 1000)
+    monkeypatch.setattr(
+        specks, "rays_through", lambda eye, x, *rest: (sent.append(len(x)), rays_through(eye, x, *rest))
+    )
+    few = specks_of(over_a_floor(*field(0.01)))
+    assert 0 < sent[0] <= 2000
+    assert few.share.sum() == pytest.approx(every.share.sum(), rel=0.1)
+
+
 def test_gas_takes_from_it():
     clear = specks_of(over_a_floor(ball((0.3, -0.9, 0.0), 0.02)))
     air = Medium("air", 0.1, COLD)
@@ -87,10 +102,10 @@ def test_gas_takes_from_it():
 
 
 def test_what_it_adds():
-    specks = Specks(np.array([0.0, 0.01]), np.array([0.0, 50.0]), np.array([0.0, 0.05]))
-    np.testing.assert_allclose(variance_of_specks(specks, 16), [0.0, 0.99**17 * 0.01 * 2500.0])
+    some = Specks(np.array([0.0, 0.01]), np.array([0.0, 50.0]), np.array([0.0, 0.05]))
+    np.testing.assert_allclose(variance_of_specks(some, 16), [0.0, 0.99**17 * 0.01 * 2500.0])
     variance, samples = np.array([8.0, 0.0]), np.array([4, 32])
-    found = what_to_expect(specks, variance, samples, np.array([1.0, 0.5]))
+    found = what_to_expect(some, variance, samples, np.array([1.0, 0.5]))
     np.testing.assert_allclose(found, [[0.75**2, 0.0], [0.0, 0.375], [0.0, 0.32], [np.inf, 0.08]])
 
 

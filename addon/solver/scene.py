@@ -835,7 +835,7 @@ class Scene:
                 wanted = f"({count},) {np.dtype(usual)}"
                 raise SceneError(f"{name} has shape {marks.shape} and dtype {marks.dtype}, not {wanted}")
         if self.hidden is not None:
-            object.__setattr__(self, "hidden", self.hidden.astype(np.uint8))
+            object.__setattr__(self, "hidden", self.hidden.astype(np.uint8, copy=False))
             if self.hidden.max() > sum(Hidden):
                 raise SceneError(f"hidden holds {self.hidden.max()}; sums of Hidden are at most {sum(Hidden)}")
 

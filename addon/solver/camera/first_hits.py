@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.eye import build_eye, empty_eye_rays, middle_rays
+from ..geometry.eye import build_eye, empty_eye_rays, rays_through
 from ..geometry.interaction import interact
 from ..geometry.media import radius_of_media
 from ..geometry.see_through import with_holes
@@ -82,7 +82,8 @@ def first_hit_images(
             return
         pixels = np.arange(first, min(first + _CHUNK, count))
         origin, direction, reach = empty_eye_rays(len(pixels))
-        middle_rays(pinhole, pixels, origin, direction, reach)
+        x, y = pixels % (x1 - x0) + (x0 + 0.5), pixels // (x1 - x0) + (y0 + 0.5)
+        rays_through(pinhole, x, y, origin, direction, reach)
         hits = tracer.trace(origin, direction, reach)
         if through:
             images["transmittance"][pixels, 0] = through.of(origin, direction, hits)

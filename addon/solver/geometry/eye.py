@@ -148,18 +148,9 @@ def eye_rays(eye, key, index, samples, pixels, origin, direction, reach):
 
 
 @njit(**KERNEL)
-def middle_rays(eye, pixels, origin, direction, reach):
-    """Fill one ray for each of n pixels, through its middle; the eye is a pinhole. Arguments as in eye_rays."""
-    columns = eye.window[2] - eye.window[0]
-    for i in range(pixels.size):
-        x, y = eye.window[0] + pixels[i] % columns, eye.window[1] + pixels[i] // columns
-        _put_eye_ray(eye, x + 0.5, y + 0.5, (0.0, 0.0), origin, direction, reach, i)
-
-
-@njit(**KERNEL)
 def rays_through(eye, x, y, origin, direction, reach):
-    """Fill one ray for each of n places in the picture, (n,) each, in pixels from the lower left of the whole picture;
-    the eye is a pinhole. Other arguments as in eye_rays."""
+    """Fill one ray for each of n places in the picture, (n,) each, in pixels from the lower left of the whole picture.
+    eye: a pinhole, with a lens_radius of 0. Other arguments as in eye_rays."""
     for i in range(x.size):
         _put_eye_ray(eye, x[i], y[i], (0.0, 0.0), origin, direction, reach, i)
 

@@ -100,12 +100,13 @@ def unshadowed(
             met = np.flatnonzero((hits.triangle >= 0) & (kind == each))
             let_through(tracer.seen_from(each).trace, stage, hits, (rays, reach), value, met)
     if tracer.holds_media:
-        _transmit(tracer.cross(*rays, hits.distance), value)
+        transmit_all(tracer.cross(*rays, hits.distance), value)
     return hits.triangle < 0
 
 
 @njit(**KERNEL)
-def _transmit(air, value):
+def transmit_all(air, value):
+    """Lower value (n, b) by what n segments take, see transmit."""
     for i in range(air.length.size):
         transmit(air, i, value[i])
 

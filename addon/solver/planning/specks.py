@@ -18,7 +18,8 @@ import numpy as np
 
 from ..geometry.eye import Eye, empty_eye_rays, rays_through
 from ..geometry.interaction import interact
-from ..geometry.segments import Tracer, transmit, ways
+from ..geometry.see_through import transmit_all
+from ..geometry.segments import Tracer, ways
 from ..geometry.stage import Stage, emission_at, nothing_emitted
 from ..geometry.surfaces import facing_side, sheet_count, sheet_of
 from ..geometry.triangles import corner
@@ -33,7 +34,7 @@ _NARROW = (
     0.25  # pixels, mean width of larger ones: the survey's 16 rays through a pixel miss what is wider 1 time in 100
 )
 _DENSITY, _POINTS = 16.0, 1 << 14  # points on a triangle for each pixel that it is long, and at most
-_RAYS = 1 << 18  # points, at most, to which rays are sent; each then stands for several
+_RAYS = 1 << 18  # triangles, at most, each of which then stands for several; and points on them, about, at most
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -82,21 +83,23 @@ def find_specks(stage: Stage, tracer: Tracer, eye: Eye) -> Specks:
     extent = extent.max(axis=1)
     small = (extent < _LARGEST) | ((total < _NARROW * extent) & (extent < math.inf))
     chosen = np.flatnonzero((seen.area > 0.0) & small[seen.label])
-    points = np.clip(np.ceil(_DENSITY * seen.length[chosen]), 1, _POINTS).astype(np.int64)
+    every = max(1, -(-len(chosen) // _RAYS))
+    chosen = chosen[::every]
+    points = np.clip(np.ceil(_DENSITY * seen.length[chosen]), 1, _POINTS)
+    points = np.ceil(points * min(1.0, _RAYS / max(points.sum(), 1.0))).astype(np.int64)
     x, y = np.empty((2, points.sum()))
     _spread(surfaces, eye, (chosen, points), place, x, y)
     inside = np.flatnonzero((x0 <= x) & (x < x1) & (y0 <= y) & (y < y1))
-    every = -(-len(inside) // _RAYS)
-    inside = inside[:: max(every, 1)]
     if len(inside) == 0:
         return specks
     (x, y), of = (x[inside], y[inside]), np.repeat(np.arange(len(chosen)), points)[inside]
     *rays, reach = empty_eye_rays(len(inside))
-    rays_through(eye, x, y, *rays, reach)
+    rays_through(eye._replace(lens_radius=0.0), x, y, *rays, reach)
     hits = tracer.camera.trace(*rays, reach)
-    bands, through = stage.radiometry.reference.size, np.ones((len(inside), stage.radiometry.reference.size))
+    bands = stage.radiometry.reference.size
+    through = np.ones((len(inside), bands))
     if tracer.holds_media:
-        _transmit(tracer.cross(*rays, ways(hits)), through)
+        transmit_all(tracer.cross(*rays, ways(hits)), through)
     pixel = np.floor(x).astype(np.int64) - x0 + (np.floor(y).astype(np.int64) - y0) * (x1 - x0)
     label, width = seen.label[chosen[of]], total / np.maximum(extent, 1e-300)
     wanted = label, pixel, every * (seen.area[chosen] / points)[of], width[label]
@@ -105,12 +108,6 @@ def find_specks(stage: Stage, tracer: Tracer, eye: Eye) -> Specks:
         column /= np.maximum(specks.share, 1e-300)
     np.minimum(specks.share, 1.0, out=specks.share)
     return specks
-
-
-@njit(**KERNEL)
-def _transmit(air, through):
-    for i in range(air.length.size):
-        transmit(air, i, through[i])
 
 
 @njit(**KERNEL)
