@@ -6,7 +6,8 @@ With P pixels, b bands, l layers, m triangles, t threads and h stored hits in a 
     film       P (12 l b + 144)               mean in float64, one pass in float32, sixteen more values for the noise,
                                               six results of the survey
                P (4 l b + 8 b)                where l > 1: their sum, and what their file is written from
-               P (16 + 24 j)                  with molecules: what follows the j numbers that tell their draws
+               P (16 + 24 j)                  with molecules or motion: what follows the j numbers that tell of
+                                              their draws and times
     images     P (4 c (b + 7) + 64)           c float32 copies of all passes, and what the noise is computed with
     frame      20 F                           of F pixels around a render region: Combined, and as a screen shows it
     photons    1.25 h (2 (4 b + 29) + 30)     twice while the store grows, then sorted into the map, as are points of
@@ -41,6 +42,7 @@ import numpy as np
 
 from .geometry.grids import memory_of_grids
 from .image.tiles import TILE
+from .moments import wave_count
 from .photons.cells import bytes_of_textures
 from .physics.fresnel import bytes_of_fresnel
 from .physics.layers import scene_layers
@@ -129,7 +131,7 @@ def _pixels(scene: Scene) -> float:
 
 def _images_of(scene: Scene, copies: float) -> dict[str, float]:
     parts = memory_of_images(_pixels(scene), scene.band_count, copies, len(scene_layers(scene)[0]))
-    numbers = probe_count(scene.media)
+    numbers = probe_count(scene.media) + wave_count(len(scene.moments))
     return parts | ({"film": parts["film"] + _pixels(scene) * (16 + 24 * numbers)} if numbers else {})
 
 

@@ -27,6 +27,10 @@ from .system.kernels import KERNEL, njit
 
 _DIMENSION = 4  # of the Sobol' sequence; camera rays take the others, so that times and places in a pixel do not agree
 _HALVINGS = 60  # until float64 tells two times apart no more
+# Cosines of the time that passes are compared with, see waves. After 8 to 64 passes over as many times, the true error
+# in the scenes of tests/test_moments.py is 0.2 to 1.0 of the stated one with 4, as with 2 (0.2 to 0.9), but nearer to 1
+# in most; with 6 it is 0.4 to 1.1; without 0.2 to 0.9.
+_WAVES = 4
 
 
 def moment_times(opened: float, closed: float, lag: float, count: int) -> np.ndarray:
@@ -65,6 +69,17 @@ def step_of(index: int, seed: int, count: int) -> int:
     about as many see each; of 2^k moments 2^k passes see each once."""
     key = pass_key(seed, ALL_PASSES, MOMENTS)
     return int(_share_of_pass(np.int64(index & 0xFFFFFFFF), key) * count)
+
+
+def wave_count(moments: int) -> int:
+    """How many numbers `waves` gives for a pass."""
+    return max(0, min(_WAVES, moments - 1))
+
+
+def waves(step: int, moments: int) -> np.ndarray:
+    """(w,) cosines of the time of a moment, of half a period over all of them, of one, and so on. Over all moments
+    the mean of each is 0. What pixels show of a motion mostly follows the slowest of them."""
+    return np.cos(math.pi * np.arange(1, wave_count(moments) + 1) * (step + 0.5) / moments)
 
 
 @njit(**KERNEL)

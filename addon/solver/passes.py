@@ -33,7 +33,7 @@ from .image.film import Film
 from .image.tiles import tiles
 from .image.trend import shrink_factor
 from .memory import check_memory, keep_freed_memory, memory_beforehand, memory_of_passes
-from .moments import at_moment, step_of
+from .moments import at_moment, step_of, wave_count, waves
 from .photons.emission import Batch
 from .photons.irradiance_cache import IrradianceCache, build_irradiance_cache, cache_points, look_around, ray_ends
 from .photons.photon_map import PhotonMap, Photons, PhotonStore, build_photon_map, few_neighbours
@@ -82,9 +82,8 @@ def render(
         return Film(*size, scene.band_edges, 0.0, *numbers) if film is None else film
     check_memory(memory_of_passes(scene, settings, image_copies, model.hits_per_photon, model.rays_per_pixel))
     empty = Film(*size, scene.band_edges, model.reference_temperature, *numbers, model.weights, model.layers)
-    molecular, probed = model.molecular, (model.diameter, model.weights)
-    if molecular is not None:
-        empty.follow_draws(molecular.exact_probes(*probed))
+    if (expected := _expected_numbers(model, scene)).size:
+        empty.follow(expected)
     if model.optics.keep_caustic:
         empty.follow_disks()
     empty.moments = len(scene.moments)
@@ -111,8 +110,8 @@ def render(
             room = store if present is model else photon_store(scene.band_count, present.optics)
             if not render_pass(present, settings, index, Work(room, pool, cancelled), (image, seen, missed)):
                 break
-            drawn = None if molecular is None else molecular.probes(np.array([index]), *probed)[0]
-            film.add_pass(image, seen, present.photons_per_pass, missed, drawn, disk_area(settings, index))
+            known = _numbers_of_pass(model, scene, settings.seed, index)
+            film.add_pass(image, seen, present.photons_per_pass, missed, known, disk_area(settings, index))
             if on_pass:
                 on_pass(film)
     log.info("%d passes, %d photons, %.2f s", film.passes, film.photons, time.monotonic() - started)
@@ -120,6 +119,21 @@ def render(
     if model.molecular is not None and film.passes and not cancelled():
         _log_quadrature(scene, model, film)
     return film
+
+
+def _expected_numbers(model: Model, scene: Scene) -> np.ndarray:
+    """(j,) mean over endless passes of _numbers_of_pass."""
+    of_draws = [] if model.molecular is None else model.molecular.exact_probes(model.diameter, model.weights)
+    return np.concatenate((of_draws, np.zeros(wave_count(len(scene.moments)))))
+
+
+def _numbers_of_pass(model: Model, scene: Scene, seed: int, index: int) -> np.ndarray:
+    """(j,) what is known of a pass and moves its picture: what it draws of spectra, and its time."""
+    of_draws, moments = [], len(scene.moments)
+    if model.molecular is not None:
+        of_draws = model.molecular.probes(np.array([index]), model.diameter, model.weights)[0]
+    of_time = waves(step_of(index, seed, moments), moments) if moments else []
+    return np.concatenate((of_draws, of_time))
 
 
 def model_of_pass(

@@ -24,7 +24,7 @@ _VALUES = ("width", "height", "band_edges", "reference_temperature", "weights", 
 _SEEN, _REST = ("_seen_squares", "_seen_cubes", "_seen_fourths"), ("_squares", "_cubes", "_fourths")
 _ARRAYS = ("_mean", "_seen", *_SEEN, *_REST)  # by pixel
 _CHECKS = ("_missed", "_missed_squares")  # by region of the image
-_FOLLOWED = ("seen", "rest", "blur")  # what a film may hold a Regression of, see follow_draws and follow_disks
+_FOLLOWED = ("seen", "rest", "blur")  # what a film may hold a Regression of, see follow and follow_disks
 
 
 class Film:
@@ -86,8 +86,9 @@ class Film:
         self._missed, self._missed_squares = np.zeros((2, GRID**2))
         self._followed: dict[str, Regression] = {}
 
-    def follow_draws(self, exact: np.ndarray) -> None:
-        """Expect with each pass (j,) numbers that tell what it drew of spectra, whose exact mean is given."""
+    def follow(self, exact: np.ndarray) -> None:
+        """Expect with each pass (j,) numbers that its picture follows, whose exact mean is given: what it drew of
+        spectra, and cosines of its time."""
         self._followed |= {part: Regression(self.height * self.width, exact) for part in ("seen", "rest")}
 
     def follow_disks(self) -> None:
@@ -166,7 +167,7 @@ class Film:
         seen: np.ndarray,
         photons: int,
         missed: np.ndarray | None = None,
-        drawn: np.ndarray | None = None,
+        known: np.ndarray | None = None,
         area: float = 1.0,
     ) -> None:
         """Add one finished pass.
@@ -175,15 +176,15 @@ class Film:
         float32, the part of its sum, weighted with layer_weights, that surfaces emit into the camera, straight or by
         way of mirrors, so that only the place in the pixel decides what is met. photons: emitted in the pass. missed:
         (height * width,) float32, what the excess misses where rays recall, as few rays tell (see render_pixels); None
-        for nothing. drawn: see follow_draws; None without draws. area: of the disks in which photons are counted, over
-        that of the first pass, see follow_disks.
+        for nothing. known: see follow; None if nothing is followed. area: of the disks in which photons are counted,
+        over that of the first pass, see follow_disks.
         """
         with self.lock:
             if self._followed:
                 rest = _weighted(excess, np.zeros(self._factors.size), self.layer_weights.ravel()) - seen
                 values, numbers = {"seen": seen.astype(np.float64)}, {"blur": np.array([area])}
                 for part, regression in self._followed.items():
-                    regression.add(values.get(part, rest), numbers.get(part, drawn))
+                    regression.add(values.get(part, rest), numbers.get(part, known))
             count = self.passes + 1
             means, powers = (self._mean, self._seen), (self._powers(_SEEN), self._powers(_REST))
             _accumulate(means, powers, (excess, seen), self.layer_weights.ravel(), count)
@@ -213,7 +214,7 @@ class Film:
         if not np.array_equal(self.weights, other.weights):
             raise ValueError("Films of sensors with different responses cannot be merged")
         if self._followed.keys() != other._followed.keys():
-            raise ValueError("Films of scenes with and without molecules or caustics cannot be merged")
+            raise ValueError("Films of scenes with and without molecules, motion or caustics cannot be merged")
         if self.moments != other.moments:
             raise ValueError("Films of scenes that move otherwise cannot be merged")
         if to_json(self.layers) != to_json(other.layers):
@@ -287,7 +288,7 @@ class Film:
         if self.passes < 2:
             return self.temperature()
         radiance = self._object_radiance()
-        directly, others, off = self._undrawn()
+        directly, others, off = self._unfollowed()
         shape = self.height, self.width
         sums = tuple(of.reshape(shape) for of in others)
         rest = pooled_variance(*sums, self.estimated.reshape(shape), self.passes).ravel()
@@ -330,9 +331,9 @@ class Film:
         around = sum_around(seen.reshape(self.height, self.width), REACH).ravel() / (2 * REACH + 1) ** 2
         return np.maximum(seen, around) * max(over, 1.0) ** 1.5, rest * max(over / math.sqrt(self.moments), 1.0)
 
-    def _undrawn(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray | float]:
+    def _unfollowed(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray | float]:
         """Sums of squares and of fourth powers of what is seen, and of the rest, both without what follows the draws of
-        spectra; and how far these let the radiance be off, W m-2 sr-1. As many passes would tell them."""
+        spectra and the times; and how far these let the radiance be off, W m-2 sr-1. As many passes would tell them."""
         sums = [(squares, fourths) for squares, _, fourths in (self._powers(_SEEN), self._powers(_REST))]
         if "rest" not in self._followed or self._followed["rest"].freedom() < 1:
             return *sums, 0.0

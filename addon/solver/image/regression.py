@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What of the difference between passes follows numbers that are known for each pass, and whose true mean is known.
 
-Disks shrink from pass to pass, and have no area in the end (see trend). Passes draw what molecules absorb, and what is
-drawn is stratified over the passes, so that its mean comes to the truth far sooner than the spread of the passes tells.
-By linear regression, a pixel's part that follows the draws is taken out of that spread, and the regression tells how
-far it is off, as it tells so of the known numbers (as a control variate does; Owen, Monte Carlo theory, methods and
-examples, section 8.9).
+Disks shrink from pass to pass, and have no area in the end (see trend). Passes draw what molecules absorb, and the time
+at which they see what moves. Both are stratified over the passes, so that their mean comes to the truth far sooner than
+the spread of the passes tells. By linear regression, a pixel's part that follows the draws and slow waves of the time
+is taken out of that spread, and the regression tells how far it is off, as it tells so of the known numbers (as a
+control variate does; Owen, Monte Carlo theory, methods and examples, section 8.9).
 """
 
 from __future__ import annotations
