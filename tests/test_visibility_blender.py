@@ -7,7 +7,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from addon.reading.visibility import read_visibility  # noqa: E402
+from addon.reading.visibility import HIDDEN_IN_FOG, read_visibility  # noqa: E402
+from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.solver.scene import Hidden  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, material, read  # noqa: E402
 
@@ -83,12 +84,25 @@ def test_rays_pass_what_the_instance_or_its_source_hides(two):
 
 
 def test_where_gas_scatters_a_warning_names_what_is_not_hidden(two):
+    """In the render's report and in the checks before it, with the same words."""
     two.visible_glossy = False
     fog = cube("Fog")
     fog.data.materials[0]["scattering"], fog.data.materials[0]["absorption"] = 0.2, 0.1
-    assert any("Cube" in each and "as gas scatters light" in each for each in read()[1])
+    assert [each for each in read()[1] if HIDDEN_IN_FOG in each] == [f"'Cube': {HIDDEN_IN_FOG}"]
+    assert checked() == [f"Object 'Cube': {HIDDEN_IN_FOG}"]
     fog.data.materials[0]["scattering"] = 0.0
-    assert not any("scatters" in each for each in read()[1])
+    assert not any(HIDDEN_IN_FOG in each for each in read()[1]) and checked() == []
+    bpy.context.scene.world = bpy.data.worlds.new("Fog")
+    bpy.context.scene.world["scattering"] = 0.01
+    assert checked() == [f"Object 'Cube': {HIDDEN_IN_FOG}"]
+    two.visible_glossy, two.visible_camera = True, False
+    assert checked() == []
+
+
+def checked():
+    """The checks of what is not hidden where gas scatters light."""
+    checks = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    return [check.text for check in checks if HIDDEN_IN_FOG in check.text]
 
 
 def test_collections_that_are_indirect_only_are_hidden(two):

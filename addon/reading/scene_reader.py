@@ -27,7 +27,7 @@ from .settings import read_defaults
 from .shaders import read_shader, unseen_message
 from .strands import PixelSize
 from .surfaces import SurfaceReader
-from .visibility import Visibility, read_visibility
+from .visibility import HIDDEN_IN_FOG, Visibility, read_visibility
 from .warnings import Warnings
 from .world import layer_world, read_sky, world_temperature
 
@@ -114,7 +114,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -
     arrays = surfaces.arrays(world)
     if any(medium.scatters for medium in arrays.get("media", ())):
         for name in sorted(hiding):
-            warnings.add(name, "ray visibility is ignored but for the camera's, as gas scatters light in this scene")
+            warnings.add(name, HIDDEN_IN_FOG)
     return arrays | {
         "band_edges": read_band_edges(scene.infrared),
         **_surroundings(world),

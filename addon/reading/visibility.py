@@ -10,6 +10,9 @@ from ..solver.scene import Hidden
 # Blender's kinds of rays (visible_...) that have one here. The others are named, see ignored_settings.
 RAYS = {"camera": Hidden.CAMERA, "diffuse": Hidden.DIFFUSE, "glossy": Hidden.GLOSSY, "shadow": Hidden.LIGHTS}
 
+# Of an object that other rays than the camera's should pass, in a scene where gas scatters light
+HIDDEN_IN_FOG = "ray visibility is ignored but for the camera's, as gas scatters light in this scene"
+
 
 class Visibility(NamedTuple):
     """Of an object or an instance. hidden: which rays pass it. holdout: it is a hole in the picture."""

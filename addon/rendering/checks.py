@@ -45,13 +45,14 @@ from ..reading.surface_temperature import (
     temperatures_without_image,
 )
 from ..reading.textures import TextureReader, with_mixed
+from ..reading.visibility import HIDDEN_IN_FOG, read_visibility
 from ..reading.volumes import bad_values
 from ..reading.warnings import Warnings
 from ..reading.world import WHERE_TO_SET, layer_world, unset_surroundings, world_temperature
 from ..solver.physics import library
 from ..solver.physics.sensors import share_outside
 from ..solver.physics.transmission import transmittance
-from ..solver.scene import Material, Medium, SceneError, check_depth, check_response
+from ..solver.scene import Hidden, Material, Medium, SceneError, check_depth, check_response
 from .camera_effects import read_detector
 from .render_files import check_paths
 from .render_passes import render_passes
@@ -353,6 +354,27 @@ def _driver_checks(id_block, owner: str) -> list[Check]:
     return [Check("WARNING", f"{owner}: {remark}")] if remark else []
 
 
+def _fog_checks(scene, view_layer, objects: Collection) -> list[Check]:
+    """Checks of objects that rays should pass, where gas scatters light. objects: those that the view layer renders."""
+    seen_by = ((obj, read_visibility(obj, obj, view_layer)) for obj in objects if obj.type in SURFACE_TYPES)
+    hidden = [obj for obj, visibility in seen_by if visibility.hidden & ~Hidden.CAMERA]
+    if not hidden:
+        return []
+    filled = [obj for obj in objects if holds_gas(obj, view_layer)]
+    slots = {view_layer.material_override or slot.material for obj in filled for slot in obj.material_slots}
+    if not any(map(_scatters, [layer_world(scene, view_layer), *slots])):
+        return []
+    return [Check("WARNING", f"{_owner(obj)}: {HIDDEN_IN_FOG}") for obj in hidden]
+
+
+def _scatters(block) -> bool:
+    """Whether the gas of a material or world scatters light; not if it has none, or one that makes no sense."""
+    try:
+        return is_medium(block) and read_gas_alone(block, block.name, TYPICAL).scatters
+    except SceneError:  # reported for the block
+        return False
+
+
 def world_checks(scene, view_layer, objects: Collection) -> list[Check]:
     """Checks of the world that a view layer shows. objects: those that it renders."""
     world = layer_world(scene, view_layer)
@@ -420,6 +442,7 @@ def scene_checks(scene, view_layer) -> list[Check]:
         found += material_checks(material, infrared)
     for obj in objects:
         found += object_checks(obj, infrared, view_layer)
+    found += _fog_checks(scene, view_layer, objects)
     if infrared.group_exr_path:
         found += _group_checks(scene, view_layer)
     return sorted(dict.fromkeys(found), key=lambda check: LEVELS.index(check.level))
