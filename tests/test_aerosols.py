@@ -192,7 +192,7 @@ def test_a_slab_of_fog():
         vertices, triangles[:, ::-1], temperature, materials, look((0.5, 0.5, 1.0 - 1e-6), (0.5, 0.5, 0.0), 4, 3, 1e-3),
         edges, np.repeat([0, 0, 0, 0, 1, 1], 2), world_depth=1.0, media=(fog(grams, 0.0),),
     )  # fmt: skip
-    mean, error = mean_and_error(scene, Settings(passes=120, photons_per_pass=1000))
+    mean, error = mean_and_error(scene, Settings(passes=400, photons_per_pass=1000))
     black = float(band_radiance(edges, 400.0)[0])
     print(f"{mean / black:.4f} +- {error / black:.4f}, walk {through:.4f} +- {uncertain:.4f}")
     assert error < 0.01 * black

@@ -284,6 +284,16 @@ def test_films_of_different_images_do_not_merge(other, message):
         film_of([]).merge(other)
 
 
+def test_films_that_follow_other_numbers_do_not_merge():
+    """Both of a scene that moves, one of them with molecules: passes tell of more numbers there."""
+    films = film_of([]), film_of([])
+    for film, numbers in zip(films, (4, 6), strict=True):
+        film.moments = 8
+        film.follow(np.zeros(numbers))
+    with pytest.raises(ValueError, match="with and without molecules"):
+        films[0].merge(films[1])
+
+
 # Robustness
 
 
