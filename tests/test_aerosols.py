@@ -177,6 +177,7 @@ def test_fog_of_one_temperature_is_black():
 
 
 @pytest.mark.once
+@pytest.mark.long
 def test_a_slab_of_fog():
     """A slab of droplets of 5 um at 10 um, an optical depth of 2, made endless by mirrors, over a black plate: what it
     lets through and what it shines, against a random walk of 4e5 photons with the library's albedo and g. 4 standard

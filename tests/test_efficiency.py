@@ -60,7 +60,12 @@ def figure(name, seed=0):
     return film.passes * squares.mean() * rays_per_pass
 
 
-@pytest.mark.parametrize("name", SCENES)
+SHORT = "room", "ring", "street"
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in SHORT else pytest.mark.long) for name in SCENES]
+)
 def test_error_and_rays_together_are_as_small_as_they_were(name):
     now = figure(name)
     print(f"\n{name}: {now:.4g} K2 rays, {now / STORED[name] - 1:+.1%}")

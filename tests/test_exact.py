@@ -52,7 +52,13 @@ pytestmark = pytest.mark.once
 
 ENCLOSURES = plates, closed_sphere, concentric, cavity  # light comes from all sides, so that few passes tell its spread
 CHANCE = 6e-5  # that one of some 60 means strays further: in every 260th suite, as for 4 standard errors that are known
-SECOND_VIEWS = "hot, e = 0.8 / 0.4", "rest, e = 0.3 / 0.9", "f = 0.01, e = 0.5", "three bands"  # of what others show
+SECOND_VIEWS = (
+    "hot, e = 0.8 / 0.4",
+    "rest, e = 0.3 / 0.9",
+    "cap, e = 0.3 / 0.9",
+    "f = 0.01, e = 0.5",
+    "three bands",
+)  # of what others show
 
 
 def is_long(case):

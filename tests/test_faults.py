@@ -138,17 +138,21 @@ print(sum(needed.values()), taken)
 @pytest.mark.parametrize(
     "options, photons, more",
     [
-        ({"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000, ""),  # the film
-        ({"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000, ""),  # the photons
+        pytest.param(  # the film
+            {"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000, "", marks=pytest.mark.long
+        ),
+        pytest.param(  # the photons
+            {"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000, "", marks=pytest.mark.long
+        ),
         # photons of lamps, of which few are stored
         pytest.param({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000, "", marks=pytest.mark.long),
         ({"width": 8, "bands": 4, "subdivisions": 7}, 1000, ""),  # the triangles
         pytest.param({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, "", marks=pytest.mark.long),  # the rays
-        ({"width": 8}, 1000, "media=(plume(216),)"),  # the cells of a grid
+        pytest.param({"width": 8}, 1000, "media=(plume(216),)", marks=pytest.mark.long),  # the cells of a grid
         pytest.param(  # and their components
             {"width": 8}, 1000, "media=(plume(216, soot=1e-7, CO2=0.01),)", marks=pytest.mark.long
         ),
-        ({"width": 8}, 1000, "textures=wallpaper(6000)"),
+        pytest.param({"width": 8}, 1000, "textures=wallpaper(6000)", marks=pytest.mark.long),
     ],
     ids=["film", "photons", "lamps", "geometry", "rays", "grid", "components", "textures"],
 )

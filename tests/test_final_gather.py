@@ -71,6 +71,7 @@ def test_floor_beside_a_hot_wall_is_exact():
     assert np.all(np.abs(value - truth) < student.ppf(1 - 5e-4 / 32, 15) * error)
 
 
+@pytest.mark.long
 def test_floor_beside_a_mirror_is_exact():
     """A mirror stands on a floor that goes on behind it, in its shadow. Close to it the floor has twice the light of a
     ball before it: rays from the ball, and photons by way of the mirror, of which none may be sought behind it.
@@ -151,9 +152,9 @@ def outside():
     [
         ("closed", 32),
         ("open", 32),
-        ("outside", 200),
+        pytest.param("outside", 200, marks=pytest.mark.long),
         ("lamp", 32),
-        ("lamp mirror", 64),
+        pytest.param("lamp mirror", 64, marks=pytest.mark.long),
         pytest.param("light mirror", 32, marks=pytest.mark.long),
         pytest.param("lamp rough", 64, marks=pytest.mark.long),
         ("light rough", 32),
@@ -340,7 +341,8 @@ def test_tiles_cover_the_window_and_move():
     assert tiles(np.array([0, 0, 1, 1]), 7, np.uint64(5))[0].tolist() == [[0]]
 
 
-@pytest.mark.parametrize("moving", [True, pytest.param(False, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("moving", [True, False])
 def test_tiles_leave_no_steps(moving, monkeypatch):
     """What a grey floor reflects of a hot wall, all else being black, is exact on both sides of tiles' borders, as they
     move; were these where they are in the first pass (moving is False), it would not be.
@@ -412,7 +414,8 @@ def plate_against_a_wall(caustic):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("caustic", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("caustic", [False, True])
 def test_a_corner_is_not_blurred_by_what_rays_recall(caustic, monkeypatch):
     """On both sides of a crease, in the rows of pixels next to it, rays end within the disks of the photons that they
     ask. The first passes agree with passes whose disks are a tenth as wide, which would not do without going on.
@@ -471,6 +474,7 @@ def test_noise_is_foreseen_where_a_small_part_of_a_floor_is_lit(monkeypatch):
     assert 1.5**-2 < foreseen / found < 1.5**2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["closed", "open"])
 def test_noise_of_rays_is_foreseen(kind, monkeypatch):
     """To a factor of 1.5 in the standard deviation: rays in number as a spread that is wrong by that take at most 8 %

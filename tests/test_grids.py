@@ -217,7 +217,7 @@ def marched(media, edges, quiet, ray, limit):
     (Medium("sparse", 0.5, 0.0, 0.3, grid=random_grid(3, reach=6, filled=0.02)),),
     (Medium("one", 0.8, grid=random_grid(4)), Medium("two", 0.3, grid=random_grid(5)), Medium("air", 0.02, 280.0)),
 ], ids=["one", "thick", "sparse", "overlapping"])  # fmt: skip
-@pytest.mark.parametrize("quiet", [0.0, 310.0])
+@pytest.mark.parametrize("quiet", [0.0, pytest.param(310.0, marks=pytest.mark.long)])
 def test_random_grids_against_a_march_in_numpy(media, quiet):
     """Radiance and transmittance of rays; 5e-7 for float32 and its temperatures."""
     (origin, direction), centre = random_rays(120), np.array([0.3, -0.2, 0.1])

@@ -48,7 +48,7 @@ SUBTRACTION = [
 ]
 # Where a case takes long: without the subtraction estimates are noisier, and as right.
 BRIEFLY = [SUBTRACTION[0], pytest.param(*SUBTRACTION[1].values, id=SUBTRACTION[1].id, marks=pytest.mark.long)]
-WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0")
+WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0", marks=pytest.mark.long)
 # Under a sky of 0 K the solver may choose 0 K, which traces the same as without the subtraction: a given one does not
 WARM = pytest.param({"reference_temperature": 300.0}, id="T0=300")
 ROUNDING = 5e-7  # of images: float32 keeps 6e-8, and differences to a reference a few of that
@@ -159,7 +159,7 @@ def test_walls_of_three_kelvin_are_black():
 
 @pytest.mark.parametrize("settings", [*BRIEFLY, pytest.param({"reference_temperature": 200.0}, id="T0=200")])
 @pytest.mark.parametrize("edges", [pytest.param(EDGES, marks=pytest.mark.long), FAR], ids=["8-12 um", "0.5-2 mm"])
-@pytest.mark.parametrize("hot, cold", [(300.0, 3.0), (3.0, 300.0)])
+@pytest.mark.parametrize("hot, cold", [(300.0, 3.0), pytest.param(3.0, 300.0, marks=pytest.mark.long)])
 def test_three_kelvin_beside_300(hot, cold, edges, settings):
     """Two parts of a diffuse ball (see diffuse_sphere): what is at 3 K reflects the other, and takes from it as much as
     it must. In 8-12 um it emits less than the smallest float32, in 0.5-2 mm up to a thousandth of the other.
@@ -459,7 +459,7 @@ def test_room_in_which_nothing_absorbs(specular, settings):
 
 
 @pytest.mark.parametrize("settings", BRIEFLY)
-@pytest.mark.parametrize("specular", [0.0, 1.0])
+@pytest.mark.parametrize("specular", [pytest.param(0.0, marks=pytest.mark.long), 1.0])
 def test_room_in_which_nothing_absorbs_ends(specular, settings, monkeypatch):
     """With a lamp there is no steady state at all; between mirrors alone a camera path meets nothing that ends it. Both
     end by roulette, after 4096 bounces on average, and leave an image of finite numbers."""
@@ -639,6 +639,7 @@ def test_cap_of_a_cylinder_as_a_fan():
     np.testing.assert_allclose(film.radiance(), black(EDGES, 300.0), rtol=limit)
 
 
+@pytest.mark.long
 def test_long_thin_pipe():
     """2 mm wide and 10 m long, of 32 sides: needles, in a place where a ray must not start far from them.
 
@@ -683,8 +684,8 @@ def test_flipped_normals():
     "other",
     [
         Material("mirror", 0.5, specular=1.0),
-        Material("black", 1.0),
-        Material("rough", 0.5, specular=1.0, roughness=0.5),
+        pytest.param(Material("black", 1.0), marks=pytest.mark.long),
+        pytest.param(Material("rough", 0.5, specular=1.0, roughness=0.5), marks=pytest.mark.long),
     ],
     ids=lambda material: material.name,
 )
@@ -990,7 +991,10 @@ def test_passes_that_store_no_photon_send_rays_like_others():
     assert abs(deviation) < 4.0 * error and error < 0.01 * excess
 
 
-@pytest.mark.parametrize("photons, precision", [(1, 0.03), (2, 0.02), (10, 0.01)])
+@pytest.mark.parametrize(
+    "photons, precision",
+    [(1, 0.03), *(pytest.param(*case, marks=pytest.mark.long) for case in ((2, 0.02), (10, 0.01)))],
+)
 @pytest.mark.parametrize("settings", BRIEFLY)
 def test_fewer_photons_than_neighbours(photons, precision, settings):
     """All count, over the largest disk, and the mean is that of many: the closed form of a diffuse ball.

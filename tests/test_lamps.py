@@ -139,7 +139,7 @@ def spot_intensity(light, cosine):
 
 @pytest.mark.parametrize("x", [0.0, 0.6, 1.0])  # the cone ends at 2 tan 0.5 = 1.09; blend 0.5 begins at 0.75
 @pytest.mark.parametrize("radius", [0.0, 0.15])
-@pytest.mark.parametrize("blend", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("blend", [0.5, *(pytest.param(blend, marks=pytest.mark.long) for blend in (0.0, 1.0))])
 def test_spot_light(blend, radius, x):
     light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, blend, radius)
     if radius > 0:
@@ -228,6 +228,7 @@ def test_area_light_sends_nothing_beyond_its_spread():
     assert irradiance(floor_scene((0.42, 0.0), lights=(light,)), passes=4)[0] == 0.0
 
 
+@pytest.mark.long
 def test_photons_of_an_area_light_leave_through_its_grid():
     """By way of a mirror, where photons find the light, it brings what its mirror image would."""
     light = AreaLight(
@@ -259,7 +260,7 @@ def square_intensity(light, way):
 
 # The beam ends at 2 tan 0.5 = 1.09 across a side, and in its corners at 1.54; blend 0.5 begins at 0.75
 @pytest.mark.parametrize("spot", [(0.0, 0.0), (0.6, 0.9), (1.0, 1.0)])
-@pytest.mark.parametrize("blend", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("blend", [0.5, *(pytest.param(blend, marks=pytest.mark.long) for blend in (0.0, 1.0))])
 def test_square_spot(blend, spot):
     light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, blend, square=np.array([1.0, 0.0, 0.0]))
     n = 40
@@ -295,7 +296,9 @@ FLUSH = {  # lights that shine down, by their height (m)
 
 
 @pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.long)])
-@pytest.mark.parametrize("light", FLUSH)
+@pytest.mark.parametrize(
+    "light", ["ellipse", *(pytest.param(k, marks=pytest.mark.long) for k in ("rectangle", "spot"))]
+)
 def test_light_flush_with_a_ceiling(light, turned):
     """It lights the room as one a millimetre lower does, to about that part of the room's height."""
     size = np.array([4.0, 3.0, 2.5])
@@ -477,11 +480,8 @@ def room_with_stove(**options):
     )
 
 
-@pytest.mark.parametrize(
-    "lights",
-    [pytest.param((), marks=pytest.mark.long), (PointLight(np.array([2.5, 0.5, 1.5]), 300.0, 0.05),)],
-    ids=len,
-)
+@pytest.mark.long
+@pytest.mark.parametrize("lights", [(), (PointLight(np.array([2.5, 0.5, 1.5]), 300.0, 0.05),)], ids=len)
 def test_lamps_do_not_change_the_mean(lights):
     """The image's mean with shadow rays to all that emits, and with all light of surfaces by photons and rays, within 4
     standard errors."""

@@ -143,7 +143,7 @@ def test_the_world_is_filled_to_its_depth():
     "settings",
     [
         {},
-        {"reference_subtraction": False},
+        pytest.param({"reference_subtraction": False}, marks=pytest.mark.long),
         pytest.param({"reference_temperature": 400.0}, marks=pytest.mark.long),
     ],
 )
@@ -181,7 +181,7 @@ def gas_sphere(emissivity, wall, gas, depth):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("t0", [None, 0.0, 450.0])
+@pytest.mark.parametrize("t0", [None, *(pytest.param(t0, marks=pytest.mark.long) for t0 in (0.0, 450.0))])
 def test_gas_in_a_grey_sphere(t0):
     """Radiosity J = (e Bw + (1 - e) eg Bg) / (1 - (1 - e) (1 - eg)), eg = 1 - 2/t^2 (1 - (1 + t) exp(-t)) the
     cosine-weighted emissivity of a sphere of optical diameter t (Modest, section 10.6 and chapter 5). From the middle
@@ -197,6 +197,7 @@ def test_gas_in_a_grey_sphere(t0):
     assert abs(mean - truth) < 4 * error + 1e-3 * truth
 
 
+@pytest.mark.long
 def test_gas_between_plates_with_mirrors():
     """Plates of 400 K (e .8) and 300 K (e .4), gas at 600 K, tau .2 between them, mirrors around: an endless slab, of
     which 2 E3(tau) gets through (Modest, chapter 14). 4 standard errors."""
@@ -246,8 +247,8 @@ def scattering_slab(omega, tau, medium, below, anisotropy=0.0):
     pytest.param(1.0, 1.0, "plate", 0.658671, marks=pytest.mark.long),
     (0.9, 1.0, "plate", 0.591625),
     pytest.param(0.5, 1.0, "plate", 0.446058, marks=pytest.mark.long),
-    (0.9, 1.0, "medium", 0.140965),
-    (0.5, 1.0, "medium", 0.454822),
+    pytest.param(0.9, 1.0, "medium", 0.140965, marks=pytest.mark.long),
+    pytest.param(0.5, 1.0, "medium", 0.454822, marks=pytest.mark.long),
     (0.5, 40.0, "medium", 0.884774),  # a half-space but for 1e-16
     pytest.param(0.9, 40.0, "medium", 0.585053, marks=pytest.mark.long),
 ])  # fmt: skip
@@ -262,7 +263,7 @@ def test_scattering_slabs(omega, tau, source, truth):
     assert error < 0.01 and abs(mean - truth) < 4 * error
 
 
-@pytest.mark.parametrize("anisotropy", [0.0, 0.8, -0.5])
+@pytest.mark.parametrize("anisotropy", [*(pytest.param(g, marks=pytest.mark.long) for g in (0.0, -0.5)), 0.8])
 def test_mean_radiance_in_a_scattering_cube(anisotropy):
     """One black face, the others cold, and pure scattering between: in the middle the mean over all directions is one
     sixth, by symmetry and superposition, whatever the phase function. 4 standard errors."""
@@ -285,7 +286,7 @@ def test_mean_radiance_in_a_scattering_cube(anisotropy):
     assert abs(mean - 1 / 6) < 4 * error + 1e-3
 
 
-@pytest.mark.parametrize("anisotropy", [0.0, 0.6])
+@pytest.mark.parametrize("anisotropy", [pytest.param(0.0, marks=pytest.mark.long), 0.6])
 def test_a_light_in_fog(anisotropy):
     """Light of a lamp that is scattered once, seen against nothing: the integral along the view of
     s phase(angle) I / d^2 exp(-s (way + d)); fog so thin that what is scattered twice is below 0.2 % of it."""
@@ -476,6 +477,7 @@ def quarters(image):
     )
 
 
+@pytest.mark.long
 def test_noise_through_fog_is_what_seeds_differ_by():
     """True over stated error between 0.8 and 1.2, as everywhere; 768 pixels tell it to 3 %."""
     floor = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))

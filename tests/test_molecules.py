@@ -334,7 +334,7 @@ def test_passes_are_the_mean_of_drawn_exponentials():
     "settings",
     [
         {},
-        {"reference_subtraction": False},
+        pytest.param({"reference_subtraction": False}, marks=pytest.mark.long),
         pytest.param({"reference_temperature": 400.0}, marks=pytest.mark.long),
     ],
 )
@@ -363,6 +363,7 @@ def test_an_isothermal_room_is_black(settings):
 
 
 @pytest.mark.once
+@pytest.mark.long
 def test_gas_in_a_grey_sphere():
     """A diffuse sphere of hot CO2: what the wall reflects is light of the same part of the spectrum. Radiosity as in
     test_media, for each coefficient that a pass draws, and the mean of it; 4 standard errors by 6 seeds and 0.3 %, as
@@ -407,8 +408,10 @@ def test_the_error_of_the_quadrature_is_told(caplog):
 @pytest.mark.parametrize("passes", [16, pytest.param(64, marks=pytest.mark.long)])
 @pytest.mark.parametrize("edges, wall, medium", [
     (EDGES, 400.0, {"temperature": 900.0, "gas": EXHAUST}),
-    (EDGES, 400.0, {"temperature": 300.0, "gas": {"CO2": 0.01}}),
-    (np.linspace(8.0, 12.0, 9), 300.0, {"temperature": 373.0, "gas": {"H2O": 0.5}}),
+    pytest.param(EDGES, 400.0, {"temperature": 300.0, "gas": {"CO2": 0.01}}, marks=pytest.mark.long),
+    pytest.param(
+        np.linspace(8.0, 12.0, 9), 300.0, {"temperature": 373.0, "gas": {"H2O": 0.5}}, marks=pytest.mark.long
+    ),
     (np.linspace(3.0, 5.0, 17), 300.0, {"temperature": 1000.0, "gas": {"CO2": 0.1, "H2O": 0.1, "soot": 1e-8}}),
 ])  # fmt: skip
 def test_noise_holds_the_error_of_the_draws(edges, wall, medium, passes):

@@ -77,7 +77,7 @@ def _blackbody(kelvin):
     return band_radiance(EDGES, kelvin.ravel()).sum(axis=1).reshape(kelvin.shape)
 
 
-@pytest.mark.parametrize("at", [hot_sphere, fan])
+@pytest.mark.parametrize("at", [hot_sphere, pytest.param(fan, marks=pytest.mark.long)])
 def test_spread_passes_see_the_mean_of_sharp_pictures(at):
     """Within three stated errors: of a normal distribution 0.3 % of the pixels are beyond, here at most 1 %, as stated
     errors are estimates themselves. In the mean over the picture the error averages out: 16 bands of a region lie

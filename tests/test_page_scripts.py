@@ -140,6 +140,7 @@ def accuracy(monkeypatch, tmp_path):
     return measure_accuracy
 
 
+@pytest.mark.long
 def test_accuracy_writes_its_page(accuracy, monkeypatch):
     monkeypatch.setattr(accuracy, "NOISE", 6.0)  # so few passes know their noise badly
     monkeypatch.setattr(accuracy, "DEVIATION", 0.1)
@@ -297,6 +298,7 @@ def test_gain_of_a_path_that_carries_all_bands(errors, gain):
     assert reference.gain_of_all_bands_at_once(image[None], groups) == pytest.approx(gain)
 
 
+@pytest.mark.long
 def test_the_small_benchmarks_print(small_scenes, monkeypatch, capsys):
     """Those that have one table and no page of their own."""
     room = throughput.room

@@ -71,7 +71,12 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CASES)
+SHORT = "mirrors", "three bands", "ramp", "corner", "beside a mirror", "rough plate under a sky", "in a rough mirror"
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in SHORT else pytest.mark.long) for name in CASES]
+)
 def test_exact_case(name):
     build, arguments, options, tolerance = CASES[name]
     scene, truth = build(**arguments)
@@ -84,7 +89,12 @@ def test_exact_case(name):
 
 
 @pytest.mark.parametrize(
-    "material", [Material("grey", 0.3), Material("rough", 0.3, 1.0, 1.0), Material("", 0.1, 0.5, 0.4)]
+    "material",
+    [
+        Material("grey", 0.3),
+        Material("rough", 0.3, 1.0, 1.0),
+        pytest.param(Material("", 0.1, 0.5, 0.4), marks=pytest.mark.long),
+    ],
 )
 def test_isothermal_enclosure_is_black(material):
     """Exactly if its temperature is T0; in the mean from another one, as only roulette makes paths differ then."""

@@ -265,7 +265,7 @@ def in_a_corner(rng, n):
         (20, 1.0, 1.0),
         pytest.param(20, 0.5, 1.0, marks=pytest.mark.long),
         pytest.param(20, 1.0, 0.3, marks=pytest.mark.long),
-        (5, 2.0, 0.5),
+        pytest.param(5, 2.0, 0.5, marks=pytest.mark.long),
     ],
 )
 def test_density_estimate_is_unbiased(region, cells, k, reach_share, shrink2):

@@ -142,7 +142,7 @@ WARM = np.linspace(230.0, 300.0, 8)[:, None] * np.ones((1, 16))
         pytest.param(5, {"film": True}, marks=pytest.mark.long),
         pytest.param(6, {"media": (AIR,), "world_depth": 5.0}, marks=pytest.mark.long),
         pytest.param(7, {"media": (AIR,), "world_depth": 5.0, "film": True}, marks=pytest.mark.long),
-        (8, {"lights": LIGHTS, "lobe": BOTH}),
+        pytest.param(8, {"lights": LIGHTS, "lobe": BOTH}, marks=pytest.mark.long),
         pytest.param(9, {"lights": LIGHTS, "film": True}, marks=pytest.mark.long),
         pytest.param(10, {"sky": Sky(WARM)}, marks=pytest.mark.long),
         (11, {"sky": Sky(WARM), "film": True, "lobe": BOTH}),

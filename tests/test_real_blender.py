@@ -202,6 +202,7 @@ def test_bpy_renders_the_same_image(passes):
         np.testing.assert_allclose(other[name], image, rtol=1e-4, err_msg=name)
 
 
+@pytest.mark.long
 def test_renders_disturbed_at_any_moment_end(first):
     """Esc, undo, another file, a second F12 and a scene emptied, in a window, at random moments of a render: Blender
     neither crashes nor hangs, no traceback is printed, and the solver's thread ends."""
@@ -235,6 +236,7 @@ def test_viewport_follows_an_artist_at_work(first, capsys):
         print(f"Blender's thread held for {np.median(calls):.3f} s, at most {max(calls):.3f} s]", end=" ")
 
 
+@pytest.mark.long
 def test_spot_meter_and_bar_tell_what_the_screen_shows(first):
     """In the viewport and, at any zoom and offset, in the Image Editor: the pixel that is read is the one that is seen.
 

@@ -84,6 +84,7 @@ def test_films_merge_with_their_checks():
     np.testing.assert_array_equal(again.missed(), whole.missed())
 
 
+@pytest.mark.long
 def test_it_finds_nothing_where_recalls_are_right():
     """A room, whose walls are far apart: the root mean square of 16 regions, each over its error, is 1, to 4 standard
     errors of that (1 / sqrt(32))."""

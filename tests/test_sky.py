@@ -110,7 +110,7 @@ def irradiance(sky, normal, count=60_000):
 
 @pytest.mark.parametrize("sky", LIT.values(), ids=LIT)
 @pytest.mark.parametrize(
-    "tilt", [0.0, *(pytest.param(degrees, marks=pytest.mark.long) for degrees in (60.0, 90.0, 180.0)), 135.0]
+    "tilt", [0.0, *(pytest.param(degrees, marks=pytest.mark.long) for degrees in (60.0, 90.0, 135.0, 180.0))]
 )
 def test_irradiance_on_plates(sky, tilt):
     """Reflected by a tilted plate into the camera, in each band: within .1 % and 4 standard errors of quadrature."""
@@ -153,7 +153,7 @@ def test_directions_are_chosen_by_brightness():
     "open_sides, fog",
     [
         pytest.param(True, False, marks=pytest.mark.long),
-        (True, True),
+        pytest.param(True, True, marks=pytest.mark.long),
         pytest.param(False, False, marks=pytest.mark.long),
     ],
 )

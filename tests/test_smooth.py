@@ -69,7 +69,7 @@ def test_diffuse_brdf_is_that_of_the_turned_surface(degrees):
 @pytest.mark.parametrize(
     "degrees, view", [(11, (0.3, 0.2, -1)), (25, (1, 0, -0.2)), (25, (-1, 0, -0.3)), (40, (-1, 0.3, -0.1))]
 )
-@pytest.mark.parametrize("alpha", [0.05, 0.3])
+@pytest.mark.parametrize("alpha", [pytest.param(0.05, marks=pytest.mark.long), 0.3])
 def test_rough_lobe_draws_what_it_evaluates(degrees, view, alpha):
     """The weights of directions that are drawn are f cos / density, all directions lie above the triangle, and the
     density is one: its integral over the hemisphere is the chance to be drawn, within 4 standard errors."""

@@ -29,6 +29,7 @@ def converged():
     return picture(matt_room(), Settings(passes=64, photons_per_pass=20_000, seed=9, threads=2))[0]
 
 
+@pytest.mark.long
 def test_the_error_of_a_first_picture_falls(converged):
     """Of seeds that are not the reference's; the mean of the picture stays, but for what the noise lets it."""
     for seed in (1, 2, 3):

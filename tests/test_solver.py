@@ -142,8 +142,8 @@ def usual():
     [
         {"roulette": "BAND_AVERAGE"},
         {"reference_subtraction": False},
-        {"reference_temperature": 250.0},
-        {"neighbours": 8},
+        pytest.param({"reference_temperature": 250.0}, marks=pytest.mark.long),
+        pytest.param({"neighbours": 8}, marks=pytest.mark.long),
     ],
     ids=lambda change: next(iter(change)),
 )

@@ -163,7 +163,9 @@ def marched(media, tables, quiet, ray, limit):
 
 
 @pytest.mark.parametrize("media", [
-    (Medium("fractions", 0.05, grid=gas_grid(1, (300.0, 900.0), ("CO2", "H2O"))),),
+    pytest.param(
+        (Medium("fractions", 0.05, grid=gas_grid(1, (300.0, 900.0), ("CO2", "H2O"))),), marks=pytest.mark.long
+    ),
     (Medium("numbers", 0.0, gas={"CO": 0.1, "soot": 1e-7}, grid=gas_grid(2, (350.0, 1000.0), ())),),
     (
         Medium("both", 0.1, 0.0, 0.2, gas={"CO2": 0.3, "H2O": 0.1}, grid=gas_grid(3, (300.0, 1200.0), ("CO2", "CO")),

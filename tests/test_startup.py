@@ -24,6 +24,8 @@ from addon.solver.system import kernel_cache  # noqa: E402
 from addon.ui import kernels as background  # noqa: E402
 from tests.helpers.scenes import loose  # noqa: E402
 
+pytestmark = pytest.mark.once  # of processes and files, the same on every Python
+
 ROOT = compilation.FOLDER.parent
 LONG = 120.0  # s, in which a few small kernels are compiled on any machine
 
