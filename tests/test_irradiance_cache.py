@@ -191,7 +191,7 @@ def test_a_wall_parts_what_is_recalled():
     assert np.array_equal(kept[found, 0] > 0, asked[:, 0] > 0)
 
 
-def test_closeness_is_the_mean_of_inverse_distances():
+def test_closeness_is_the_root_mean_square_of_inverse_distances():
     """On the floor, close to the middle of a wall of 2 m x 1 m at a distance d: rays towards it, at the angle a from
     its normal and the height angle b, go d / (cos a cos b). The mean over cosine-distributed rays is by quadrature;
     eight rays from each of 4096 points know it to 4 standard errors."""
@@ -201,14 +201,14 @@ def test_closeness_is_the_mean_of_inverse_distances():
     corners = surfaces.corners.of(slice(1)).astype(float)
     up = int(np.cross(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0])[2] < 0)
     side_id = np.full(len(point), up, np.int32)
-    closeness = look_around(tracer, surfaces, 0.04, (point, side_id), np.uint64(5), 0).closeness
+    squares = look_around(tracer, surfaces, 0.04, (point, side_id), np.uint64(5), 0).closeness ** 2
     y, z = np.meshgrid(*((np.arange(1000) + 0.5) / 1000,) * 2)
     y = 2.0 * y - 1.0
     square = distance**2 + y**2 + z**2
-    expected = 2.0 * np.mean(z * distance / (np.pi * square**2.5))  # of cos cos' / (pi d^2) / d over 2 m2
-    error = closeness.std(ddof=1) / math.sqrt(len(closeness))
+    expected = 2.0 * np.mean(z * distance / (np.pi * square**3))  # of cos cos' / (pi d^2) / d^2 over 2 m2
+    error = squares.std(ddof=1) / math.sqrt(len(squares))
     assert error < 0.02 * expected
-    assert abs(closeness.mean() - expected) < 4 * error
+    assert abs(squares.mean() - expected) < 4 * error
 
 
 def test_points_come_closer_as_disks_shrink():

@@ -80,8 +80,10 @@ def installed():
 
 @pytest.fixture(scope="module")
 def first(installed):
-    """Passes and seconds of the first render after installing, which compiles the kernels."""
-    return render(WORK / "first")
+    """Passes and seconds of the first render after installing, which compiles the kernels that it needs."""
+    rendered = render(WORK / "first")
+    blender(*module("settle"))
+    return rendered
 
 
 @pytest.fixture(scope="module")

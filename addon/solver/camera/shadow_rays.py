@@ -493,8 +493,8 @@ def _add(arrives, shadows, image):
 
 
 def lamp_closeness(surfaces, lighting, points, key, first) -> np.ndarray:
-    """(n,) float64, 1 / m, mean of the inverse distance from points to lamps, weighted with the light that these would
-    bring if nothing hid them; 0 where none would. points, key, first: see direct_irradiance."""
+    """(n,) float64, 1 / m, root mean square of the inverse distances from points to lamps, weighted with the light that
+    these would bring if nothing hid them; 0 where none would. points, key, first: see direct_irradiance."""
     closeness = np.zeros(len(points[1]))
     if len(lighting.points.side_id):
         _lamp_closeness(surfaces, lighting, points, (key, first), closeness)
@@ -513,8 +513,8 @@ def _lamp_closeness(surfaces, lighting, points, keys, closeness):
             way, received = _towards(lighting, lamp, at)
             brought = received * lamps.strength[lamp]
             total += brought
-            weighted += brought / math.sqrt(max(dot(way, way), 1e-30))
-        closeness[i] = weighted / total if total > 0.0 else 0.0
+            weighted += brought / max(dot(way, way), 1e-30)
+        closeness[i] = math.sqrt(weighted / total) if total > 0.0 else 0.0
 
 
 def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray:
