@@ -56,6 +56,10 @@ SECOND_VIEWS = (
     "hot, e = 0.8 / 0.4",
     "rest, e = 0.3 / 0.9",
     "cap, e = 0.3 / 0.9",
+    "inner, e = 0.8 / 0.4",
+    "parallel, distance 0.3 m",
+    "rough walls",
+    "half mirrors",
     "f = 0.01, e = 0.5",
     "three bands",
 )  # of what others show

@@ -403,7 +403,9 @@ COATED = {
 }
 
 
-@pytest.mark.parametrize("emitter", chains.EMITTERS)
+@pytest.mark.parametrize(
+    "emitter", ["plate", "lamp", *(pytest.param(other, marks=pytest.mark.long) for other in chains.EMITTERS[2:])]
+)
 @pytest.mark.parametrize("lobes", ["G", *(pytest.param(c, marks=pytest.mark.long) for c in LONG_CHAINS)])
 def test_every_kind_once(monkeypatch, lobes, emitter):
     """As in tests/test_ledger.py: chains of plates between which light can take one way alone."""

@@ -436,7 +436,7 @@ def test_half_hidden_lamp():
 # Lamps against photons
 
 
-@pytest.mark.parametrize("source", ["ball", "point"])
+@pytest.mark.parametrize("source", ["ball", pytest.param("point", marks=pytest.mark.long)])
 def test_caustic_of_a_mirror_counts_once(source):
     """Direct light by shadow rays plus that of the mirror image by photons: E = E_direct + rho E_image, over 60 cm.
 

@@ -424,7 +424,11 @@ def joined(parts, materials, camera, **options):
 
 @pytest.mark.parametrize(
     "scattering, anisotropy, mirror",
-    [(0.0, 0.0, False), (0.5, 0.0, True), pytest.param(1.0, 0.6, False, marks=pytest.mark.long)],
+    [
+        (0.0, 0.0, False),
+        pytest.param(0.5, 0.0, True, marks=pytest.mark.long),
+        pytest.param(1.0, 0.6, False, marks=pytest.mark.long),
+    ],
 )
 def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):
     """Quarters of the image, within 4 standard errors of both; the tracer has no shadow rays and no photons."""

@@ -193,6 +193,7 @@ def test_a_row_that_is_beyond_chance_twice_is_wrong(accuracy, monkeypatch):
     assert accuracy.wrong(rows) == rows[1:]
 
 
+@pytest.mark.long
 def test_accuracy_fails_where_an_image_is_wrong_and_writes_its_page(accuracy, monkeypatch, capsys):
     case = accuracy.CASES[0]
 
@@ -248,6 +249,7 @@ def run(module, monkeypatch, *arguments):
     module.main()
 
 
+@pytest.mark.long
 def test_speed_vs_error_prints_and_draws(small_scenes, monkeypatch, tmp_path, capsys):
     """With a peer that is no other renderer."""
 

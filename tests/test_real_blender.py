@@ -324,6 +324,7 @@ def object_temperature(kelvin, emissivity, reflected):
     return low
 
 
+@pytest.mark.long
 def test_the_colour_bar_is_dragged(bench):
     """By as many kelvin as the way of the mouse is of the bar; the middle moves both ends; undo and a double click."""
     mode, low, high, share = bench["upper end dragged"]
@@ -338,6 +339,7 @@ def test_the_colour_bar_is_dragged(bench):
     assert bench["double click"] == ["AUTOMATIC"]
 
 
+@pytest.mark.long
 def test_tools_are_drawn_where_the_mouse_is_and_read_the_tiles_there(bench):
     """To 1 mK of sums by hand. A press and a release are half a pixel of the screen from where they were meant."""
     kinds = [kind for kind, _ in bench["tools"]]
@@ -354,6 +356,7 @@ def test_tools_are_drawn_where_the_mouse_is_and_read_the_tiles_there(bench):
     assert tiles.kelvin[tuple(ellipse["place_of_maximum"])] == pytest.approx(ellipse["maximum"], abs=1e-3)
 
 
+@pytest.mark.long
 def test_a_tools_emissivity_is_typed_and_moves_its_temperature_alone(bench):
     """To 1 mK of Planck's law by hand."""
     own, emissivity, reflected = bench["own emissivity"]
@@ -368,6 +371,7 @@ def test_a_tools_emissivity_is_typed_and_moves_its_temperature_alone(bench):
     assert others[0] == others[1]
 
 
+@pytest.mark.long
 def test_tools_are_moved_and_removed(bench):
     (before, after), (moved, kept) = bench["tools"][2][1], bench["moved box"]
     assert kept == after and moved[0] < before[0] and moved[1] < before[1]
@@ -375,6 +379,7 @@ def test_tools_are_moved_and_removed(bench):
     assert bench["kinds after X"] == ["LINE", "BOX", "ELLIPSE", "POLYGON"]
 
 
+@pytest.mark.long
 def test_the_bench_exports_what_its_tools_read(bench):
     """Picture, table and report, written by mouse; figures by hand to 1 mK. The box has an emissivity of its own."""
     with open(WORK / "bench" / "wall.csv", encoding="utf-8-sig", newline="") as file:
@@ -395,6 +400,7 @@ def test_the_bench_exports_what_its_tools_read(bench):
     assert (WORK / "bench" / "wall.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.mark.long
 def test_a_browser_shows_the_report(bench):
     """The tiles are in the picture that it draws: far more colours than a page without it has."""
     browser = shutil.which("chromium") or shutil.which("google-chrome")

@@ -67,7 +67,13 @@ def test_diffuse_brdf_is_that_of_the_turned_surface(degrees):
 
 
 @pytest.mark.parametrize(
-    "degrees, view", [(11, (0.3, 0.2, -1)), (25, (1, 0, -0.2)), (25, (-1, 0, -0.3)), (40, (-1, 0.3, -0.1))]
+    "degrees, view",
+    [
+        (11, (0.3, 0.2, -1)),
+        pytest.param(25, (1, 0, -0.2), marks=pytest.mark.long),
+        pytest.param(25, (-1, 0, -0.3), marks=pytest.mark.long),
+        (40, (-1, 0.3, -0.1)),
+    ],
 )
 @pytest.mark.parametrize("alpha", [pytest.param(0.05, marks=pytest.mark.long), 0.3])
 def test_rough_lobe_draws_what_it_evaluates(degrees, view, alpha):

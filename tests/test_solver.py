@@ -141,7 +141,7 @@ def usual():
     "change",
     [
         {"roulette": "BAND_AVERAGE"},
-        {"reference_subtraction": False},
+        pytest.param({"reference_subtraction": False}, marks=pytest.mark.long),
         pytest.param({"reference_temperature": 250.0}, marks=pytest.mark.long),
         pytest.param({"neighbours": 8}, marks=pytest.mark.long),
     ],

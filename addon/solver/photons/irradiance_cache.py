@@ -31,10 +31,11 @@ _LOOKING = 8  # first of the two random numbers of a point that turn these rays
 LOOKS = 8  # rays from each point that tell how far away its surroundings are
 # Largest radius r of a disk that tells the light at its centre, over h, with 1 / h^2 the mean of the inverse squared
 # distances d to what is around: what changes the irradiance by r / d across a disk (Ward et al. 1988) cancels in it,
-# and what is left goes with (r / d)^2. With the mean of 1 / d, and 0.25, little that is near counts for little where
-# much of the view is sky: the street's car reflects 0.03 K too much after 16 passes, now 0.01 +- 0.01 K. Squared error
-# times rays is 1 % more than then in the geometric mean of tests/benchmarks/speed_scenes.py, and what the mean of
-# louvres 1 of tests/benchmarks/families.py is off by is the same. With 0.35 these are 3 % less and 1.7 times as much.
+# and what is left goes with (r / d)^2. By the mean of 1 / d, and with 0.25, what is near but fills little of the view
+# counts for too little: under the open sky the street's car reflects 0.03 K too much after 16 passes, now 0.01 +- 0.01
+# K. Squared error times rays is 1 % more than then in the geometric mean of tests/benchmarks/speed_scenes.py, and what
+# the mean of louvres 1 of tests/benchmarks/families.py is off by is the same. With 0.35 these are 3 % less and 1.7
+# times as much.
 _RESOLVED = 0.28
 
 
