@@ -39,7 +39,7 @@ def pytest_configure(config):
     # of test_properties.py, whose examples render for longer than hypothesis expects; the same in every run
     hypothesis.settings.register_profile(
         "enclosures",
-        max_examples=60 if config.getoption("--long") else 4,
+        max_examples=60 if config.getoption("--long") else 6,
         deadline=None,
         derandomize=True,
         database=None,

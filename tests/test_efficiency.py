@@ -11,7 +11,7 @@ make most of the figure's own spread. That is, as a standard deviation over 12 s
 caustic is most of it. A figure fails if it is beyond TOLERANCE either way, three standard deviations or more: one that
 is far better should be stored.
 
-`python -m pytest -s tests/test_efficiency.py` prints the figures beside those that are stored;
+`python -m pytest -s tests/test_efficiency.py --long` prints the figures beside those that are stored;
 `python -m tests.test_efficiency` prints new ones to store, and their spread, which takes some minutes.
 """
 

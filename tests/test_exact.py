@@ -58,7 +58,6 @@ SECOND_VIEWS = (
     "cap, e = 0.3 / 0.9",
     "inner, e = 0.8 / 0.4",
     "parallel, distance 0.3 m",
-    "rough walls",
     "half mirrors",
     "f = 0.01, e = 0.5",
     "three bands",

@@ -553,14 +553,14 @@ def read():
 
 @pytest.mark.parametrize("images", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_no_value_of_a_custom_property_surprises_the_reader(values, watchdog, images):
-    """2,000 values: those that make sense are read, all others are errors that name the owner and the property.
+    """10,000 values: those that make sense are read, all others are errors that name the owner and the property.
 
-    images: 10,000 values, and the solver renders what was read, to finite images between the coldest and the hottest
-    thing. No value takes more than MOST.
+    images: the solver renders what was read, to finite images between the coldest and the hottest thing. No value takes
+    more than MOST.
     """
-    rng, count = np.random.default_rng(1), 10_000 if images else 2_000
+    rng = np.random.default_rng(1)
     places, accepted, refused, laps = list(PROPERTIES), 0, 0, [time.process_time()]
-    while accepted + refused < count:
+    while accepted + refused < 10_000:
         watchdog()
         place, value = places[rng.integers(len(places))], senseless(rng)
         if not put(place, value):
@@ -588,7 +588,7 @@ def test_no_value_of_a_custom_property_surprises_the_reader(values, watchdog, im
         laps.append(time.process_time())
         assert laps[-1] - laps[-2] < MOST
     read()
-    assert min(accepted, refused) > count / 10
+    assert accepted > 1000 and refused > 1000
 
 
 def test_no_value_of_an_attribute_surprises_the_reader(infrared):

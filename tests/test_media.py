@@ -425,8 +425,8 @@ def joined(parts, materials, camera, **options):
 @pytest.mark.parametrize(
     "scattering, anisotropy, mirror",
     [
-        (0.0, 0.0, False),
-        pytest.param(0.5, 0.0, True, marks=pytest.mark.long),
+        pytest.param(0.0, 0.0, False, marks=pytest.mark.long),
+        (0.5, 0.0, True),
         pytest.param(1.0, 0.6, False, marks=pytest.mark.long),
     ],
 )

@@ -127,7 +127,7 @@ def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
 @pytest.mark.parametrize(
     "scene, target, passes",
     [
-        (room, 0.07, 64),
+        (room, 0.05, 128),
         pytest.param(silhouettes, 1.5, 256, marks=pytest.mark.long),
     ],
 )

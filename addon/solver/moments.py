@@ -27,9 +27,9 @@ from .system.kernels import KERNEL, njit
 
 _DIMENSION = 4  # of the Sobol' sequence; camera rays take the others, so that times and places in a pixel do not agree
 _HALVINGS = 60  # until float64 tells two times apart no more
-# Cosines of the time that passes are compared with, see waves. After 8 to 64 passes over as many times, the true error
-# in the scenes of tests/test_moments.py is 0.2 to 1.0 of the stated one with 4, as with 2 (0.2 to 0.9), but nearer to 1
-# in most; with 6 it is 0.4 to 1.1; without 0.2 to 0.9.
+# Cosines of the time that passes are compared with, see waves. After 20 to 64 passes the true error in the scenes of
+# test_noise_is_not_below_the_error (tests/test_moments.py) is 0.4 to 0.9 of the stated one with 4, and 0.2 to 0.5
+# without; with 2 it is further from 1 in most, with 6 up to 1.1.
 _WAVES = 4
 
 
