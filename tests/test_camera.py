@@ -37,7 +37,7 @@ def rays(camera, index=0, first=0, count=None, centre=ORIGIN, radius=np.inf):
     origin, direction = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
     reach = np.empty(count, np.float32)
     pixels = np.arange(first, first + count)
-    once = np.ones(count, np.uint8)
+    once = np.ones(count, np.uint16)
     eye_rays(build_eye(camera, centre, radius), KEY, index, once, pixels, origin, direction, reach)
     return origin, direction, reach
 
@@ -66,7 +66,8 @@ def corners(camera):
 def lens_rays(eye, key, count):
     """Origins (count, 3) of the first pixel's rays in one pass."""
     origins, directions = np.empty((2, count, 3), np.float32)
-    eye_rays(eye, key, 0, np.array([count]), np.zeros(1, np.int64), origins, directions, np.empty(count, np.float32))
+    samples, pixels, reach = np.array([count], np.uint16), np.zeros(1, np.int64), np.empty(count, np.float32)
+    eye_rays(eye, key, 0, samples, pixels, origins, directions, reach)
     return origins
 
 

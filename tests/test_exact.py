@@ -46,6 +46,7 @@ from tests.helpers.exact_cases import (
     polygon_factor,
     rectangle,
 )
+from tests.helpers.marks import long
 from tests.helpers.scenes import pass_means, quad
 
 pytestmark = pytest.mark.once
@@ -78,7 +79,7 @@ SHORT = [
     for case in CASES
     if case.short
 ]
-LONG = [pytest.param(*case.values[:1], 5, id=f"{case.id}-long", marks=pytest.mark.long) for case in SHORT]
+LONG = [long(*case.values[:1], 5, id=f"{case.id}-long") for case in SHORT]
 
 
 @pytest.mark.parametrize("case, times", SHORT + LONG)

@@ -23,6 +23,7 @@ from addon.solver.checkpoint import CheckpointError, fingerprint, load, render_w
 from addon.solver.image.film import Film
 from addon.solver.passes import prepare
 from tests.helpers.faults import QUICK, plume, room
+from tests.helpers.marks import long
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -138,21 +139,15 @@ print(sum(needed.values()), taken)
 @pytest.mark.parametrize(
     "options, photons, more",
     [
-        pytest.param(  # the film
-            {"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000, "", marks=pytest.mark.long
-        ),
-        pytest.param(  # the photons
-            {"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000, "", marks=pytest.mark.long
-        ),
+        long({"width": 1000, "bands": 16, "lights": (), "radiator": 293.0}, 1000, ""),  # the film
+        long({"width": 8, "bands": 16, "emissivity": 0.3, "lights": ()}, 400_000, ""),  # the photons
         # photons of lamps, of which few are stored
-        pytest.param({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000, "", marks=pytest.mark.long),
+        long({"width": 8, "bands": 16, "emissivity": 0.95}, 2_000_000, ""),
         ({"width": 8, "bands": 4, "subdivisions": 7}, 1000, ""),  # the triangles
-        pytest.param({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, "", marks=pytest.mark.long),  # the rays
-        pytest.param({"width": 8}, 1000, "media=(plume(216),)", marks=pytest.mark.long),  # the cells of a grid
-        pytest.param(  # and their components
-            {"width": 8}, 1000, "media=(plume(216, soot=1e-7, CO2=0.01),)", marks=pytest.mark.long
-        ),
-        pytest.param({"width": 8}, 1000, "textures=wallpaper(6000)", marks=pytest.mark.long),
+        long({"width": 64, "bands": 256, "emissivity": 0.5}, 1000, ""),  # the rays
+        long({"width": 8}, 1000, "media=(plume(216),)"),  # the cells of a grid
+        long({"width": 8}, 1000, "media=(plume(216, soot=1e-7, CO2=0.01),)"),  # and their components
+        long({"width": 8}, 1000, "textures=wallpaper(6000)"),
     ],
     ids=["film", "photons", "lamps", "geometry", "rays", "grid", "components", "textures"],
 )

@@ -29,6 +29,7 @@ from addon.solver.physics.spectrum import apparent_temperature, band_radiance  #
 from addon.solver.scene import HOTTEST  # noqa: E402
 from tests.helpers.blender import plain, read_exr, use_multilayer_exr  # noqa: E402
 from tests.helpers.faults_blender import build_scene, render, save_slowly, stop_after  # noqa: E402
+from tests.helpers.marks import long  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 FLOAT32 = 1e-6  # relative: a few roundings of float32
@@ -551,7 +552,7 @@ def read():
     return scene
 
 
-@pytest.mark.parametrize("images", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.parametrize("images", [False, long(True)])
 def test_no_value_of_a_custom_property_surprises_the_reader(values, watchdog, images):
     """10,000 values: those that make sense are read, all others are errors that name the owner and the property.
 
@@ -612,7 +613,7 @@ def test_no_value_of_an_attribute_surprises_the_reader(infrared):
         mesh.attributes.remove(mesh.attributes["temperature"])
 
 
-@pytest.mark.parametrize("renders", [100, pytest.param(300, marks=pytest.mark.long)])
+@pytest.mark.parametrize("renders", [100, long(300)])
 def test_renders_with_senseless_values_are_messages_or_finite_images(infrared, values, watchdog, renders):
     """Whole renders, each with one to three values at random, each within MOST. What is rendered lies between the
     coldest and the hottest thing."""

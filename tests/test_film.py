@@ -187,7 +187,7 @@ def test_noise_of_an_edge_is_its_error(slope, count):
     camera = Camera(pixels, 1, np.eye(4), "ORTHOGRAPHIC", frame=(0.0, pixels, 0.0, 1.0))
     eye, film = build_eye(camera, np.zeros(3), np.inf), Film(pixels, 1, EDGES, 0.0)
     middle = np.random.default_rng(8).uniform(0.25, 0.75, pixels)  # where the edge crosses half the height
-    samples = np.full(pixels, 16, np.uint8)
+    samples = np.full(pixels, 16, np.uint16)
     origin, direction = np.empty((2, samples.sum(), 3), np.float32)
     reach = np.empty(samples.sum(), np.float32)
     for index in range(count):

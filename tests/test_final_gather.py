@@ -21,6 +21,7 @@ from addon.solver.planning import preparation
 from addon.solver.planning.sheets import FALL
 from addon.solver.planning.splitting import FEWEST_SHARED, noise_and_time, plan_splitting, ray_variance, spread_in
 from addon.solver.sampling.rng import path_key
+from tests.helpers.marks import long
 from tests.helpers.paper_estimator import ALWAYS_RECALL, changed, lights_alone, no_final_gathers, rays_everywhere
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere
 
@@ -152,11 +153,11 @@ def outside():
     [
         ("closed", 32),
         ("open", 32),
-        pytest.param("outside", 200, marks=pytest.mark.long),
+        long("outside", 200),
         ("lamp", 32),
-        pytest.param("lamp mirror", 64, marks=pytest.mark.long),
-        pytest.param("light mirror", 32, marks=pytest.mark.long),
-        pytest.param("lamp rough", 64, marks=pytest.mark.long),
+        long("lamp mirror", 64),
+        long("light mirror", 32),
+        long("lamp rough", 64),
         ("light rough", 32),
         ("light mirror rough", 32),
     ],

@@ -50,6 +50,7 @@ from tests.helpers.exact_cases import (
     rough_view,
     smith,
 )
+from tests.helpers.marks import long
 from tests.helpers.path_tracer import _face_reflectance, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, pass_means, sphere
 
@@ -403,10 +404,8 @@ COATED = {
 }
 
 
-@pytest.mark.parametrize(
-    "emitter", ["plate", "lamp", *(pytest.param(other, marks=pytest.mark.long) for other in chains.EMITTERS[2:])]
-)
-@pytest.mark.parametrize("lobes", ["G", *(pytest.param(c, marks=pytest.mark.long) for c in LONG_CHAINS)])
+@pytest.mark.parametrize("emitter", ["plate", "lamp", *map(long, chains.EMITTERS[2:])])
+@pytest.mark.parametrize("lobes", ["G", *map(long, LONG_CHAINS)])
 def test_every_kind_once(monkeypatch, lobes, emitter):
     """As in tests/test_ledger.py: chains of plates between which light can take one way alone."""
     if not chains.is_compared(lobes, emitter):

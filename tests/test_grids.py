@@ -25,6 +25,7 @@ from tests.helpers.grids import (
     traverse_all,
     turned,
 )
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad
 
 pytestmark = pytest.mark.once
@@ -166,7 +167,7 @@ def test_a_grid_at_the_reference_temperature_is_black(scattering):
 
 @pytest.mark.parametrize(
     "settings",
-    [pytest.param({"reference_subtraction": False}, marks=pytest.mark.long), {"reference_temperature": 400.0}],
+    [long({"reference_subtraction": False}), {"reference_temperature": 400.0}],
 )
 @pytest.mark.parametrize("scattering", [0.0, 1.0])
 def test_a_grid_of_one_temperature_is_black(scattering, settings):
@@ -217,7 +218,7 @@ def marched(media, edges, quiet, ray, limit):
     (Medium("sparse", 0.5, 0.0, 0.3, grid=random_grid(3, reach=6, filled=0.02)),),
     (Medium("one", 0.8, grid=random_grid(4)), Medium("two", 0.3, grid=random_grid(5)), Medium("air", 0.02, 280.0)),
 ], ids=["one", "thick", "sparse", "overlapping"])  # fmt: skip
-@pytest.mark.parametrize("quiet", [0.0, pytest.param(310.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("quiet", [0.0, long(310.0)])
 def test_random_grids_against_a_march_in_numpy(media, quiet):
     """Radiance and transmittance of rays; 5e-7 for float32 and its temperatures."""
     (origin, direction), centre = random_rays(120), np.array([0.3, -0.2, 0.1])

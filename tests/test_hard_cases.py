@@ -34,6 +34,7 @@ from addon.solver.physics.spectrum import apparent_temperature, band_radiance
 from addon.solver.planning import preparation
 from addon.solver.planning.preparation import prepare
 from tests.helpers import scenes
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, cylinder, join, look, make_scene, pass_means, quad, sphere, stored_photons
 
 pytestmark = pytest.mark.once
@@ -47,8 +48,8 @@ SUBTRACTION = [
     pytest.param({"reference_subtraction": False}, id="no-subtraction"),
 ]
 # Where a case takes long: without the subtraction estimates are noisier, and as right.
-BRIEFLY = [SUBTRACTION[0], pytest.param(*SUBTRACTION[1].values, id=SUBTRACTION[1].id, marks=pytest.mark.long)]
-WRONG = pytest.param({"reference_temperature": 333.0}, id="wrong-T0", marks=pytest.mark.long)
+BRIEFLY = [SUBTRACTION[0], long(*SUBTRACTION[1].values, id=SUBTRACTION[1].id)]
+WRONG = long({"reference_temperature": 333.0}, id="wrong-T0")
 # Under a sky of 0 K the solver may choose 0 K, which traces the same as without the subtraction: a given one does not
 WARM = pytest.param({"reference_temperature": 300.0}, id="T0=300")
 ROUNDING = 5e-7  # of images: float32 keeps 6e-8, and differences to a reference a few of that
@@ -158,8 +159,8 @@ def test_walls_of_three_kelvin_are_black():
 
 
 @pytest.mark.parametrize("settings", [*BRIEFLY, pytest.param({"reference_temperature": 200.0}, id="T0=200")])
-@pytest.mark.parametrize("edges", [pytest.param(EDGES, marks=pytest.mark.long), FAR], ids=["8-12 um", "0.5-2 mm"])
-@pytest.mark.parametrize("hot, cold", [(300.0, 3.0), pytest.param(3.0, 300.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("edges", [long(EDGES), FAR], ids=["8-12 um", "0.5-2 mm"])
+@pytest.mark.parametrize("hot, cold", [(300.0, 3.0), long(3.0, 300.0)])
 def test_three_kelvin_beside_300(hot, cold, edges, settings):
     """Two parts of a diffuse ball (see diffuse_sphere): what is at 3 K reflects the other, and takes from it as much as
     it must. In 8-12 um it emits less than the smallest float32, in 0.5-2 mm up to a thousandth of the other.
@@ -459,7 +460,7 @@ def test_room_in_which_nothing_absorbs(specular, settings):
 
 
 @pytest.mark.parametrize("settings", BRIEFLY)
-@pytest.mark.parametrize("specular", [pytest.param(0.0, marks=pytest.mark.long), 1.0])
+@pytest.mark.parametrize("specular", [long(0.0), 1.0])
 def test_room_in_which_nothing_absorbs_ends(specular, settings, monkeypatch):
     """With a lamp there is no steady state at all; between mirrors alone a camera path meets nothing that ends it. Both
     end by roulette, after 4096 bounces on average, and leave an image of finite numbers."""
@@ -684,8 +685,8 @@ def test_flipped_normals():
     "other",
     [
         Material("mirror", 0.5, specular=1.0),
-        pytest.param(Material("black", 1.0), marks=pytest.mark.long),
-        pytest.param(Material("rough", 0.5, specular=1.0, roughness=0.5), marks=pytest.mark.long),
+        long(Material("black", 1.0)),
+        long(Material("rough", 0.5, specular=1.0, roughness=0.5)),
     ],
     ids=lambda material: material.name,
 )
@@ -993,7 +994,7 @@ def test_passes_that_store_no_photon_send_rays_like_others():
 
 @pytest.mark.parametrize(
     "photons, precision",
-    [(1, 0.03), *(pytest.param(*case, marks=pytest.mark.long) for case in ((2, 0.02), (10, 0.01)))],
+    [(1, 0.03), *(long(*case) for case in ((2, 0.02), (10, 0.01)))],
 )
 @pytest.mark.parametrize("settings", BRIEFLY)
 def test_fewer_photons_than_neighbours(photons, precision, settings):

@@ -27,6 +27,7 @@ from addon.solver.planning.preparation import prepare
 from addon.solver.sampling.heuristics import BEST
 from addon.solver.sampling.rng import CACHE, pass_key
 from addon.solver.sampling.rng import LAMPS as LAMP_POINTS
+from tests.helpers.marks import long
 from tests.helpers.paper_estimator import changed, lights_alone
 from tests.helpers.path_tracer import trace_paths
 from tests.helpers.scenes import box, join, look, make_scene, mean_and_error, quad, sphere, stored_photons
@@ -139,7 +140,7 @@ def spot_intensity(light, cosine):
 
 @pytest.mark.parametrize("x", [0.0, 0.6, 1.0])  # the cone ends at 2 tan 0.5 = 1.09; blend 0.5 begins at 0.75
 @pytest.mark.parametrize("radius", [0.0, 0.15])
-@pytest.mark.parametrize("blend", [0.5, *(pytest.param(blend, marks=pytest.mark.long) for blend in (0.0, 1.0))])
+@pytest.mark.parametrize("blend", [0.5, *map(long, (0.0, 1.0))])
 def test_spot_light(blend, radius, x):
     light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, blend, radius)
     if radius > 0:
@@ -260,7 +261,7 @@ def square_intensity(light, way):
 
 # The beam ends at 2 tan 0.5 = 1.09 across a side, and in its corners at 1.54; blend 0.5 begins at 0.75
 @pytest.mark.parametrize("spot", [(0.0, 0.0), (0.6, 0.9), (1.0, 1.0)])
-@pytest.mark.parametrize("blend", [0.5, *(pytest.param(blend, marks=pytest.mark.long) for blend in (0.0, 1.0))])
+@pytest.mark.parametrize("blend", [0.5, *map(long, (0.0, 1.0))])
 def test_square_spot(blend, spot):
     light = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, 1000.0, 1.0, blend, square=np.array([1.0, 0.0, 0.0]))
     n = 40
@@ -295,10 +296,8 @@ FLUSH = {  # lights that shine down, by their height (m)
 }
 
 
-@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.long)])
-@pytest.mark.parametrize(
-    "light", ["ellipse", *(pytest.param(k, marks=pytest.mark.long) for k in ("rectangle", "spot"))]
-)
+@pytest.mark.parametrize("turned", [False, long(True)])
+@pytest.mark.parametrize("light", ["ellipse", *map(long, ("rectangle", "spot"))])
 def test_light_flush_with_a_ceiling(light, turned):
     """It lights the room as one a millimetre lower does, to about that part of the room's height."""
     size = np.array([4.0, 3.0, 2.5])
@@ -436,7 +435,7 @@ def test_half_hidden_lamp():
 # Lamps against photons
 
 
-@pytest.mark.parametrize("source", ["ball", pytest.param("point", marks=pytest.mark.long)])
+@pytest.mark.parametrize("source", ["ball", long("point")])
 def test_caustic_of_a_mirror_counts_once(source):
     """Direct light by shadow rays plus that of the mirror image by photons: E = E_direct + rho E_image, over 60 cm.
 
@@ -670,7 +669,7 @@ def test_photons_and_shadow_rays_together_are_the_irradiance(monkeypatch):
     assert abs(total.mean() - truth) < 4 * error + LINEAR * truth
 
 
-@pytest.mark.parametrize("roughness", [0.15, *(pytest.param(wider, marks=pytest.mark.long) for wider in (0.4, 0.8))])
+@pytest.mark.parametrize("roughness", [0.15, *map(long, (0.4, 0.8))])
 def test_rough_lobe_beside_a_hot_ball(roughness):
     """Rays of the lobe and shadow rays share the light of a ball that a rough plate shows, against a path tracer that
     knows rays of the lobe alone: each half of the picture, to 4 standard errors of both."""

@@ -13,6 +13,7 @@ import pytest
 from addon.solver import Camera, Material, Medium, PointLight, Scene, SceneError, Settings, render
 from addon.solver.geometry.closed import open_edge, outward
 from addon.solver.physics.spectrum import band_radiance
+from tests.helpers.marks import long
 from tests.helpers.path_tracer import standard_error, trace_paths
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, pass_means, quad, sphere
 
@@ -143,8 +144,8 @@ def test_the_world_is_filled_to_its_depth():
     "settings",
     [
         {},
-        pytest.param({"reference_subtraction": False}, marks=pytest.mark.long),
-        pytest.param({"reference_temperature": 400.0}, marks=pytest.mark.long),
+        long({"reference_subtraction": False}),
+        long({"reference_temperature": 400.0}),
     ],
 )
 def test_an_isothermal_room_is_black(settings):
@@ -181,7 +182,7 @@ def gas_sphere(emissivity, wall, gas, depth):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("t0", [None, *(pytest.param(t0, marks=pytest.mark.long) for t0 in (0.0, 450.0))])
+@pytest.mark.parametrize("t0", [None, *map(long, (0.0, 450.0))])
 def test_gas_in_a_grey_sphere(t0):
     """Radiosity J = (e Bw + (1 - e) eg Bg) / (1 - (1 - e) (1 - eg)), eg = 1 - 2/t^2 (1 - (1 + t) exp(-t)) the
     cosine-weighted emissivity of a sphere of optical diameter t (Modest, section 10.6 and chapter 5). From the middle
@@ -244,13 +245,13 @@ def scattering_slab(omega, tau, medium, below, anisotropy=0.0):
 
 
 @pytest.mark.parametrize("omega, tau, source, truth", [
-    pytest.param(1.0, 1.0, "plate", 0.658671, marks=pytest.mark.long),
+    long(1.0, 1.0, "plate", 0.658671),
     (0.9, 1.0, "plate", 0.591625),
-    pytest.param(0.5, 1.0, "plate", 0.446058, marks=pytest.mark.long),
-    pytest.param(0.9, 1.0, "medium", 0.140965, marks=pytest.mark.long),
-    pytest.param(0.5, 1.0, "medium", 0.454822, marks=pytest.mark.long),
+    long(0.5, 1.0, "plate", 0.446058),
+    long(0.9, 1.0, "medium", 0.140965),
+    long(0.5, 1.0, "medium", 0.454822),
     (0.5, 40.0, "medium", 0.884774),  # a half-space but for 1e-16
-    pytest.param(0.9, 40.0, "medium", 0.585053, marks=pytest.mark.long),
+    long(0.9, 40.0, "medium", 0.585053),
 ])  # fmt: skip
 def test_scattering_slabs(omega, tau, source, truth):
     """Light from a plate through a slab, and from the slab itself, over that of a blackbody: 4 standard errors. The
@@ -263,7 +264,7 @@ def test_scattering_slabs(omega, tau, source, truth):
     assert error < 0.01 and abs(mean - truth) < 4 * error
 
 
-@pytest.mark.parametrize("anisotropy", [*(pytest.param(g, marks=pytest.mark.long) for g in (0.0, -0.5)), 0.8])
+@pytest.mark.parametrize("anisotropy", [*map(long, (0.0, -0.5)), 0.8])
 def test_mean_radiance_in_a_scattering_cube(anisotropy):
     """One black face, the others cold, and pure scattering between: in the middle the mean over all directions is one
     sixth, by symmetry and superposition, whatever the phase function. 4 standard errors."""
@@ -286,7 +287,7 @@ def test_mean_radiance_in_a_scattering_cube(anisotropy):
     assert abs(mean - 1 / 6) < 4 * error + 1e-3
 
 
-@pytest.mark.parametrize("anisotropy", [pytest.param(0.0, marks=pytest.mark.long), 0.6])
+@pytest.mark.parametrize("anisotropy", [long(0.0), 0.6])
 def test_a_light_in_fog(anisotropy):
     """Light of a lamp that is scattered once, seen against nothing: the integral along the view of
     s phase(angle) I / d^2 exp(-s (way + d)); fog so thin that what is scattered twice is below 0.2 % of it."""
@@ -425,9 +426,9 @@ def joined(parts, materials, camera, **options):
 @pytest.mark.parametrize(
     "scattering, anisotropy, mirror",
     [
-        pytest.param(0.0, 0.0, False, marks=pytest.mark.long),
+        long(0.0, 0.0, False),
         (0.5, 0.0, True),
-        pytest.param(1.0, 0.6, False, marks=pytest.mark.long),
+        long(1.0, 0.6, False),
     ],
 )
 def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):

@@ -31,6 +31,7 @@ from addon.solver.physics.transmission import transmittance
 from addon.solver.planning.preparation import prepare
 from addon.solver.scene import MOLECULES
 from tests.helpers.grids import draws_of
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, quad, sphere
 
 MANY = 1 << 14  # draws
@@ -334,8 +335,8 @@ def test_passes_are_the_mean_of_drawn_exponentials():
     "settings",
     [
         {},
-        pytest.param({"reference_subtraction": False}, marks=pytest.mark.long),
-        pytest.param({"reference_temperature": 400.0}, marks=pytest.mark.long),
+        long({"reference_subtraction": False}),
+        long({"reference_temperature": 400.0}),
     ],
 )
 def test_an_isothermal_room_is_black(settings):
@@ -405,13 +406,11 @@ def test_the_error_of_the_quadrature_is_told(caplog):
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("passes", [16, pytest.param(64, marks=pytest.mark.long)])
+@pytest.mark.parametrize("passes", [16, long(64)])
 @pytest.mark.parametrize("edges, wall, medium", [
     (EDGES, 400.0, {"temperature": 900.0, "gas": EXHAUST}),
-    pytest.param(EDGES, 400.0, {"temperature": 300.0, "gas": {"CO2": 0.01}}, marks=pytest.mark.long),
-    pytest.param(
-        np.linspace(8.0, 12.0, 9), 300.0, {"temperature": 373.0, "gas": {"H2O": 0.5}}, marks=pytest.mark.long
-    ),
+    long(EDGES, 400.0, {"temperature": 300.0, "gas": {"CO2": 0.01}}),
+    long(np.linspace(8.0, 12.0, 9), 300.0, {"temperature": 373.0, "gas": {"H2O": 0.5}}),
     (np.linspace(3.0, 5.0, 17), 300.0, {"temperature": 1000.0, "gas": {"CO2": 0.1, "H2O": 0.1, "soot": 1e-8}}),
 ])  # fmt: skip
 def test_noise_holds_the_error_of_the_draws(edges, wall, medium, passes):

@@ -11,6 +11,7 @@ from addon.solver import Film, Material, SceneError, Settings, render
 from addon.solver.checkpoint import fingerprint
 from addon.solver.moments import at_moment, moment_of, moment_times, step_of, wave_count, waves, weight_before
 from addon.solver.physics.spectrum import band_radiance
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -77,7 +78,7 @@ def _blackbody(kelvin):
     return band_radiance(EDGES, kelvin.ravel()).sum(axis=1).reshape(kelvin.shape)
 
 
-@pytest.mark.parametrize("at", [hot_sphere, pytest.param(fan, marks=pytest.mark.long)])
+@pytest.mark.parametrize("at", [hot_sphere, long(fan)])
 def test_spread_passes_see_the_mean_of_sharp_pictures(at):
     """Within three stated errors: of a normal distribution 0.3 % of the pixels are beyond, here at most 1 %, as stated
     errors are estimates themselves. In the mean over the picture the error averages out: 16 bands of a region lie
@@ -97,9 +98,9 @@ def test_spread_passes_see_the_mean_of_sharp_pictures(at):
     "at, steps, passes, least",
     [
         (hot_sphere, 32, 32, 0.3),
-        pytest.param(hot_sphere, 32, 20, 0.3, marks=pytest.mark.long),
-        pytest.param(hot_sphere, 64, 64, 0.3, marks=pytest.mark.long),
-        pytest.param(fan, 32, 32, 0.2, marks=pytest.mark.long),
+        long(hot_sphere, 32, 20, 0.3),
+        long(hot_sphere, 64, 64, 0.3),
+        long(fan, 32, 32, 0.2),
         (hot_sphere, 8, 32, 0.15),
     ],
 )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from addon.solver import Material, PointLight, Settings, render
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
 pytestmark = pytest.mark.once
@@ -94,10 +95,10 @@ def spread_and_noise(scene, renders=RENDERS, **settings):
     return spread, noise
 
 
-@pytest.mark.parametrize("renders", [RENDERS, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize("renders", [RENDERS, long(200)])
 @pytest.mark.parametrize(
     "scene",
-    [lamps_and_mirrors, *(pytest.param(scene, marks=pytest.mark.long) for scene in (room, silhouettes, below_a_hole))],
+    [lamps_and_mirrors, *map(long, (room, silhouettes, below_a_hole))],
 )
 def test_noise_is_the_spread_over_independent_renders(scene, renders):
     """True over predicted, in the mean over the image, within 10 %."""
@@ -112,7 +113,7 @@ def test_noise_is_the_spread_over_independent_renders(scene, renders):
     assert np.percentile(ratio, 99) < 2.0  # nowhere is the error much larger than said
 
 
-@pytest.mark.parametrize("passes", [2, 5, *(pytest.param(count, marks=pytest.mark.long) for count in (16, 32))])
+@pytest.mark.parametrize("passes", [2, 5, *map(long, (16, 32))])
 def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
     """What is seen directly errs as n^-3/2 in the square for n passes, if n is a power of two: else the last points of
     the sequence are not spread as evenly, up to 14 % of the error for the best of sequences.
@@ -128,7 +129,7 @@ def test_noise_of_silhouettes_is_that_for_any_number_of_passes(passes):
     "scene, target, passes",
     [
         (room, 0.05, 128),
-        pytest.param(silhouettes, 1.5, 256, marks=pytest.mark.long),
+        long(silhouettes, 1.5, 256),
     ],
 )
 def test_target_noise_is_reached(scene, target, passes):

@@ -41,6 +41,7 @@ from tests.helpers.gas_cases import (
     transmittance,
 )
 from tests.helpers.grids import cells_on_ray, random_grid
+from tests.helpers.marks import long
 from tests.helpers.path_tracer import LONGER, black_radiance, standard_error, trace_paths
 from tests.helpers.scenes import look, make_scene, quad
 
@@ -93,7 +94,7 @@ def test_exact_case(name):
     [
         Material("grey", 0.3),
         Material("rough", 0.3, 1.0, 1.0),
-        pytest.param(Material("", 0.1, 0.5, 0.4), marks=pytest.mark.long),
+        long(Material("", 0.1, 0.5, 0.4)),
     ],
 )
 def test_isothermal_enclosure_is_black(material):
@@ -152,7 +153,7 @@ def test_gases_that_overlap_add():
 
 
 # of seed 4 the ray through the second grid meets missing leaves alone
-@pytest.mark.parametrize("seed", (pytest.param(0, marks=pytest.mark.long), 4))
+@pytest.mark.parametrize("seed", (long(0), 4))
 def test_random_cells(seed):
     """Single rays through a sheared grid with missing leaves, beside a sum over its cells."""
     grid = random_grid(seed)

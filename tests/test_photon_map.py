@@ -18,6 +18,7 @@ from addon.solver.photons.photon_map import (
     neighbours_room,
     search,
 )
+from tests.helpers.marks import long
 from tests.helpers.photon_maps import Map, photon_map, side_under, square, surfaces_of, triangle_under
 from tests.helpers.scenes import box
 
@@ -263,9 +264,9 @@ def in_a_corner(rng, n):
     [
         (20, 9.0, 1.0),
         (20, 1.0, 1.0),
-        pytest.param(20, 0.5, 1.0, marks=pytest.mark.long),
-        pytest.param(20, 1.0, 0.3, marks=pytest.mark.long),
-        pytest.param(5, 2.0, 0.5, marks=pytest.mark.long),
+        long(20, 0.5, 1.0),
+        long(20, 1.0, 0.3),
+        long(5, 2.0, 0.5),
     ],
 )
 def test_density_estimate_is_unbiased(region, cells, k, reach_share, shrink2):

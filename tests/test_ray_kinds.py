@@ -15,6 +15,7 @@ from addon.solver.geometry.segments import FROM_CAMERA, FROM_DIFFUSE, FROM_GLOSS
 from addon.solver.geometry.surfaces import build_geometry
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.scene import Hidden
+from tests.helpers.marks import long
 from tests.helpers.path_tracer import standard_error, trace_paths
 from tests.helpers.scenes import join, look, make_scene, quad, sphere
 
@@ -136,15 +137,15 @@ WARM = np.linspace(230.0, 300.0, 8)[:, None] * np.ones((1, 16))
 @pytest.mark.parametrize(
     ("seed", "options"),
     [
-        pytest.param(2, {}, marks=pytest.mark.long),
-        pytest.param(3, {"lobe": BOTH}, marks=pytest.mark.long),
-        pytest.param(4, {"lobe": GLAZED}, marks=pytest.mark.long),
-        pytest.param(5, {"film": True}, marks=pytest.mark.long),
-        pytest.param(6, {"media": (AIR,), "world_depth": 5.0}, marks=pytest.mark.long),
-        pytest.param(7, {"media": (AIR,), "world_depth": 5.0, "film": True}, marks=pytest.mark.long),
-        pytest.param(8, {"lights": LIGHTS, "lobe": BOTH}, marks=pytest.mark.long),
-        pytest.param(9, {"lights": LIGHTS, "film": True}, marks=pytest.mark.long),
-        pytest.param(10, {"sky": Sky(WARM)}, marks=pytest.mark.long),
+        long(2, {}),
+        long(3, {"lobe": BOTH}),
+        long(4, {"lobe": GLAZED}),
+        long(5, {"film": True}),
+        long(6, {"media": (AIR,), "world_depth": 5.0}),
+        long(7, {"media": (AIR,), "world_depth": 5.0, "film": True}),
+        long(8, {"lights": LIGHTS, "lobe": BOTH}),
+        long(9, {"lights": LIGHTS, "film": True}),
+        long(10, {"sky": Sky(WARM)}),
         (11, {"sky": Sky(WARM), "film": True, "lobe": BOTH}),
     ],
 )

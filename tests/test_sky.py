@@ -20,6 +20,7 @@ from addon.solver.physics.sky import (
 from addon.solver.physics.spectrum import band_radiance, planck
 from addon.solver.planning import pilot
 from tests.helpers.hot_skies import EDGES, lit_corner, with_spot
+from tests.helpers.marks import long
 from tests.helpers.path_tracer import trace_paths
 from tests.helpers.scenes import join, look, make_scene, mean_and_error, pass_means, quad, sphere
 
@@ -109,9 +110,7 @@ def irradiance(sky, normal, count=60_000):
 
 
 @pytest.mark.parametrize("sky", LIT.values(), ids=LIT)
-@pytest.mark.parametrize(
-    "tilt", [0.0, *(pytest.param(degrees, marks=pytest.mark.long) for degrees in (60.0, 90.0, 135.0, 180.0))]
-)
+@pytest.mark.parametrize("tilt", [0.0, *map(long, (60.0, 90.0, 135.0, 180.0))])
 def test_irradiance_on_plates(sky, tilt):
     """Reflected by a tilted plate into the camera, in each band: within .1 % and 4 standard errors of quadrature."""
     angle = np.radians(tilt)
@@ -152,9 +151,9 @@ def test_directions_are_chosen_by_brightness():
 @pytest.mark.parametrize(
     "open_sides, fog",
     [
-        pytest.param(True, False, marks=pytest.mark.long),
-        pytest.param(True, True, marks=pytest.mark.long),
-        pytest.param(False, False, marks=pytest.mark.long),
+        long(True, False),
+        long(True, True),
+        long(False, False),
     ],
 )
 def test_a_hot_spot_lights_a_corner_as_in_a_path_tracer(monkeypatch, open_sides, fog):
@@ -186,7 +185,7 @@ def test_a_hot_spot_lights_a_corner_as_in_a_path_tracer(monkeypatch, open_sides,
 SHELL = Sky(300.0 + 60.0 * np.cos(np.radians(np.arange(0.0, 181.0, 2.0))), np.arange(0.0, 181.0, 2.0))
 
 
-@pytest.mark.parametrize("fog", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.parametrize("fog", [False, long(True)])
 def test_a_sky_is_a_large_shell(fog):
     """What a sky sends into a half-open box of diffuse, rough and mirror walls, directly and by photons, with fog and
     without: the same as a black shell far away with these temperatures. Within 4 standard errors, and the 1e-3 by which

@@ -17,6 +17,7 @@ from addon.solver.physics.lobes import (
     glossy_density,
     sample_specular,
 )
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, join, look, make_scene, sphere
 
 pytestmark = pytest.mark.once
@@ -70,12 +71,12 @@ def test_diffuse_brdf_is_that_of_the_turned_surface(degrees):
     "degrees, view",
     [
         (11, (0.3, 0.2, -1)),
-        pytest.param(25, (1, 0, -0.2), marks=pytest.mark.long),
-        pytest.param(25, (-1, 0, -0.3), marks=pytest.mark.long),
+        long(25, (1, 0, -0.2)),
+        long(25, (-1, 0, -0.3)),
         (40, (-1, 0.3, -0.1)),
     ],
 )
-@pytest.mark.parametrize("alpha", [pytest.param(0.05, marks=pytest.mark.long), 0.3])
+@pytest.mark.parametrize("alpha", [long(0.05), 0.3])
 def test_rough_lobe_draws_what_it_evaluates(degrees, view, alpha):
     """The weights of directions that are drawn are f cos / density, all directions lie above the triangle, and the
     density is one: its integral over the hemisphere is the chance to be drawn, within 4 standard errors."""

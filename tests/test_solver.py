@@ -24,6 +24,7 @@ from addon.solver.photons.lights import light_spectrum
 from addon.solver.physics.lobes import evaluate_ggx
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning.preparation import prepare
+from tests.helpers.marks import long
 from tests.helpers.paper_estimator import no_final_gathers
 from tests.helpers.scenes import box, look, make_scene, mean_and_error, sphere
 
@@ -141,9 +142,9 @@ def usual():
     "change",
     [
         {"roulette": "BAND_AVERAGE"},
-        pytest.param({"reference_subtraction": False}, marks=pytest.mark.long),
-        pytest.param({"reference_temperature": 250.0}, marks=pytest.mark.long),
-        pytest.param({"neighbours": 8}, marks=pytest.mark.long),
+        long({"reference_subtraction": False}),
+        long({"reference_temperature": 250.0}),
+        long({"neighbours": 8}),
     ],
     ids=lambda change: next(iter(change)),
 )

@@ -31,6 +31,7 @@ from tests.helpers.grids import (
     traverse_all,
     turned,
 )
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, look, make_scene, quad
 
 EDGES = np.array([4.2, 4.3, 4.5, 4.8, 5.6])
@@ -163,9 +164,7 @@ def marched(media, tables, quiet, ray, limit):
 
 
 @pytest.mark.parametrize("media", [
-    pytest.param(
-        (Medium("fractions", 0.05, grid=gas_grid(1, (300.0, 900.0), ("CO2", "H2O"))),), marks=pytest.mark.long
-    ),
+    long((Medium("fractions", 0.05, grid=gas_grid(1, (300.0, 900.0), ("CO2", "H2O"))),)),
     (Medium("numbers", 0.0, gas={"CO": 0.1, "soot": 1e-7}, grid=gas_grid(2, (350.0, 1000.0), ())),),
     (
         Medium("both", 0.1, 0.0, 0.2, gas={"CO2": 0.3, "H2O": 0.1}, grid=gas_grid(3, (300.0, 1200.0), ("CO2", "CO")),
@@ -175,7 +174,7 @@ def marched(media, tables, quiet, ray, limit):
         Medium("air", 0.02, 280.0),
     ),
 ], ids=["fractions", "numbers", "overlapping"])  # fmt: skip
-@pytest.mark.parametrize("quiet", [0.0, pytest.param(310.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("quiet", [0.0, long(310.0)])
 def test_random_cells_against_a_march_in_numpy(media, quiet):
     """Radiance and transmittance of rays in one pass, where no temperature is between nodes; 5e-7 for float32."""
     (origin, direction), index = random_rays(60), 5

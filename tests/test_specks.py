@@ -13,6 +13,7 @@ from addon.solver.physics.spectrum import apparent_temperature, band_radiance
 from addon.solver.planning import specks
 from addon.solver.planning.preparation import prepare
 from addon.solver.planning.specks import Specks, find_specks, variance_of_specks, what_to_expect
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, join, look, make_scene, quad, sphere
 
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -138,9 +139,7 @@ def ratios(scene, passes, seeds, kelvin=None):
 
 
 @pytest.mark.once
-@pytest.mark.parametrize(
-    "share", [0.1, *(pytest.param(share, marks=pytest.mark.long) for share in (0.01, 0.001)), 0.0001]
-)
+@pytest.mark.parametrize("share", [0.1, *map(long, (0.01, 0.001)), 0.0001])
 @pytest.mark.parametrize("passes", [4, 32])
 def test_the_error_of_specks_is_stated(share, passes):
     """True over stated errors, root mean square: at most 1.2, and 0.4 at least, as the plan and neighbours that met
@@ -176,7 +175,7 @@ def test_a_wire_is_found_all_along():
 
 
 @pytest.mark.once
-@pytest.mark.parametrize("width", [*(pytest.param(width, marks=pytest.mark.long) for width in (0.1, 0.01)), 0.001])
+@pytest.mark.parametrize("width", [*map(long, (0.1, 0.01)), 0.001])
 @pytest.mark.parametrize("passes", [4, 32])
 def test_the_error_of_wires_is_stated(width, passes):
     """As of specks; against many passes, 5 in 1000 beyond 5, as no point may lie in a corner that a wire cuts, and what

@@ -44,7 +44,7 @@ def patch(surfaces, triangle, center, r2, side=0):
     """Side_ids of the patch around a point of a side, and its area."""
     side_ids = np.empty(PATCH_LIMIT, np.int32)
     x, y, z = (float(c) for c in center)
-    count, area = patch_in_ball(surfaces, 2 * triangle + side, Ball((x, y, z), r2, NO_WALL), side_ids)
+    count, area = patch_in_ball(surfaces, np.int32(2 * triangle + side), Ball((x, y, z), r2, NO_WALL), side_ids)
     return side_ids[:count].tolist(), area
 
 

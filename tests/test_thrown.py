@@ -11,6 +11,7 @@ from addon.solver.photons.thrown import build_thrown_map, leave_points
 from addon.solver.photons.wave import MIRRORED, OF_LIGHT, STRAIGHT_FROM_LIGHT, empty_wave
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning.preparation import prepare
+from tests.helpers.marks import long
 from tests.helpers.scenes import box, join, look, make_scene, quad
 
 pytestmark = pytest.mark.once
@@ -68,7 +69,7 @@ def excess_of_passes(of):
     return np.diff(totals, axis=0) - band_radiance(EDGES, KELVIN).sum()
 
 
-@pytest.mark.parametrize("scattering", [0.4, pytest.param(2.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("scattering", [0.4, long(2.0)])
 def test_a_mirror_throws_light_into_fog_as_an_image_of_the_light_would(scattering):
     """The method of images: beams in fog, what they light, all orders of scattering and the plate, which gets the beam
     and the fog's light. Within 4 standard errors in each of 12 blocks; a tenth, or less, where the beam is."""

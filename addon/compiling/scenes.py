@@ -21,6 +21,7 @@ from ..solver import (
     Textures,
 )
 from ..solver.image.detector import Detector, expose
+from ..solver.scene import Hidden
 
 _SETTINGS = Settings(passes=2, photons_per_pass=2_000, threads=1)
 _QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -78,27 +79,29 @@ def _camera_matrix() -> np.ndarray:
     return matrix
 
 
-def _larger() -> Scene:
-    """A picture large enough that not all points of the pilot serve as receivers: what is thinned out has types of its
-    own."""
-    room = _room()
-    return replace(room, camera=replace(room.camera, width=96, height=72))
-
-
 def _open() -> Scene:
     """The box on its floor, without walls, under a sky by zenith angle."""
     room, kept = _room(), [*_FLOOR, *range(_WALLS, 2 * _WALLS)]
     parts = {name: getattr(room, name)[kept] for name in ("triangles", "material", "temperature")}
-    return replace(_larger(), **parts, sky=Sky(np.array([250.0, 290.0]), np.array([0.0, 90.0])))
+    return replace(room, **parts, sky=Sky(np.array([250.0, 290.0]), np.array([0.0, 90.0])))
 
 
 def _far() -> Scene:
-    """The box alone and far away: so few rays meet it that nothing of what the pilot finds is thinned out."""
-    room = _open()
-    parts = {name: getattr(room, name)[len(_FLOOR) :] for name in ("triangles", "material", "temperature")}
-    matrix = room.camera.matrix.copy()
-    matrix[:3, 3] += 6.0 * matrix[:3, 2]
-    return replace(room, **parts, camera=replace(room.camera, matrix=matrix))
+    """The open scene in air, so far away that the box is a speck; smooth, and hidden from some rays."""
+    scene, count = _open(), len(_FLOOR) + _WALLS
+    matrix = scene.camera.matrix.copy()
+    matrix[:3, 3] += 50.0 * matrix[:3, 2]
+    edges = np.diff(scene.vertices[scene.triangles], axis=1)
+    flat = np.cross(edges[:, 0], edges[:, 1])
+    tilted = flat[:, None] / np.linalg.norm(flat, axis=1)[:, None, None] + 0.1 * np.eye(3)
+    return replace(
+        scene,
+        camera=replace(scene.camera, matrix=matrix),
+        corner_normals=tilted.astype(np.float32),
+        hidden=np.where(np.arange(count) < len(_FLOOR), 0, Hidden.DIFFUSE).astype(np.uint8),
+        media=(Medium("Air", 0.01, 293.0),),
+        world_depth=10.0,
+    )
 
 
 def _fresnel() -> Scene:
@@ -153,8 +156,7 @@ def _fog() -> Scene:
 
 # By name, what nearly every render needs first. Each builds a Scene.
 TINY_SCENES: dict[str, Callable[[], Scene]] = {
-    "room": _larger,
-    "small": _room,
+    "room": _room,
     "open": _open,
     "far": _far,
     "fresnel": _fresnel,

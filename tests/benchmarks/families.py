@@ -463,6 +463,90 @@ def crack(rng):
     return parts.scene(view((0.5, -1.0, 0.9), (0.5, 0.3, 0.1)), BAND, AMBIENT)
 
 
+def honeycomb(rng):
+    """A honeycomb on a warm plate, whose cells are one to six times as deep as wide; bars across some of them glow."""
+    parts = Parts()
+    width, wall = rng.uniform(0.05, 0.12), grey(rng.uniform(0.1, 0.7), rng.choice((0.0, 0.0, 1.0)))
+    depth, rows = width * rng.uniform(1.0, 6.0), int(rng.integers(3, 7))
+    sides = [(np.cos(turn), np.sin(turn)) for turn in np.arange(3) * np.pi / 3]
+    for i in range(rows):
+        for j in range(rows):
+            x, y = width * (i - rows / 2 + 0.5 * (j % 2)), width * np.sqrt(0.75) * (j - rows / 2)
+            for across, up in sides:  # three of the six sides: neighbours bring the others
+                along = width / np.sqrt(12) * np.array((-up, across, 0))
+                middle = (x + 0.5 * width * across, y + 0.5 * width * up, 0.5 * depth)
+                parts.add(quad(middle, along, (0, 0, 0.5 * depth)), AMBIENT, wall)
+            if rng.random() < 0.2:
+                at = (x, y, depth * rng.uniform(0.05, 0.5))
+                parts.add(block((0.8 * width, 0.004, 0.004)), rng.uniform(500, 1100), grey(0.9), at)
+    floor(parts, grey(rng.uniform(0.3, 0.9)), AMBIENT + rng.uniform(0, 60))
+    half = 0.5 * rows * width
+    return parts.scene(view((0.6 * half, -2.2 * half, depth + 2.0 * half), (0, 0, depth)), BAND, AMBIENT)
+
+
+def clutter(rng):
+    """Blocks, balls and rods of all materials thrown on a heap in a corner of two walls; a few small ones are hot."""
+    parts = Parts()
+    for _ in range(rng.integers(25, 70)):
+        surface = grey(rng.uniform(0.05, 0.95), rng.choice((0.0, 0.0, 0.6, 1.0)), rng.choice((0.0, 0.1, 0.3)))
+        hot = rng.random() < 0.12
+        size, kelvin = (rng.uniform(0.01, 0.03), rng.uniform(450, 1200)) if hot else (rng.uniform(0.03, 0.12), AMBIENT)
+        kind = rng.integers(3)
+        if kind == 0:
+            mesh = sphere(3, size)
+        elif kind == 1:
+            mesh = turned(turned(block(size * rng.uniform(0.5, 2.0, 3)), rng.uniform(0, 3)), rng.uniform(0, 3), axis=0)
+        else:
+            mesh = turned(cylinder((-2 * size, 0, 0), (2 * size, 0, 0), 0.3 * size, 24), rng.uniform(0, 3))
+        at = np.append(rng.uniform(-0.45, 0.45, 2), rng.uniform(0.02, 0.35))
+        parts.add(mesh, kelvin, grey(0.9) if hot else surface, at)
+    floor(parts, grey(rng.uniform(0.2, 0.9)))
+    parts.add(quad((0, 0.7, 0.5), (1, 0, 0), (0, 0, 0.5)), AMBIENT, grey(rng.uniform(0.1, 0.9)))
+    parts.add(quad((-0.7, 0, 0.5), (0, 1, 0), (0, 0, 0.5)), AMBIENT, grey(rng.uniform(0.1, 0.9)))
+    return parts.scene(view((0.9, -1.4, 0.9), (0, 0, 0.15)), BAND, AMBIENT)
+
+
+def shelf(rng):
+    """A case of shelves that stands off a wall, open at both sides: small hot things stand on the shelves, and what is
+    seen of the wall is lit through the gap behind."""
+    parts = Parts()
+    count, width, depth, gap = int(rng.integers(2, 6)), 0.6, rng.uniform(0.1, 0.3), rng.uniform(0.005, 0.06)
+    board, step = grey(rng.uniform(0.1, 0.8)), rng.uniform(0.12, 0.25)
+    for i in range(count + 1):
+        parts.add(block((width, depth, 0.01)), AMBIENT, board, (0, -gap - depth / 2, 0.05 + i * step))
+    for i in range(count):
+        for _ in range(rng.integers(1, 4)):
+            size = rng.uniform(0.01, 0.04)
+            at = (rng.uniform(-0.28, 0.28), -gap - rng.uniform(0.1, 0.9) * depth, 0.06 + i * step + size)
+            mesh = sphere(3, size) if rng.random() < 0.5 else block((size, size, 2 * size))
+            hot = rng.random() < 0.5
+            material = grey(0.9) if hot else grey(rng.uniform(0.1, 0.9), rng.choice((0.0, 1.0)))
+            parts.add(mesh, rng.uniform(400, 900) if hot else AMBIENT, material, at)
+    parts.add(quad((0, 0, 0.8), (1, 0, 0), (0, 0, 0.8)), AMBIENT, grey(rng.uniform(0.1, 0.7)))
+    floor(parts, grey(0.5))
+    return parts.scene(view((0.7, -1.6, 0.7), (0, 0, 0.05 + count * step / 2)), BAND, AMBIENT)
+
+
+def lattice(rng):
+    """A lattice of rods of metal, smooth and rough, along three axes, with a hot ball in it, over a floor."""
+    parts = Parts()
+    count, step = int(rng.integers(3, 7)), rng.uniform(0.08, 0.15)
+    radius, metal = step * rng.uniform(0.05, 0.25), grey(rng.uniform(0.03, 0.4), 1.0, rng.choice((0.0, 0.1, 0.3, 0.6)))
+    half = 0.5 * step * count
+    for a in range(3):
+        for i in range(count):
+            for j in range(count):
+                end = np.zeros(3)
+                end[a], at = half, np.zeros(3)
+                at[(a + 1) % 3], at[(a + 2) % 3] = step * (i - count / 2 + 0.5), step * (j - count / 2 + 0.5)
+                at += np.array((0, 0, half + 0.1)) + radius * (a - 1.0)  # rods pass one another
+                parts.add(cylinder(at - end, at + end, 0.4 * radius, 16), AMBIENT, metal)
+    ball = rng.uniform((-half, -half, 0.1), (half, half, 2 * half))
+    parts.add(sphere(3, rng.uniform(0.1, 0.3) * step), rng.uniform(600, 1300), grey(0.9), ball)
+    floor(parts, grey(rng.uniform(0.3, 0.9)))
+    return parts.scene(view((1.6 * half, -2.6 * half, 2.5 * half), (0, 0, half)), BAND, AMBIENT)
+
+
 # Gas
 
 
@@ -705,6 +789,10 @@ FAMILIES = {
     "jar": jar,
     "crack": crack,
     "distant": distant,
+    "honeycomb": honeycomb,
+    "clutter": clutter,
+    "shelf": shelf,
+    "lattice": lattice,
     "plume": plume,
     "fog": fog,
     "smoke": smoke,

@@ -71,7 +71,7 @@ class Sampler:
     def draw(self, passes: np.ndarray) -> Draws:
         """Draws of shape (n, b) of absolute pass numbers (n,)."""
         u = np.empty((1 + len(MOLECULES), len(passes), len(self._below)))
-        _draw(self.key, np.asarray(passes, np.int64), u)
+        _draw(self.key, np.ascontiguousarray(passes, np.int64), u)
         columns = zip(u[0].T, self._below, self._wavelength, strict=True)
         wavelength = np.array([np.interp(each, below, points) for each, below, points in columns]).T
         return Draws(1e4 / wavelength, u[1:])
@@ -111,7 +111,7 @@ def species_coefficients(
 def inverse_gaussian(g: np.ndarray, shape: np.ndarray) -> np.ndarray:
     """The quantiles at g of inverse Gaussian distributions of mean 1, float64, shaped as both. g: in (0, 1). shape:
     their shape parameters, above 0; the variance is 1 / shape."""
-    flat = np.ascontiguousarray(g, np.float64).ravel(), np.ascontiguousarray(shape, np.float64).ravel()
+    flat = [np.array(each, np.float64).ravel() for each in (g, shape)]  # copies, which can be written: see kernels
     quantile = np.empty(flat[0].size)
     _quantiles(*flat, quantile)
     return quantile.reshape(np.shape(g))

@@ -37,7 +37,7 @@ from ..sampling.low_discrepancy import unevenness
 from ..sampling.rng import CANDIDATE_CHOICE, LAMP_CHOICE, PILOT, pass_key, path_key, uniform, uniforms
 from ..sampling.vectors import difference, dot, moved, put_vector, vector
 from ..sampling.warps import triangle_point
-from ..system.kernels import INLINED, KERNEL, njit
+from ..system.kernels import INLINED, KERNEL, njit, thinned
 from .pilot import Pilot
 
 _RECEIVERS, _FEWEST_RECEIVERS = 512, 32  # points at which lamps are judged
@@ -89,8 +89,7 @@ class Receivers(NamedTuple):
 
     def thinned(self, most: int) -> "Receivers":
         """About `most` of these receivers."""
-        some = slice(None, None, max(1, len(self.point) // most))
-        return Receivers(*(column[some] for column in self))
+        return Receivers(*thinned(self, max(1, len(self.point) // most)))
 
 
 @njit(cache=True, nogil=True)

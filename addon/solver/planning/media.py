@@ -20,7 +20,7 @@ from ..sampling.heuristics import SINGLE_RAY
 from ..sampling.rng import PILOT, THROUGH_MEDIA, pass_key
 from ..sampling.vectors import difference, dot, vector
 from ..scene import Medium
-from ..system.kernels import KERNEL, njit
+from ..system.kernels import KERNEL, njit, thinned
 from .pilot import Pilot
 from .reference import Sources
 
@@ -49,8 +49,8 @@ def absorbed_shares(
 
     absorption: (m, b) 1/m. Gas in grids is taken as even over their box.
     """
-    some = slice(None, None, max(1, len(pilot.point) // _POINTS))
-    point, side_id, weight = pilot.point[some], pilot.side_id[some], pilot.throughput[some]
+    step = max(1, len(pilot.point) // _POINTS)
+    point, side_id, weight = thinned((pilot.point, pilot.side_id, pilot.throughput), step)
     shares = np.zeros_like(absorption)
     if not weight.sum() > 0.0:
         return shares
@@ -92,7 +92,7 @@ def cross_samples(
     scattered = Scattered(
         np.empty(count, np.int64), *empty_ray_batch(count), *np.empty((2, count)), np.empty(count, np.float32)
     )
-    room = np.empty((3, air.share.shape[1]))
+    room = np.empty((3, air.share.shape[1]), np.float32)
     found = _cross_samples(air, tracer.scatters, hits, (throughput, *numbers), seen, scattered, room)
     return Scattered(*(column[:found] for column in scattered))
 
@@ -107,7 +107,7 @@ def _cross_samples(air, scatters, hits, paths, seen, scattered, room):
         if scatters:
             glow(air, i, weight, radiance)
             out = scattered.origin, scattered.direction, found, onward
-            end = walk(air, i, air.rays, weight, (path[i], first), out)
+            end = walk(air, i, (air.rays.origin, air.rays.direction), weight, (path[i], first), out)
             if end >= 0:
                 flown = difference(vector(scattered.origin, found), vector(air.rays.origin, i))
                 cosine = dot(vector(air.rays.direction, i), vector(scattered.direction, found)) / air.length[i]

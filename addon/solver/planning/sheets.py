@@ -19,7 +19,7 @@ from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import vector
 from ..sampling.warps import cosine_direction, to_world
-from ..system.kernels import KERNEL, njit
+from ..system.kernels import KERNEL, njit, thinned
 from .lamps import Lamps
 from .pilot import Pilot
 
@@ -151,7 +151,7 @@ def _sheets_of(surfaces: Surfaces, side_id: np.ndarray) -> np.ndarray:
 
 def _some_points(pilot: Pilot, step: int) -> _Points:
     """Every step-th point where the pilot's paths gather."""
-    return _Points(pilot.point[::step], pilot.normal[::step], pilot.side_id[::step])
+    return _Points(*thinned((pilot.point, pilot.normal, pilot.side_id), step))
 
 
 def dark_sheets(labels: int) -> Sheets:

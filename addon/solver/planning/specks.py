@@ -26,7 +26,7 @@ from ..geometry.triangles import corner
 from ..image.pooling import REACH
 from ..sampling.vectors import difference
 from ..sampling.warps import triangle_point
-from ..system.kernels import INLINED, KERNEL, njit
+from ..system.kernels import INLINED, KERNEL, njit, thinned
 from .antialiasing import camera_variance
 
 _LARGEST = 2.0 * REACH + 1.0  # pixels that a speck spans at most: of larger things neighbours tell, see pooling
@@ -84,7 +84,7 @@ def find_specks(stage: Stage, tracer: Tracer, eye: Eye) -> Specks:
     small = (extent < _LARGEST) | ((total < _NARROW * extent) & (extent < math.inf))
     chosen = np.flatnonzero((seen.area > 0.0) & small[seen.label])
     every = max(1, -(-len(chosen) // _RAYS))
-    chosen = chosen[::every]
+    (chosen,) = thinned((chosen,), every)
     points = np.clip(np.ceil(_DENSITY * seen.length[chosen]), 1, _POINTS)
     points = np.ceil(points * min(1.0, _RAYS / max(points.sum(), 1.0))).astype(np.int64)
     x, y = np.empty((2, points.sum()))
@@ -97,7 +97,7 @@ def find_specks(stage: Stage, tracer: Tracer, eye: Eye) -> Specks:
     rays_through(eye._replace(lens_radius=0.0), x, y, *rays, reach)
     hits = tracer.camera.trace(*rays, reach)
     bands = stage.radiometry.reference.size
-    through = np.ones((len(inside), bands))
+    through = np.ones((len(inside), bands), np.float32)
     if tracer.holds_media:
         transmit_all(tracer.cross(*rays, ways(hits)), through)
     pixel = np.floor(x).astype(np.int64) - x0 + (np.floor(y).astype(np.int64) - y0) * (x1 - x0)

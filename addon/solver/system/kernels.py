@@ -8,14 +8,16 @@ counting is part of Numba's runtime, which the option `_nrt` turns off. Numba th
 allocates, or that returns a row of an array: the few small functions that return rows are inlined by Numba itself,
 `inline="always"`. Functions that make arrays take little time and are compiled with Numba's own settings.
 
-A kernel is compiled for each combination of types of its arguments, and to Numba a literal number is a type of its own.
-So a count that starts at 0 and is passed to a kernel starts as np.int64(0).
+A kernel is compiled for each combination of types of its arguments, which takes up to 20 s. To Numba a literal number
+is a type of its own, so a count that starts at 0 and is passed to a kernel starts as np.int64(0). And so are an array
+whose rows do not lie side by side, see `thinned`, or one that cannot be written.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 
 import numba
+import numpy as np
 
 from .compiler import KernelCompiler
 from .kernel_cache import keep_apart, kept_kernels
@@ -33,6 +35,11 @@ def njit(**options) -> Callable:
         return kernel
 
     return decorate
+
+
+def thinned(columns: Iterable[np.ndarray], step: int) -> Iterator[np.ndarray]:
+    """Every step-th row of columns, for kernels: side by side whatever the step is."""
+    return (np.ascontiguousarray(column[::step]) for column in columns)
 
 
 def _wrap_on_demand(inlined, options: dict) -> None:
