@@ -160,6 +160,23 @@ def test_sheets_and_smooth_surfaces_have_both_sides_once():
     assert not smooth.emission.any() or np.abs(smooth.emission).max() < 1e-6
 
 
+def test_a_far_pane_has_a_back():
+    """Panes 5 mm before a wall, up to 100 m away: no walk enters most of the gaps, and there the wall would be dark.
+    The wall itself has no back, nor has a block that is sunk into it."""
+    parts = PaintedParts()
+    wall, glass = Material("wall", 0.9), Material("glass", 0.8)
+    parts.add(quad((0, 0, 0), (40, 0, 0), (0, 0, 3)), REFERENCE, wall)
+    for x in np.arange(-39.0, 40.0, 2.0):
+        parts.add(quad((x, -0.005, 0), (0.5, 0, 0), (0, 0, 1)), 350.0, glass)
+    parts.add(box((0.5, 0.5, 0.5)), 350.0, wall, (0.7, -0.1, 2))
+    scene = parts.scene(look((-60, -20, 0), (0, 0, 0), 8, 6, 0.5), EDGES, REFERENCE)
+    problem = build_problem(scene, REFERENCE)
+    twins = problem.vertices[problem.triangles[len(scene.triangles) :]]
+    assert len(twins) == 2 * 40
+    assert np.all((twins[:, :, 1] > -0.005) & (twins[:, :, 1] < -0.0049))
+    assert np.all(np.cross(twins[:, 1] - twins[:, 0], twins[:, 2] - twins[:, 0])[:, 1] > 0.0)
+
+
 @pytest.mark.parametrize(
     "sky",
     [

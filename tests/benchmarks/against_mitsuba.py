@@ -97,14 +97,16 @@ def slope(kelvin, edges):
 def load_truth(name, scene, options):
     """Truth of a member from the cache folder, with as many seconds of rendering as are wanted added to it."""
     brute = options.brute or len(scene.media) > 0
-    path = options.cache / "families" / f"{name}-{'brute' if brute else 'mitsuba'}-{digest(scene)}.npz"
+    problem = None if brute else mitsuba_problem(scene)
+    kept_as = f"brute-{digest(scene)}" if brute else f"mitsuba-{problem.digest()}"
+    path = options.cache / "families" / f"{name}-{kept_as}.npz"
     images = np.empty((0, scene.camera.height, scene.camera.width))
     if path.exists():
         with np.load(path) as kept:
             images = kept["images"]
     count = max(8, round(options.seconds / (_BRUTE_CHUNK if brute else _CHUNK))) - len(images)
     if count > 0:
-        more = brute_images(scene, count, len(images), options) if brute else mitsuba_images(scene, count, options)
+        more = brute_images(scene, count, len(images), options) if brute else mitsuba_images(problem, count, options)
         images = np.concatenate((images, more))
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, images=images)
@@ -131,8 +133,8 @@ def digest(scene):
     return of.hexdigest()[:12]
 
 
-def mitsuba_images(scene, count, options):
-    """(count, height, width) independent images of the excess, of _CHUNK seconds each."""
+def mitsuba_problem(scene):
+    """The problem of the excess, enlarged to _SIZE."""
     problem = build_problem(scene, ambient(scene), all_lobes=True)
     centre = 0.5 * (problem.vertices.min(axis=0) + problem.vertices.max(axis=0))
     scale = _SIZE / np.abs(problem.vertices - centre).max()
@@ -140,6 +142,11 @@ def mitsuba_images(scene, count, options):
     problem.matrix[:3, 3] = (problem.matrix[:3, 3] - centre) * scale
     for skin in problem.skins:
         skin.corners = (skin.corners - centre) * scale
+    return problem
+
+
+def mitsuba_images(problem, count, options):
+    """(count, height, width) independent images of the excess, of _CHUNK seconds each."""
     budgets = [_CHUNK] * count
     images, _ = run_peer("mitsuba", problem, options.threads, "processor", budgets, polite=True, python=options.python)
     return images[..., 0] - problem.offset[0]

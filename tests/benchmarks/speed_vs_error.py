@@ -24,7 +24,6 @@ over an isothermal one (negative radiance too), which converges sooner and has t
 import argparse
 import contextlib
 import functools
-import hashlib
 import os
 import subprocess
 import sys
@@ -169,10 +168,7 @@ def load_reference(name, scene, folder, threads):
     """Reference of a scene from the folder, rendered there first if it is missing or the scene has changed."""
     subtracted, seconds = REFERENCES.get(name, OTHER_REFERENCE)
     problem = build_problem(scene, subtracted)
-    digest = hashlib.sha256()
-    for value in problem.arrays().values():
-        digest.update(np.round(np.ascontiguousarray(value, np.float64), 4).tobytes())
-    path = Path(folder) / f"{name}-{digest.hexdigest()[:12]}.npy"
+    path = Path(folder) / f"{name}-{problem.digest()}.npy"
     if not path.exists():
         # Mitsuba renders negative radiance too, but no gas that emits
         peer = "cycles" if problem.gas is not None and problem.gas.emits else "mitsuba"

@@ -208,6 +208,13 @@ def _skin_mesh(name, skin):
     return _mesh(name, vertices, triangles, properties, texcoords=texcoords, **of_vertices)
 
 
+def _emitter(radiance, both_sides):
+    """Sheets shine from both sides. Of twins a hair apart the camera would see the gap, which is black."""
+    if both_sides:
+        return {"type": "both_sides", "radiance": _image(np.reshape(radiance, (1, 1, 3)), "repeat")}
+    return {"type": "area", "radiance": _rgb(radiance)}
+
+
 def _sky(radiance):
     """Its local y is up, and its image starts at -z, which looks along -x of the world, where ours starts."""
     turned = mi.ScalarTransform4f([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -247,12 +254,13 @@ class _Mitsuba:
             scene["world"] = {"type": "constant", "radiance": _rgb(problem.world)}
         elif problem.skins:  # else paths that pass through sheets and leave the scene count as if they had met nothing
             scene["world"] = {"type": "constant", "radiance": _rgb(problem.world), "sampling_weight": 0.0}
-        for part, vertices, triangles in problem.meshes():
+        sheets = set(problem.part[len(problem.part) - problem.twins :])
+        for part, vertices, triangles in problem.meshes(twins=False):
             lobes = (problem.mirror[part], 0.0) if problem.lobes is None else problem.lobes[part]
             properties = mi.Properties()
             properties["bsdf"] = mi.load_dict({"type": "twosided", "nested": _bsdf(problem.reflectance[part], *lobes)})
             if np.any(problem.emission[part]):
-                properties["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(problem.emission[part])})
+                properties["emitter"] = mi.load_dict(_emitter(problem.emission[part], part in sheets))
             scene[f"part{part}"] = _mesh(f"part{part}", vertices, triangles, properties)
         for i, skin in enumerate(problem.skins):
             scene[f"skin{i}"] = _skin_mesh(f"skin{i}", skin)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene of diffuse and mirror materials as any renderer can take it: radiances and reflectances in numbers."""
 
+import hashlib
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from tests.benchmarks.peers.skins import Skin, build_skins, interpolation, lets_
 
 _WALKS, _BOUNCES, _SHIFT = 200_000, 12, 1e-5
 _SLIPS = 1e-4  # share of rays that slip through edges, which do not count
+_LOOKS, _SIGHT = 32, 0.05  # rays from a side that no walk met, and share of them that must meet sides that walks did
 _SKY = 1024  # zenith angles and azimuths of the radiance of a sky, at least
 
 
@@ -18,7 +20,8 @@ class Problem:
     """Everything a peer needs, arrays only, so that it travels in an npz file.
 
     vertices (n, 3) m. triangles (m, 3) int32, fronts (counter-clockwise) are what can be seen; the few that are seen
-    from both sides are there twice. part (m,) int32. Of each part p, in each of B bands: emission (p, B) W m-2 sr-1 and
+    from both sides are there twice, the last `twins` of them behind their twins. part (m,) int32. Of each part p, in
+    each of B bands: emission (p, B) W m-2 sr-1 and
     reflectance (p, B); mirror (p,) bool, else diffuse. world (B,) radiance of the surroundings. matrix (4, 4) camera to
     world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top. lobes (p, 2):
     share of the reflectance that is specular, and its alpha; None where `mirror` says all, as most peers need it.
@@ -42,6 +45,7 @@ class Problem:
     gas: Gas | None = None
     skins: tuple[Skin, ...] = ()
     sky: np.ndarray | None = None
+    twins: int = 0
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that it consists of, by name."""
@@ -50,6 +54,14 @@ class Problem:
         for i, skin in enumerate(self.skins):
             arrays |= skin.arrays(i)
         return arrays | (self.gas.arrays() if self.gas else {})
+
+    def digest(self) -> str:
+        """Twelve letters that change with the problem: references are kept under this name."""
+        of = hashlib.sha256()
+        for name, value in self.arrays().items():
+            is_text = np.asarray(value).dtype.kind == "U"
+            of.update(f"{name} {value}".encode() if is_text else np.round(np.asarray(value, float), 7).tobytes())
+        return of.hexdigest()[:12]
 
     def save(self, path):
         np.savez(path, **self.arrays())
@@ -91,10 +103,11 @@ class Problem:
         )
         return part, scale
 
-    def meshes(self):
-        """(part, vertices (n, 3) float32, triangles (m, 3) int32) of every part."""
+    def meshes(self, twins: bool = True):
+        """(part, vertices (n, 3) float32, triangles (m, 3) int32) of every part, with twins or without."""
+        count = len(self.triangles) - (0 if twins else self.twins)
         for part in range(len(self.mirror)):
-            corners, triangles = np.unique(self.triangles[self.part == part], return_inverse=True)
+            corners, triangles = np.unique(self.triangles[:count][self.part[:count] == part], return_inverse=True)
             yield part, self.vertices[corners].astype(np.float32), triangles.reshape(-1, 3).astype(np.int32)
 
     @property
@@ -153,6 +166,7 @@ def build_problem(scene, reference: float = 0.0, all_lobes: bool = False) -> Pro
         build_gas(scene, black),
         build_skins(scene, reflectance, black),
         _sky_radiance(scene.sky, edges, black),
+        len(triangles) - np.count_nonzero(~skinned),
     )
 
 
@@ -187,7 +201,7 @@ def _fronts(scene, part, kept):
     reached, lost = _reached_sides(scene, vertices, triangles)
     triangles, reached = triangles[kept], reached[kept]
     both = reached.all(axis=1)
-    back_only = reached[:, 1] & ~both
+    back_only = ~reached[:, 0]
     triangles = np.where(back_only[:, None], triangles[:, ::-1], triangles)
     a, b, c = vertices[triangles[both]].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
@@ -199,8 +213,8 @@ def _fronts(scene, part, kept):
 
 
 def _reached_sides(scene, vertices, triangles):
-    """(m, 2) bool: whether walks from the camera, bouncing at random, meet the front and the back of each triangle; and
-    the share of the walks that leave the scene."""
+    """(m, 2) bool: whether walks from the camera, bouncing at random, meet the front and the back of each triangle, or
+    would, if there were more; the front, if neither. And the share of the walks that leave the scene."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -233,4 +247,44 @@ def _reached_sides(scene, vertices, triangles):
         is_mirror = np.array([m.specular for m in scene.materials])[scene.material[triangle]] == 1
         direction = np.where(passes[:, None], direction, np.where(is_mirror[:, None], mirrored, diffuse))
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    return counts > _SLIPS * np.maximum(counts.sum(axis=1, keepdims=True), 1), 1.0 - len(origin) / _WALKS
+    reached = counts > _SLIPS * np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    reached[:, 0] |= ~reached.any(axis=1)
+    _reach_on(embree, (vertices, triangles, normals), reached, random)
+    return reached, 1.0 - len(origin) / _WALKS
+
+
+def _reach_on(embree, mesh, reached, random):
+    """Add to reached (m, 2) the sides of open meshes that see sides which are reached: the gap behind a pane, some
+    streets away, is met by no walk, and is in the picture all the same. mesh: vertices, triangles and their normals."""
+    vertices, triangles, normals = mesh
+    is_open = ~on_closed_meshes(vertices, triangles)
+    while True:
+        t, side = np.nonzero(~reached & is_open[:, None])
+        ray = np.repeat(np.arange(len(t)), _LOOKS)
+        outwards = normals[t] * np.where(side, -1.0, 1.0)[:, None]
+        share = np.sort(random.random((2, len(ray))), axis=0)
+        share = np.stack((share[0], share[1] - share[0], 1.0 - share[1]))  # even over the triangle
+        origin = np.einsum("kr,rki->ri", share, vertices[triangles[t[ray]]])
+        origin += 1e-5 * np.ptp(vertices, axis=0).min() * outwards[ray]
+        scattered = random.normal(size=origin.shape)
+        direction = outwards[ray] + scattered / np.linalg.norm(scattered, axis=1, keepdims=True)
+        found = embree.run(origin.astype(np.float32), direction.astype(np.float32))
+        back = np.einsum("ri,ri->r", direction, normals[found]) > 0
+        sees = (found >= 0) & reached[found, back.astype(int)]
+        new = np.bincount(ray, sees, len(t)) > _SIGHT * _LOOKS
+        if not new.any():
+            return
+        reached[t[new], side[new]] = True
+
+
+def on_closed_meshes(vertices, triangles):
+    """(m,) bool, which triangles are part of a mesh each of whose edges two triangles share."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    corner = np.unique(vertices, axis=0, return_inverse=True)[1].ravel()[triangles]
+    ends = np.sort(corner[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    _, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    size = (len(vertices),) * 2
+    mesh = connected_components(coo_array((np.ones(len(ends)), ends.T), shape=size), directed=False)[1][corner[:, 0]]
+    return ~np.isin(mesh, mesh[(count[edge.ravel()] != 2).reshape(-1, 3).any(axis=1)])
