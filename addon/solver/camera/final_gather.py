@@ -171,20 +171,26 @@ def share(surfaces, finals, shrink2, shape, rows) -> None:
     A gather takes the weighted mean over all final gathers on its sheet within its disk, which shrinks from pass to
     pass until the gather is alone. Where a rim cuts the disk, another gather counts only if there is also one at the
     opposite pixel: neighbours on one side alone would see other light in the mean. rows: see Rows.
+
+    Two gathers share if each lies in the disk of the other. What a gather's own rays met says how large its disk is, so
+    one that met something near keeps that for itself. If the others took it into their means all the same, it would
+    count twice.
     """
     first, following = np.full(shape[0] * shape[1], -1, np.int32), np.empty(len(finals.pixel), np.int32)
-    _share(surfaces, finals, shrink2, shape, rows, (first, following), np.empty(rows.image.shape[1], np.float32))
+    room = np.empty(len(finals.pixel)), np.empty(rows.image.shape[1], np.float32)
+    _share(surfaces, finals, shrink2, shape, rows, (first, following), room)
 
 
 @njit(**FAST_KERNEL)
-def _share(surfaces, finals, shrink2, shape, rows, chain, mean):
+def _share(surfaces, finals, shrink2, shape, rows, chain, room):
     (first, following), (height, width), image = chain, shape, rows.image
+    (disk2, mean), limits = room, (room[0], _BENT * shrink2)
     for n in range(finals.pixel.size - 1, -1, -1):
         following[n], first[finals.pixel[n]] = first[finals.pixel[n]], n
+        near = NEAR * finals.rays[n] / max(rows.closeness[finals.row + n], 1e-30)
+        disk2[n] = max(min(finals.radius2[n], near * near * shrink2), 1e-30)
     for n in range(finals.pixel.size):
         x, y = finals.pixel[n] % width, finals.pixel[n] // width
-        near = NEAR * finals.rays[n] / max(rows.closeness[finals.row + n], 1e-30)
-        limits = max(min(finals.radius2[n], near * near * shrink2), 1e-30), _BENT * shrink2
         mean[:], total, window = 0.0, 0.0, _WINDOW if finals.radius2[n] > 0.0 else 0
         for row in range(max(0, y - window), min(height, y + window + 1)):
             for column in range(max(0, x - window), min(width, x + window + 1)):
@@ -220,8 +226,8 @@ def _is_met(surfaces, finals, n, other, following, limits):
 @njit(inline="always")
 def _weight(surfaces, finals, n, other, limits):
     """Weight of another final gather for gather n, at the centre of the disk: the other's number of rays, times 1 minus
-    squared distance over squared radius minus squared difference of the normals over its limit. limits: the squared
-    radius (m2) and the limit of the squared difference.
+    squared distance over squared radius, the smaller of the two, minus squared difference of the normals over its
+    limit. limits: the squared radii (n,) in m2, and the limit of the squared difference.
     """
     if n == other:
         return float(finals.rays[n])
@@ -231,4 +237,4 @@ def _weight(surfaces, finals, n, other, limits):
     p, q = finals.point[n], finals.point[other]
     distance2 = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
     bend2 = 2.0 - 2.0 * dot(unit_normal(surfaces, mine), unit_normal(surfaces, its))
-    return finals.rays[other] * max(0.0, 1.0 - distance2 / limits[0] - bend2 / limits[1])
+    return finals.rays[other] * max(0.0, 1.0 - distance2 / min(limits[0][n], limits[0][other]) - bend2 / limits[1])
