@@ -316,8 +316,8 @@ def some_rays(row, triangle, distance, looking, apart):
 
 
 def test_neighbours_share_their_rays():
-    """The weighted mean over final gathers on the same side of the same sheet, within the disk and the window; less
-    where it bends, and within 5 % of the mean distance to what is around. Where a rim cuts the disk they count in
+    """The weighted mean over final gathers on the same side of the same sheet, within the disks of both and the window;
+    less where it bends, and within 5 % of the mean distance to what is around. Where a rim cuts the disk they count in
     pairs, in pixels on opposite sides. What is not shared is added as it is.
 
     Against a plain sum over all pairs; 1e-5: sums of some ten float32.
@@ -349,7 +349,7 @@ def test_neighbours_share_their_rays():
     closeness = rays / random.uniform(1, 50, count)
     radius2 = np.minimum(radius2, shrink2 * (0.05 * rays / closeness) ** 2)
     bend2 = np.sum((normal[:, None] - normal) ** 2, axis=-1)
-    left = np.maximum(1 - d2 / radius2[:, None] - bend2 / (0.1 * shrink2), 0.0)
+    left = np.maximum(1 - d2 / np.minimum(radius2[:, None], radius2) - bend2 / (0.1 * shrink2), 0.0)
     np.fill_diagonal(left, 1.0)
     weight = np.where(near, left, 0.0) * rays
     met = np.zeros((count, 3 * rows, 3 * columns), np.bool_)  # pixels that hold others, with a margin on each side
