@@ -79,6 +79,7 @@ class WatchedJob(RenderJob):
             self.shown.append((step, self.take_images()))
 
 
+@pytest.mark.once
 def test_a_final_render_begins_with_coarse_pictures(monkeypatch):
     """In its size and all its passes, and like the image that comes: a pixel on one wall shows that wall. This is the
     same without them, to the last bit.

@@ -157,6 +157,7 @@ def test_rays_are_spread_over_a_pixel():
         np.testing.assert_allclose(np.sort(offset), (np.arange(SAMPLES) + 0.5) * PIXEL - 0.5, atol=1e-12)
 
 
+@pytest.mark.once
 def test_strips_and_borders_are_parts_of_the_whole(tmp_path, monkeypatch):
     ask_for("CryptoObject")
     whole = pairs(render_to_exr(tmp_path)["ViewLayer"], "CryptoObject")

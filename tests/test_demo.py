@@ -162,6 +162,7 @@ def test_the_caustic_is_where_geometry_puts_it(demo, images):
         assert np.all(excess > 5 * np.hypot(noise[:, on], noise[:, beside])), excess
 
 
+@pytest.mark.once
 def test_bad_options_are_told_without_a_traceback(tmp_path):
     (tmp_path / "file").write_text("in the way")
     for options, message in (

@@ -132,6 +132,7 @@ def test_panels_show_the_units_of_all_numbers(path):
     assert fixed == []  # Blender keeps their type: scripts could no longer set a library name or a curve
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, [])) for name in SCENES])
 def test_temperatures_lie_between_the_coldest_and_the_hottest_thing(name, tmp_path):
     """A body emits at most what a blackbody of the hottest one does; what it lacks it reflects, at least the coldest.

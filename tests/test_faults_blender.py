@@ -222,6 +222,7 @@ def started(script, *arguments):
     return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
+@pytest.mark.once
 def test_a_killed_render_goes_on_from_its_checkpoint(infrared, tmp_path, monkeypatch):
     """Killed without warning in the middle, in a process of its own; here it goes on, to the last bit the same."""
     path, passes = tmp_path / "check.npz", 100_000
@@ -311,6 +312,7 @@ stop_after(pytest.MonkeyPatch(), 2)
 """
 
 
+@pytest.mark.once
 def test_a_render_ended_by_esc_is_saved_though_blender_is_quit(tmp_path):
     path = tmp_path / "check.npz"
     script = QUIT.format(path=str(path))
@@ -380,6 +382,7 @@ def test_every_view_layer_and_frame_has_its_checkpoint(infrared, tmp_path):
 # Two at once ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.once
 def test_two_processes_render_at_once(infrared, tmp_path):
     """They share the folder of kernels, and give the image of this process."""
     script = KILLED.replace("infrared.passes,", "infrared.band_exr_path = sys.argv[1]\ninfrared.passes,")
@@ -613,6 +616,7 @@ def test_no_value_of_an_attribute_surprises_the_reader(infrared):
         mesh.attributes.remove(mesh.attributes["temperature"])
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("renders", [100, long(300)])
 def test_renders_with_senseless_values_are_messages_or_finite_images(infrared, values, watchdog, renders):
     """Whole renders, each with one to three values at random, each within MOST. What is rendered lies between the

@@ -130,6 +130,7 @@ def test_warnings_of_a_render_stay_until_the_next(untouched):
     assert new_warnings(last_warnings, all_checks()) == []
 
 
+@pytest.mark.once
 def test_kernels_are_spoken_of_only_while_they_are_compiled():
     """By a kernel that takes long to compile, and by a render whose kernels are there."""
     import threading

@@ -389,6 +389,7 @@ def image(folder):
     return next(iter(render_to_exr(folder).values()))
 
 
+@pytest.mark.once
 def test_black_hair_covers_what_round_hair_does(tmp_path):
     """Hairs of 0.2 pixel, 8 to a pixel in a row across the whole picture, far enough apart not to hide each other from
     above: they cover d / s of it, d their diameter and s their distance. Their angles are spread evenly, so the cover
@@ -419,6 +420,7 @@ def test_hair_and_skin_of_one_temperature_are_exactly_black(tmp_path):
     np.testing.assert_allclose(temperature, 300.0, atol=1e-3)
 
 
+@pytest.mark.once
 def test_dense_fur_looks_the_same_when_it_is_simplified(tmp_path, monkeypatch):
     """3000 hairs of 0.03 pixel stand upright on a plate and cover about a quarter of it; 1000 wider ones in their place
     leave the mean as it is. Cover by n hairs at random is known to about 1 / sqrt(n), 3 %, of itself."""

@@ -99,6 +99,7 @@ def test_the_final_picture_is_that_of_a_render(scene, watcher):
         np.testing.assert_array_equal(getattr(picture, name), getattr(film, name)())
 
 
+@pytest.mark.once
 def test_first_pictures_are_smoothed_for_the_eye_alone(scene, watcher):
     """Those of one pass, coarse or not. What is measured is the render's own; later ones are drawn as they are."""
     camera = dataclasses.replace(scene.camera, width=200, height=150)
@@ -116,6 +117,7 @@ def test_first_pictures_are_smoothed_for_the_eye_alone(scene, watcher):
     assert second.drawn == second.measured
 
 
+@pytest.mark.once
 def test_a_window_is_drawn_where_it_lies(scene, watcher):
     camera = dataclasses.replace(scene.camera, width=400, height=300, window=(31, 17, 300, 290))
     watcher.render.submit(request(scene, camera))
