@@ -59,14 +59,14 @@ def cells_on_ray(grid, origin, direction, limit):
     return planes[(planes > 0) & (planes < limit)], at
 
 
-@njit(**KERNEL | {"cache": False})
+@njit(**KERNEL)
 def traverse_all(air, throughput, radiance):
     """traverse of every segment; throughput, radiance: (n, b)."""
     for i in range(air.length.size):
         traverse(air, i, throughput[i], radiance[i])
 
 
-@njit(**KERNEL | {"cache": False})
+@njit(**KERNEL)
 def transmit_all(air, power):
     """transmit of every segment; power: (n, b)."""
     for i in range(air.length.size):
