@@ -88,7 +88,7 @@ def _open() -> Scene:
 
 def _far() -> Scene:
     """The open scene in air, so far away that the box is a speck; smooth, and hidden from some rays."""
-    scene, count = _open(), len(_FLOOR) + _WALLS
+    scene = _open()
     matrix = scene.camera.matrix.copy()
     matrix[:3, 3] += 50.0 * matrix[:3, 2]
     edges = np.diff(scene.vertices[scene.triangles], axis=1)
@@ -98,7 +98,7 @@ def _far() -> Scene:
         scene,
         camera=replace(scene.camera, matrix=matrix),
         corner_normals=tilted.astype(np.float32),
-        hidden=np.where(np.arange(count) < len(_FLOOR), 0, Hidden.DIFFUSE).astype(np.uint8),
+        hidden=np.where(scene.material == 1, Hidden.DIFFUSE, 0).astype(np.uint8),
         media=(Medium("Air", 0.01, 293.0),),
         world_depth=10.0,
     )

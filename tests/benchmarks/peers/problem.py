@@ -21,10 +21,10 @@ class Problem:
 
     vertices (n, 3) m. triangles (m, 3) int32, fronts (counter-clockwise) are what can be seen; the few that are seen
     from both sides are there twice, the last `twins` of them behind their twins. part (m,) int32. Of each part p, in
-    each of B bands: emission (p, B) W m-2 sr-1 and
-    reflectance (p, B); mirror (p,) bool, else diffuse. world (B,) radiance of the surroundings. matrix (4, 4) camera to
-    world; tangent: of half the horizontal field of view. offset (B,) radiance that the images get on top. lobes (p, 2):
-    share of the reflectance that is specular, and its alpha; None where `mirror` says all, as most peers need it.
+    each of B bands: emission (p, B) W m-2 sr-1 and reflectance (p, B); mirror (p,) bool, else diffuse. world (B,)
+    radiance of the surroundings. matrix (4, 4) camera to world; tangent: of half the horizontal field of view. offset
+    (B,) radiance that the images get on top. lobes (p, 2): share of the reflectance that is specular, and its alpha;
+    None where `mirror` says all, as most peers need it.
     gas: between the surfaces, None without. skins: surfaces that vary; they are not among the triangles. sky (h, w, B):
     radiance by direction, as Mitsuba's `envmap` has it with +z up, in place of world; None where that is the same.
     """
@@ -278,13 +278,16 @@ def _reach_on(embree, mesh, reached, random):
 
 
 def on_closed_meshes(vertices, triangles):
-    """(m,) bool, which triangles are part of a mesh each of whose edges two triangles share."""
+    """(m,) bool, which triangles are part of a closed mesh (see open_edge): of all that vertices connect."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
+    from addon.solver.geometry.closed import open_edge
+
     corner = np.unique(vertices, axis=0, return_inverse=True)[1].ravel()[triangles]
-    ends = np.sort(corner[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    _, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    ends = corner[:, [0, 0]].ravel(), corner[:, 1:].ravel()
     size = (len(vertices),) * 2
-    mesh = connected_components(coo_array((np.ones(len(ends)), ends.T), shape=size), directed=False)[1][corner[:, 0]]
-    return ~np.isin(mesh, mesh[(count[edge.ravel()] != 2).reshape(-1, 3).any(axis=1)])
+    mesh = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=size), directed=False)[1][corner[:, 0]]
+    corners = {each: vertices[triangles[mesh == each]].reshape(-1, 3) for each in np.unique(mesh)}
+    is_closed = (open_edge(own, np.arange(len(own)).reshape(-1, 3)) is None for own in corners.values())
+    return np.isin(mesh, [each for each, closed in zip(corners, is_closed, strict=True) if closed])
