@@ -18,7 +18,6 @@ from addon.solver.geometry.surfaces import build_surfaces
 from addon.solver.image.tiles import TILE, tiles
 from addon.solver.physics.spectrum import band_radiance
 from addon.solver.planning import preparation
-from addon.solver.planning.sheets import FALL
 from addon.solver.planning.splitting import FEWEST_SHARED, noise_and_time, plan_splitting, ray_variance, spread_in
 from addon.solver.sampling.rng import path_key
 from tests.helpers.marks import long
@@ -544,6 +543,6 @@ def test_noise_of_rays_is_foreseen(kind, monkeypatch):
         ]
     )
     assert ray.mean() < 0.5 * sheets.evenness * cells.ray_noise.mean()  # several gathers share
-    foreseen = np.sum(cells.count * cells.contribution2 * (ray * 32**-FALL + cells.rest)) / pixels
+    foreseen = np.sum(cells.count * cells.contribution2 * (ray * 32**-sheets.fall + cells.rest)) / pixels
     print(f"{kind}: foreseen over found {math.sqrt(foreseen / found):.2f}")
     assert 1.5**-2 < foreseen / found < 1.5**2

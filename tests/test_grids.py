@@ -15,6 +15,7 @@ from addon.solver.physics.media import THIN, absorbed, absorbed_if_thin
 from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.physics.spectrum import apparent_temperature, band_radiance
 from addon.solver.planning import preparation
+from tests.benchmarks.speed_scenes import plume_grid
 from tests.helpers.grids import (
     atmosphere,
     cells_on_ray,
@@ -235,6 +236,26 @@ def test_random_grids_against_a_march_in_numpy(media, quiet):
     print("worst", np.max(np.abs(light - expected) / scale), np.max(np.abs(through - left)))
     assert np.mean(left < 0.99) > 0.1 and np.all(np.abs(light - expected) < 5e-7 * scale)
     assert np.all(np.abs(through - left) < 2e-7) and np.all(np.abs(power - through) < 2e-7)
+
+
+def test_the_benchmarks_plume_through_the_camera():
+    """Pixels that show it before a black wall, to its rim. They are small, and are compared with the ray in their
+    middle, so cells' edges in them count."""
+    grid, eye = plume_grid(64), np.array([0.4, 0.35, 1.7])
+    worst = []
+    for u, v, w in np.random.default_rng(0).uniform(0.15, 0.85, (16, 3)):
+        target = grid.matrix[:3] @ [64 * u, 64 * v, 64 * w, 1.0]
+        away = (target - eye) / np.linalg.norm(target - eye)
+        x = np.cross(away, (0, 0, 1))
+        scene = make_scene(
+            *quad(eye + 6 * away, 9 * x, 9 * np.cross(x, away)), 294.0, [Material("black", 1.0)],
+            look(eye, target, 2, 2, 1e-6), EDGES, media=(Medium("plume", 0.8, grid=grid),),
+        )  # fmt: skip
+        light, through = marched(scene.media, EDGES, 0.0, (eye, away), 6.0)
+        assert through[0] < 0.999
+        worst.append(abs(seen(scene) / (light[0] + through[0] * black(294.0)) - 1))
+    print("worst", max(worst))
+    assert max(worst) < 1e-5
 
 
 def test_empty_space_is_crossed_in_few_steps():

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from addon.solver.planning.sheets import FALL, dark_sheets
+from addon.solver.planning.sheets import dark_sheets
 from addon.solver.planning.splitting import (
     _ALONE,
     _END,
@@ -37,7 +37,7 @@ noises = st.floats(1e-12, 1e12)
 
 def splitting_of(price, **sheet):
     """On one sheet, which has these values."""
-    known = {name: np.full(1, value) for name, value in sheet.items() if name != "evenness"}
+    known = {name: np.full(1, value) for name, value in sheet.items() if name not in ("evenness", "fall")}
     sheets = dark_sheets(1)._replace(**sheet | known)
     return Splitting(sheets, cells_of(), np.zeros(0, np.int32), np.zeros(0), price)
 
@@ -75,7 +75,7 @@ def told_by_photons(square):
 def test_the_cheapest_is_chosen(price, spread, where, square):
     """Variance and its price in time together, over every number of rays and every chance allowed: the more a gather
     makes up of a pixel the more surely, and 8 rays and surely above 1/32. Fewer than 8 rays share none."""
-    splitting = splitting_of(price, density=1e4, span=1e9, evenness=2.0, **told_by_photons(square))
+    splitting = splitting_of(price, density=1e4, span=1e9, evenness=2.0, fall=1.4, **told_by_photons(square))
     (bright, ray_noise, met, closeness, density), (whole, diffuse, reach2, shrink2) = spread, where
     found = choose_rays(splitting, 0, spread, (whole * diffuse, whole), reach2, 50, shrink2)
     area = min(math.pi * reach2, 50 / (bright * 1e4)) * shrink2
@@ -84,7 +84,7 @@ def test_the_cheapest_is_chosen(price, spread, where, square):
     light2, noise = whole**2 * (square + met**2), 2.0 * (whole * diffuse) ** 2 * ray_noise
 
     def spent(rays, chance):
-        left = noise * rays**-FALL / (shared if rays >= 8 else 1.0)
+        left = noise * rays**-1.4 / (shared if rays >= 8 else 1.0)
         variance = left / chance + light2 * (1 / chance - 1)
         return variance + price * chance * (_GATHER + rays), variance
 

@@ -260,7 +260,7 @@ def _tables(scene, reference, centre):
         corners,
         normal,
         np.asarray(scene.material, np.int64),
-        (black_radiance(edges, unique) - at_reference)[index.ravel()],
+        excess(unique)[index.ravel()],
         kelvin,
         np.ptp(kelvin, axis=1) > 0,
         wavelength,
@@ -273,9 +273,7 @@ def _tables(scene, reference, centre):
         *_coatings(materials, edges),
         world,
         _CLEARANCE * np.abs(corners).max(),
-        build_gas(
-            scene.media, scene.world_depth, centre, world[0, 0], lambda k: black_radiance(edges, k) - at_reference
-        ),
+        build_gas(scene.media, scene.world_depth, centre, world[0, 0], excess),
         build_painted(scene.textures, len(scene.triangles)),
         build_lights(scene.lights, edges, centre),
     )

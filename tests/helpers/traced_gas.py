@@ -10,6 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 _CELLS = 8  # of a leaf, along each axis
+_AT_ONCE = 1 << 14  # cells whose radiances are integrated together, as that takes some kB each
 _BEHIND = 1e-6  # of the scene's size, and of the distance: by which a ray begins anew behind a face that it crosses
 
 
@@ -60,6 +61,7 @@ def build_gas(media, depth, centre, black, excess_of):
             cells.append(of)
     first = np.concatenate(([0], np.cumsum([len(density) for density, _ in cells])))[:-1].astype(np.int64)
     density, kelvin = (np.concatenate([np.zeros(0), *(of[i] for of in cells)]) for i in (0, 1))
+    few_at_a_time = np.array_split(kelvin, 1 + len(kelvin) // _AT_ONCE)
     return Gas(
         *(np.array([getattr(each, name) for each in media], float) for name in ("absorption", "scattering")),
         np.array([each.anisotropy for each in media], float),
@@ -69,7 +71,7 @@ def build_gas(media, depth, centre, black, excess_of):
         count,
         first,
         density,
-        excess_of(kelvin).reshape(-1, len(black)),
+        np.concatenate([excess_of(few).reshape(-1, len(black)) for few in few_at_a_time]),
     )
 
 

@@ -184,7 +184,8 @@ def share(surfaces, finals, shrink2, shape, rows) -> None:
 @njit(**FAST_KERNEL)
 def _share(surfaces, finals, shrink2, shape, rows, chain, room):
     (first, following), (height, width), image = chain, shape, rows.image
-    (disk2, mean), limits = room, (room[0], _BENT * shrink2)
+    disk2, mean = room
+    limits = disk2, _BENT * shrink2
     for n in range(finals.pixel.size - 1, -1, -1):
         following[n], first[finals.pixel[n]] = first[finals.pixel[n]], n
         near = NEAR * finals.rays[n] / max(rows.closeness[finals.row + n], 1e-30)

@@ -151,7 +151,8 @@ class Atmosphere(Tracer):
                 if from_sun is not None:  # those that miss all cross the scene, as far behind its middle as before it
                     through = -2.0 * np.einsum("ri,ri->r", origin, direction) / np.maximum(length, 1e-30) ** 2
                     end = np.where(leaves & from_sun, through, end)
-                parts.append((np.full(len(end), number), np.arange(len(end)), *np.stack((np.zeros(len(end)), end))))
+                begin, end = np.zeros(len(end)), end.astype(np.float64)
+                parts.append((np.full(len(end), number), np.arange(len(end)), begin, end))
             else:
                 crossings = body.crossings(origin, direction)
                 ray, ends = np.empty(len(crossings.ray), np.int64), np.empty((len(crossings.ray), 2))

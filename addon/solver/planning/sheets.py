@@ -23,10 +23,12 @@ from ..system.kernels import KERNEL, njit, thinned
 from .lamps import Lamps
 from .pilot import Pilot
 
-FALL = 1.25  # the variance of n rays of a lattice falls as n^-FALL: n^-1.5 at straight edges, n^-1 for small parts
 _PRIOR = 4.0  # samples that the mean of all sheets counts as on each sheet
 _POINTS = 1024  # at which the extent of sheets is measured
-_LATTICES, _LATTICE_RAYS = 1024, 16  # lattices that are compared with random rays, and rays of each
+# Rays of lattices that are compared with random rays, and numbers of these lattices
+_FEW_RAYS, _LATTICES_OF_FEW = 16, 1024
+_MANY_RAYS, _LATTICES_OF_MANY = 128, 256
+_STEEPEST = 2.0  # fall of smooth light, see Sheets; 1.5 at straight edges, 1 for small parts and random rays
 _CENTROID = 1.0 / 3.0  # barycentric coordinates
 _TYPICAL_COSINE = 2.0 / 3.0  # mean of cosine-distributed directions
 
@@ -40,7 +42,7 @@ class Sheets(NamedTuple):
     within the largest disk. disk: m2, area of the disk of a gather without walls around. reflected: W sr-1 m-2, mean
     radiance that a perfect reflector reflects; lit: the same from the absolute values of the photons' powers.
     caustic_noise: W2 sr-2 m-4, variance from the photons of caustics, which is there with photons and with rays.
-    evenness: one number for the whole scene: n rays of a lattice have the variance of one ray times evenness n^-FALL.
+    evenness, fall: numbers for the whole scene: n rays of a lattice have the variance of one times evenness n^-fall.
     """
 
     density: np.ndarray
@@ -53,6 +55,7 @@ class Sheets(NamedTuple):
     lit: np.ndarray
     caustic_noise: np.ndarray
     evenness: float
+    fall: float
 
 
 class Trial(NamedTuple):
@@ -112,6 +115,7 @@ def measure_sheets(
     span = drawn_means(sheet, _spans(surfaces, some, reach2), labels, math.pi * reach2, 1e-9)
     few = few_neighbours(neighbours)
     caustic = _caustic_noise(surfaces, some, trial, squares, reach2 * few / neighbours, few * trial.photons / photons)
+    evenness, fall = _evenness(stage, tracer, pilot, excess, key)
     return Sheets(
         density=density,
         photon_noise=photon_noise,
@@ -122,7 +126,8 @@ def measure_sheets(
         reflected=reflected,
         lit=lit,
         caustic_noise=drawn_means(sheet, caustic, labels, 0.0, 1e-9),
-        evenness=_evenness(stage, tracer, pilot, excess, key),
+        evenness=evenness,
+        fall=fall,
     )
 
 
@@ -156,34 +161,44 @@ def _some_points(pilot: Pilot, step: int) -> _Points:
 
 def dark_sheets(labels: int) -> Sheets:
     """The Sheets of a scene without photons: zeros."""
-    return Sheets(*np.zeros((9, labels)), 1.0)
+    return Sheets(*np.zeros((9, labels)), 1.0, 1.0)
 
 
 def _evenness(stage, tracer, pilot, excess, key):
-    """evenness of Sheets: variance of the mean over a lattice of n rays, at some of the pilot's points, over the
-    variance with n random rays, times n^(FALL - 1). key: of the random numbers."""
-    some = _some_points(pilot, max(1, 2 * len(pilot.point) // _LATTICES))
+    """evenness and fall of Sheets, from lattices of few and of many rays. key: of the random numbers."""
+    few = _noise_of_lattices(stage, tracer, pilot, excess, (key, _FEW_RAYS, _LATTICES_OF_FEW))
+    many = _noise_of_lattices(stage, tracer, pilot, excess, (key, _MANY_RAYS, _LATTICES_OF_MANY))
+    fall = 1.0 + math.log(few / many) / math.log(_MANY_RAYS / _FEW_RAYS)
+    fall = min(max(fall, 1.0), _STEEPEST)
+    return few * _FEW_RAYS ** (fall - 1.0), fall
+
+
+def _noise_of_lattices(stage, tracer, pilot, excess, lattices):
+    """Variance of the mean over a lattice of rays, at some of the pilot's points, over that with random rays.
+    At most 1. lattices: key of the random numbers, rays of each, and number of lattices."""
+    key, each, number = lattices
+    some = _some_points(pilot, max(1, 2 * len(pilot.point) // number))
     count = len(some.point)
     if count == 0:
-        return _LATTICE_RAYS ** (FALL - 1.0)
-    rays = empty_ray_batch(2 * _LATTICE_RAYS * count)
-    _start_lattices(stage.surfaces, some, key, rays)
-    met = _met(stage, excess, tracer.seen_from(FROM_DIFFUSE).trace(*rays).triangle).reshape(count, 2, _LATTICE_RAYS)
+        return 1.0
+    rays = empty_ray_batch(2 * each * count)
+    _start_lattices(stage.surfaces, some, key, np.int64(each), rays)
+    met = _met(stage, excess, tracer.seen_from(FROM_DIFFUSE).trace(*rays).triangle).reshape(count, 2, each)
     pairs = float(np.mean(np.diff(met.mean(axis=2), axis=1) ** 2)) / 2.0
-    alone = float(np.mean(met.reshape(count, -1).var(axis=1))) / _LATTICE_RAYS
-    return _LATTICE_RAYS ** (FALL - 1.0) * (min(pairs / alone, 1.0) if alone > 0.0 else 1.0)
+    alone = float(np.mean(met.reshape(count, -1).var(axis=1))) / each
+    return max(min(pairs / alone, 1.0), 1e-30) if alone > 0.0 else 1.0
 
 
 @njit(**KERNEL)
-def _start_lattices(surfaces, points, key, rays):
-    """Start two lattices of rays from each of the points, each lattice shifted at random."""
+def _start_lattices(surfaces, points, key, each, rays):
+    """Start two lattices of so many rays each from each of the points, each lattice shifted at random."""
     row = 0
     for i in range(points.side_id.size):
         start, n = vector(points.point, i), vector(points.normal, i)
         for lattice in range(2):
             path = path_key(key, 2 * i + lattice)
-            for ray in range(_LATTICE_RAYS):
-                u, v = lattice_point(ray, _LATTICE_RAYS, uniform(path, 0), uniform(path, 1))
+            for ray in range(each):
+                u, v = lattice_point(ray, each, uniform(path, 0), uniform(path, 1))
                 leave(surfaces, points.side_id[i], start, to_world(cosine_direction(u, v), n), rays, row)
                 row += 1
 

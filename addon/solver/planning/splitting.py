@@ -19,7 +19,7 @@ from ..sampling.low_discrepancy import LATTICES
 from ..sampling.rng import PILOT, PRICED_CELLS, PRICED_PIXELS, pass_key, strata
 from ..system.kernels import KERNEL, njit
 from .antialiasing import FEWEST, camera_variance, choose_samples, least_price
-from .sheets import FALL, Sheets
+from .sheets import Sheets
 from .survey import Cells, Survey
 
 # Times, in units of the time of one ray of a final gather (tests/benchmarks/throughput.py)
@@ -115,9 +115,9 @@ def choose_rays(splitting, sheet, spread, brings, reach2, k, shrink2):
     rays, surely = _FEWEST, whole / _LITTLE
     while rays < FEWEST_SHARED * min(surely, 1.0):
         rays *= 2
-    best, least = (rays, 1.0, noise * rays**-FALL), math.inf
+    best, least = (rays, 1.0, noise * rays**-sheets.fall), math.inf
     while rays <= _MOST:
-        left = (noise if rays < FEWEST_SHARED else shared) * rays**-FALL
+        left = (noise if rays < FEWEST_SHARED else shared) * rays**-sheets.fall
         chance = _chance(left + light2, _GATHER + rays, price, surely)
         variance = left / chance + light2 * (1.0 / chance - 1.0)
         cost = variance + price * chance * (_GATHER + rays)
@@ -155,7 +155,7 @@ def sharing(sheets, sheet, spread, reach2, k, shrink2):
 @njit(inline="always")
 def ray_variance(sheets, sheet, spread, reach2, k, shrink2):
     """Variance (W2 sr-2 m-4) of the radiance that a perfect reflector reflects, estimated from n rays of each final
-    gather that shares, times n^FALL."""
+    gather that shares, times n^fall."""
     return sheets.evenness * spread.ray_noise / max(1.0, sharing(sheets, sheet, spread, reach2, k, shrink2))
 
 

@@ -557,8 +557,8 @@ def _start_gathers(surfaces, bounce, hits, samples, chosen, rays):
 def _measure(stage, sheets, hits, rays, closeness, noise, rest):
     """Fill closeness, noise and rest of trial rays that meet a surface, see _Tried.
 
-    rest: over many rays from one point, each photon on the surface counts by the share of the point's view that 1 m2
-    around the photon takes, but is blurred at least over the disk of the cache.
+    rest: over many rays from one point, each photon on the surface counts by the share of the point's view, weighed
+    with the cosine there, that 1 m2 around the photon takes, but is blurred at least over the disk of the cache.
     """
     for i in range(hits.triangle.size):
         if hits.triangle[i] < 0:
@@ -570,7 +570,8 @@ def _measure(stage, sheets, hits, rays, closeness, noise, rest):
         if disk > 0.0:
             photons = (rays.throughput[i] * diffuse) ** 2 * sheets.photon_noise[sheet]
             noise[i] = photons / disk
-            rest[i] = photons * min(at.geometric_cosine * closeness[i] * closeness[i] / np.pi, 1.0 / disk)
+            view = rays.density[i] / TYPICAL_RAYS * at.geometric_cosine * closeness[i] * closeness[i]  # of 1 m2
+            rest[i] = photons * min(view, 1.0 / disk)
 
 
 @njit(**KERNEL)
