@@ -13,20 +13,13 @@ import argparse
 from dataclasses import replace
 from itertools import combinations
 
-import numpy as np
-
 from addon.solver import Settings, render
+from tests.benchmarks.large_pictures import apart, block_temperatures
 from tests.benchmarks.speed_scenes import build, of_size
-from tests.benchmarks.speed_vs_error import band_temperatures, film_image, peer_problem, run_peer
+from tests.benchmarks.speed_vs_error import film_image, peer_problem, run_peer
 from tests.helpers.path_tracer import trace_paths
 
 WIDTH, HEIGHT, BLOCK = 128, 96, 8
-
-
-def kelvin_of_blocks(images, edges):
-    """(n, rows, columns) K of images (n, height, width, bands)."""
-    blocks = np.reshape(images, (len(images), HEIGHT // BLOCK, BLOCK, WIDTH // BLOCK, BLOCK, -1)).mean(axis=(2, 4))
-    return np.array([band_temperatures(each, edges).mean(axis=-1) for each in blocks])
 
 
 def main():
@@ -44,12 +37,12 @@ def main():
         "cycles": cycles,
         "path tracer": [trace_paths(scene, options.samples, 2, seed, threads=2).radiance() for seed in seeds],
     }
-    kelvin = {name: kelvin_of_blocks(images, scene.band_edges) for name, images in pictures.items()}
+    kelvin = {
+        name: block_temperatures(images, scene.band_edges, BLOCK).mean(axis=-1) for name, images in pictures.items()
+    }
     for one, other in combinations(kelvin, 2):
-        pair = kelvin[one], kelvin[other]
-        apart = np.sqrt(np.mean((pair[0].mean(axis=0) - pair[1].mean(axis=0)) ** 2))
-        noise = np.sqrt(sum(np.mean(np.diff(each, axis=0) ** 2) / 4.0 for each in pair))
-        print(f"{one} and {other}: {apart:.4f} K apart, by noise {noise:.4f} K", flush=True)
+        distance, noise = apart(kelvin[one], kelvin[other])
+        print(f"{one} and {other}: {distance:.4f} K apart, by noise {noise:.4f} K", flush=True)
 
 
 if __name__ == "__main__":

@@ -50,11 +50,20 @@ def noise(pair):
     return np.sqrt(squares[: int(KEPT * squares.size)].mean())
 
 
-def blocks(image):
-    """(rows, columns, bands) means over whole blocks of an image (height, width, bands)."""
-    rows, columns = image.shape[0] // BLOCK, image.shape[1] // BLOCK
-    whole = image[: rows * BLOCK, : columns * BLOCK]
-    return whole.reshape(rows, BLOCK, columns, BLOCK, -1).mean(axis=(1, 3))
+def block_temperatures(images, edges, size=BLOCK):
+    """(n, rows, columns, bands) K of the mean radiance of whole blocks of so many pixels of images (n, height, width,
+    bands)."""
+    images = np.asarray(images)
+    rows, columns = images.shape[1] // size, images.shape[2] // size
+    whole = images[:, : rows * size, : columns * size]
+    means = whole.reshape(len(images), rows, size, columns, size, -1).mean(axis=(2, 4))
+    return np.array([band_temperatures(mean, edges) for mean in means])
+
+
+def apart(one, other):
+    """How far two pairs (2, ...) of independent values are apart, root mean square, and what their noise gives."""
+    distance = np.sqrt(np.mean((one.mean(axis=0) - other.mean(axis=0)) ** 2))
+    return distance, np.sqrt(sum(np.mean(np.diff(each, axis=0) ** 2) / 4.0 for each in (one, other)))
 
 
 def compare(name, options):
@@ -65,18 +74,16 @@ def compare(name, options):
     spent, passes = np.mean([each[1] for each in ours]), min(each[2] for each in ours)
     temperatures = np.stack([band_temperatures(each[0], scene.band_edges) for each in ours])
     error = noise(temperatures)
-    own_blocks = np.stack([band_temperatures(blocks(each[0]), scene.band_edges) for each in ours])
+    own_blocks = block_temperatures([each[0] for each in ours], scene.band_edges)
     for peer in options.peers:
         problem = peer_problem(peer, scene)
         budgets = [options.seconds] * 2
         images, seconds = run_peer(peer, problem, options.threads, options.clock, budgets, python=options.python)
         others = np.stack([band_temperatures(image, scene.band_edges) for image in images])
         equal = noise(others) * np.sqrt(np.mean(seconds) / spent)
-        other_blocks = np.stack([band_temperatures(blocks(image), scene.band_edges) for image in images])
-        apart = np.sqrt(np.mean((own_blocks.mean(axis=0) - other_blocks.mean(axis=0)) ** 2))
-        by_noise = np.sqrt(sum(np.mean(np.diff(each, axis=0) ** 2) / 4.0 for each in (own_blocks, other_blocks)))
+        gap, by_noise = apart(own_blocks, block_temperatures(images, scene.band_edges))
         print(
-            f"| {name} | {peer} | {equal:.4f} | {spent:.1f} | {passes} | {error:.5f} | {apart:.5f} | {by_noise:.5f} | "
+            f"| {name} | {peer} | {equal:.4f} | {spent:.1f} | {passes} | {error:.5f} | {gap:.5f} | {by_noise:.5f} | "
             f"{np.format_float_positional((equal / error) ** 2, 3, fractional=False, trim='-')} |",
             flush=True,
         )
