@@ -2,6 +2,7 @@
 """Rules about the source that no other test would notice to be broken."""
 
 import ast
+import functools
 import graphlib
 import re
 import string
@@ -459,3 +460,42 @@ def test_no_source_imports_a_test_module(path):
     """What tests share is in tests/helpers; here, too, code in texts counts."""
     imported = r"^\s*(from|import)\s+(tests\.)?test_|^\s*from\s+tests\s+import\b.*\btest_"
     assert not re.search(imported, path.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@functools.cache
+def names_in(path: Path) -> set[str]:
+    """What a module has by name: what it defines or imports, and what it gives a value; a package, its modules too."""
+    names = {each.stem for each in path.parent.iterdir()} if path.stem == "__init__" else set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names |= {alias.asname or alias.name for alias in node.names}
+    return names
+
+
+def missing_names(path: Path, root: Path) -> list[str]:
+    """What a source imports by name from modules below a folder that do not have it."""
+    missing = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        base = path.parents[node.level - 1] if node.level else root
+        origin = base.joinpath(*(node.module or "").split("."))
+        origin = origin / "__init__.py" if origin.is_dir() else origin.with_suffix(".py")
+        if origin.is_file():
+            missing += sorted({alias.name for alias in node.names} - names_in(origin) - {"*"})
+    return missing
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_what_a_source_imports_by_name_is_there(path):
+    """Benchmarks are run by hand, so that a name that moved would be missed long after it did."""
+    assert missing_names(path, ROOT) == []
+
+
+def test_a_missing_name_is_found(house):
+    package = house(one="a = 1\n", two="from .one import a, b\nfrom . import one, three\n")
+    assert missing_names(package / "two.py", package.parent) == ["b", "three"]

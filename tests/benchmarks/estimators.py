@@ -206,7 +206,7 @@ def compare_pairs(name, pools, options):
         variance = np.array([squares[: int(KEPT * squares.size)].mean(), squares.mean()])
         default = default or (variance, spent, images.mean(axis=0))
         trimmed, everywhere = variance / default[0] * spent / default[1]
-        apart = blocks((images.mean(axis=0) - default[2])[..., None])
+        apart = blocks((images.mean(axis=0) - default[2])[None, ..., None])
         off = np.sqrt(np.mean(apart**2) / default[0][0])
         print(f"| {variant} | x{trimmed:.2f} | x{everywhere:.2f} | x{spent / default[1]:.2f} | {off:.3f} |", flush=True)
 

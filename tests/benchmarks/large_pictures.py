@@ -50,14 +50,17 @@ def noise(pair):
     return np.sqrt(squares[: int(KEPT * squares.size)].mean())
 
 
-def block_temperatures(images, edges, size=BLOCK):
-    """(n, rows, columns, bands) K of the mean radiance of whole blocks of so many pixels of images (n, height, width,
-    bands)."""
+def blocks(images, size=BLOCK):
+    """(n, rows, columns, bands) means over whole blocks of so many pixels of images (n, height, width, bands)."""
     images = np.asarray(images)
     rows, columns = images.shape[1] // size, images.shape[2] // size
     whole = images[:, : rows * size, : columns * size]
-    means = whole.reshape(len(images), rows, size, columns, size, -1).mean(axis=(2, 4))
-    return np.array([band_temperatures(mean, edges) for mean in means])
+    return whole.reshape(len(images), rows, size, columns, size, -1).mean(axis=(2, 4))
+
+
+def block_temperatures(images, edges, size=BLOCK):
+    """(n, rows, columns, bands) K of the mean radiance of ``blocks``."""
+    return np.array([band_temperatures(means, edges) for means in blocks(images, size)])
 
 
 def apart(one, other):
