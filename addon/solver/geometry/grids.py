@@ -31,10 +31,10 @@ class GridTable(NamedTuple):
     number: (m,) int64, the grid of each medium, -1 for none. to_index: (g, 3, 4) float64, from the scene's space to
     index space. low: (g, 3) int64, lowest leaf coordinates. count: (g, 3) int64, places for leaves along each axis.
     first: (g,) int64, where the places of each grid begin in leaf. leaf: (p,) int32, number of the leaf at a place, the
-    last axis fastest, -1 where there is none. cells: (n, 512, 2) float32, density and temperature of the cells of each
-    leaf, the last axis fastest; temperature as steps_from_anchor. In grids of media with components (see Medium) the
-    density is 1 where there is any gas. heat: of all temperatures. amounts: (q,) float32, of the components of a
-    cell, one behind the other, cell by cell as in cells. begin: (g,) int64, where those of cell 0 would be.
+    last axis fastest, -1 where there is none. cells: (n,) float32, of each cell its density, its temperature as
+    steps_from_anchor, and the amounts of the components of its medium (see Medium), with which the density is 1 where
+    there is any gas; cell by cell, the last axis fastest, leaf by leaf, grid by grid. begin: (g,) int64, where those of
+    each grid begin. width: (g,) int64, values of a cell. heat: of all temperatures.
     """
 
     number: np.ndarray
@@ -44,9 +44,9 @@ class GridTable(NamedTuple):
     first: np.ndarray
     leaf: np.ndarray
     cells: np.ndarray
-    heat: HeatTable
-    amounts: np.ndarray
     begin: np.ndarray
+    width: np.ndarray
+    heat: HeatTable
 
 
 class Line(NamedTuple):
@@ -78,7 +78,7 @@ class Cell(NamedTuple):
 
 class Gas(NamedTuple):
     """What a ray finds where it is. amount: factor on the medium's coefficients. until: distance at which it changes.
-    steps: the temperature, see steps_from_anchor. place: int64, number of the cell among all cells."""
+    steps: the temperature, see steps_from_anchor. place: int64, where the values of the cell begin among all cells."""
 
     amount: float
     until: float
@@ -131,37 +131,23 @@ def empty_ahead() -> Ahead:
 
 
 def place_grids(media: tuple[Medium, ...], centre: np.ndarray) -> GridTable:
-    """The GridTable of media, without cells. centre: (3,) m, subtracted from world coordinates."""
+    """The GridTable of media, without values of cells. centre: (3,) m, subtracted from world coordinates."""
     number, grids = np.full(len(media), -1), [medium.grid for medium in media if medium.grid is not None]
     number[[medium.grid is not None for medium in media]] = np.arange(len(grids))
     boxes = [grid.box for grid in grids]
     places = [int(count.prod()) for _, count in boxes]
     leaf = np.full(sum(places), _MISSING, np.int32)
     first = np.concatenate(([0], np.cumsum(places, dtype=np.int64)))
-    starts = _first_leaves(media)
-    for grid, (low, count), begin, start in zip(grids, boxes, first[:-1], starts, strict=True):
-        place = np.ravel_multi_index((grid.leaves - low).T, count)
-        leaf[begin + place] = start + np.arange(len(grid.leaves))
+    for grid, (low, count), begin in zip(grids, boxes, first[:-1], strict=True):
+        leaf[begin + np.ravel_multi_index((grid.leaves - low).T, count)] = np.arange(len(grid.leaves))
     move = np.eye(4)
     move[:3, 3] = centre
     to_index = [(np.linalg.inv(grid.matrix) @ move)[:3] for grid in grids]
     low, count = (np.array([box[i] for box in boxes], np.int64).reshape(-1, 3) for i in (0, 1))
     no_heat = HeatTable(np.zeros((2, 1)), np.zeros((2, 1)), 1.0, 0)
-    cells = np.empty((0, LEAF**3, 2), np.float32)
     to_index = np.array(to_index).reshape(-1, 3, 4)
-    nothing = np.empty(0, np.float32), np.empty(0, np.int64)
-    return GridTable(number, to_index, low, count, first[:-1], leaf, cells, no_heat, *nothing)
-
-
-def _first_leaves(media: tuple[Medium, ...]) -> list[int]:
-    """Number of the first leaf of each grid among those of all; grids of the same content share them."""
-    starts, count = {}, 0
-    contents = [(_content(medium), len(medium.grid.leaves)) for medium in media if medium.grid is not None]
-    for content, leaves in contents:
-        if content not in starts:
-            starts[content] = count
-            count += leaves
-    return [starts[content] for content, _ in contents]
+    cells = np.empty(0, np.float32), *np.empty((2, 0), np.int64)
+    return GridTable(number, to_index, low, count, first[:-1], leaf, *cells, no_heat)
 
 
 def _content(medium: Medium) -> tuple:
@@ -173,28 +159,40 @@ def _content(medium: Medium) -> tuple:
 
 
 def fill_cells(grids: GridTable, media: tuple[Medium, ...], heat: HeatTable) -> GridTable:
-    """A GridTable with its cells; instances of one grid share them."""
-    filled, parts = set(), []
-    for medium in media:
-        if medium.grid is not None and _content(medium) not in filled:
-            filled.add(_content(medium))
-            cells = np.empty((len(medium.grid.leaves), LEAF**3, 2), np.float32)
-            of_leaf = cells.reshape(-1, LEAF, LEAF, LEAF, 2)
-            density = 1.0 if medium.grid.density is None else medium.grid.density
-            of_leaf[..., 0] = medium.grid.holds if medium.components else density
-            of_leaf[..., 1] = steps_from_anchor(heat, medium)
-            parts.append(cells)
-    amounts, begin = _amounts(media)
-    cells = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    return grids._replace(cells=cells, heat=heat, amounts=amounts, begin=begin)
+    """A GridTable with the values of its cells; instances of one grid share them."""
+    with_grids = [medium for medium in media if medium.grid is not None]
+    one_of = {_content(medium): medium for medium in with_grids}
+    shapes = [(len(medium.grid.leaves), LEAF, LEAF, LEAF, _width(medium)) for medium in one_of.values()]
+    ends = np.cumsum([math.prod(shape) for shape in shapes])
+    cells = np.empty(ends[-1], np.float32)
+    for medium, shape, of_grid in zip(one_of.values(), shapes, np.split(cells, ends[:-1]), strict=True):
+        _write_cells(of_grid.reshape(shape), medium, heat)
+    starts = dict(zip(one_of, (0, *ends[:-1]), strict=True))
+    begin, width = np.array([(starts[_content(medium)], _width(medium)) for medium in with_grids], np.int64).T.copy()
+    return grids._replace(cells=cells, begin=begin, width=width, heat=heat)
+
+
+def _width(medium: Medium) -> int:
+    """Values of a cell, see GridTable."""
+    return 2 + len(medium.components)
+
+
+def _write_cells(cells: np.ndarray, medium: Medium, heat: HeatTable) -> None:
+    """Fill cells (n, 8, 8, 8, width) float32 of a medium's grid, see GridTable."""
+    grid = medium.grid
+    for place, component in enumerate(medium.components, 2):
+        amounts = grid.amounts(component)
+        cells[..., place] = 1.0 if amounts is None else amounts
+    density = 1.0 if grid.density is None else grid.density
+    cells[..., 0] = grid.holds if medium.components else density
+    cells[..., 1] = steps_from_anchor(heat, medium)
 
 
 def memory_of_grids(media: tuple[Medium, ...]) -> dict[str, float]:
     """Bytes that fill_cells takes at its peak for the cells of each medium with a grid, by name, beyond the grids
     themselves. Media that share the cells of another have no more than an index of leaves of their own.
 
-    Density and temperature of a cell take 8, and 12 more while the temperature is converted. Later each component takes
-    4, and as much again while those of all grids are joined.
+    Each value of a cell takes 4, and 12 more do while the temperature is converted.
     """
     needed, filled = {}, set()
     for medium in media:
@@ -202,26 +200,8 @@ def memory_of_grids(media: tuple[Medium, ...]) -> dict[str, float]:
             needed[medium.name] = needed.get(medium.name, 0.0) + 4.0 * float(medium.grid.box[1].prod())
             if _content(medium) not in filled:
                 filled.add(_content(medium))
-                each = max(20.0, 8.0 + 8.0 * len(medium.components))
-                needed[medium.name] += each * LEAF**3 * len(medium.grid.leaves)
+                needed[medium.name] += (4.0 * _width(medium) + 12.0) * LEAF**3 * len(medium.grid.leaves)
     return needed
-
-
-def _amounts(media: tuple[Medium, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """`amounts` and `begin` of GridTable; grids of the same content share theirs, as they share their cells."""
-    starts, parts, begin, count = {}, [np.empty(0, np.float32)], [], 0
-    with_grids = [medium for medium in media if medium.grid is not None]
-    for medium, leaf in zip(with_grids, _first_leaves(media), strict=True):
-        content, components = _content(medium), len(medium.components)
-        if content not in starts and components:
-            cells = np.empty((len(medium.grid.leaves), LEAF, LEAF, LEAF, components), np.float32)
-            for c, component in enumerate(medium.components):
-                values = medium.grid.amounts(component)
-                cells[..., c] = 1.0 if values is None else values
-            parts.append(cells.ravel())
-            starts[content], count = count, count + cells.size
-        begin.append(starts.get(content, 0) - leaf * LEAF**3 * components)
-    return np.concatenate(parts), np.array(begin, np.int64)
 
 
 @njit(**KERNEL)
@@ -364,18 +344,24 @@ def _inside_leaf(cell):
 
 
 @njit(**INLINED)
-def _density(grids, cell):
-    return 0.0 if cell.leaf < 0 else float(grids.cells[cell.leaf, _inside_leaf(cell), 0])
+def _place(grids, g, cell):
+    """Where the values of a cell of grid g begin, -1 if no leaf holds it."""
+    return grids.begin[g] + grids.width[g] * (cell.leaf * LEAF**3 + _inside_leaf(cell)) if cell.leaf >= 0 else -1
+
+
+@njit(**INLINED)
+def _density(grids, place):
+    return 0.0 if place < 0 else float(grids.cells[place])
 
 
 @njit(**INLINED)
 def next_cell(grids, g, line, cell, t, end):
     """The Gas in the Cell of a ray that is at t, and the Cell that comes behind it. Empty cells count as one. end: of
     the ray."""
-    density, amount, steps, place = _density(grids, cell), 0.0, 0.0, np.int64(0)
+    place, amount, steps = _place(grids, g, cell), 0.0, 0.0
+    density = _density(grids, place)
     if density > 0.0:
-        inside = _inside_leaf(cell)
-        amount, steps, place = density, float(grids.cells[cell.leaf, inside, 1]), cell.leaf * LEAF**3 + inside
+        amount, steps = density, float(grids.cells[place + 1])
         t = max(t, min(cell.plane_x, cell.plane_y, cell.plane_z))
         cell = _step(grids, g, line, cell)
     while density == 0.0 and t < end and cell.leaf != _OUTSIDE:
@@ -384,7 +370,7 @@ def next_cell(grids, g, line, cell, t, end):
         else:
             t = max(t, min(cell.plane_x, cell.plane_y, cell.plane_z))
             cell = _step(grids, g, line, cell)
-        density = _density(grids, cell)
+        density = _density(grids, _place(grids, g, cell))
     until = end if amount == 0.0 == density else min(t, end)
     return Gas(amount, until, steps, place), cell
 

@@ -269,13 +269,12 @@ def _mix(air, s, steps, place):
     mixtures = table.mixtures
     node, up = around(mixtures, m, temperature_at(grids.heat, steps))
     bands, first, end = air.share.shape[1], mixtures.first[m], mixtures.first[m + 1]
-    at = grids.begin[grids.number[m]] + place * (end - first)
-    density = float(grids.amounts[at])
+    density = float(grids.cells[place + 2])
     thickest = density * peaks.scattering[m]
     for b in range(bands):
         table.absorption[row, b] = 0.0
     for c in range(first, end):
-        amount = float(grids.amounts[at + c - first])
+        amount = float(grids.cells[place + 2 + c - first])
         below, above = amount * (1.0 - up), amount * up
         if amount > 0.0:
             thickest += below * peaks.absorption[c, node] + above * peaks.absorption[c, node + 1]
@@ -295,10 +294,9 @@ def _mix(air, s, steps, place):
 
 
 @njit(**_VECTORS)
-def add_coefficients(air, s, of, length, out):
-    """Add to out (b,) a coefficient at the present place of stretch s, times a length. of: (rows, b) float64, 1/m, of
-    the table."""
-    row, amount = air.row[s], air.march.amount[s] * length
+def _add_coefficients(of, row, amount, out):
+    """Add to out (b,) a coefficient, times an amount of gas, in m of amount 1. of: (rows, b) float64, 1/m, of the
+    table."""
     for b in range(out.size):
         out[b] += amount * of[row, b]
 
@@ -306,20 +304,41 @@ def add_coefficients(air, s, of, length, out):
 @njit(**INLINED)
 def add_depth(air, i, of, way, out):
     """Add to out (b,) the optical depth of a way on segment i that is constant: media that overlap add. way: in units
-    of the direction's length. of: see add_coefficients."""
+    of the direction's length. of: see _add_coefficients."""
     for s in range(air.first[i], air.first[i + 1]):
         if air.march.amount[s] > 0.0:
-            add_coefficients(air, s, of, way * air.length[i], out)
+            _add_coefficients(of, air.row[s], air.march.amount[s] * way * air.length[i], out)
 
 
 @njit(**INLINED)
 def measure_depth(air, i, of, out):
-    """Fill out (b,) with the optical depth of segment i. of: see add_coefficients."""
-    t, stop = 0.0, set_out(air, i)
+    """Fill out (b,) with the optical depth of segment i. of: see _add_coefficients."""
     out[:] = 0.0
+    if air.first[i] + 1 == air.first[i + 1]:
+        _measure_along_one(air, i, of, out)
+        return
+    t, stop = 0.0, set_out(air, i)
     while stop < np.inf:
         add_depth(air, i, of, stop - t, out)
         t, stop = stop, go_on(air, i, stop)
+
+
+@njit(**INLINED)
+def _measure_along_one(air, i, of, out):
+    """Add to out (b,) the optical depth of the only stretch of segment i: see _shine_along_one."""
+    s = air.first[i]
+    t, end, g, row = air.begin[s], air.end[s], air.grids.number[air.medium[s]], air.row[s]
+    if g < 0:
+        _add_coefficients(of, row, (end - t) * air.length[i], out)
+        return
+    line, cell = enter_grid(air.grids, g, (air.rays.origin[i], air.rays.direction[i]), t)
+    ahead = air.ahead
+    while t < end:
+        cells, cell, t = look_ahead(air.grids, g, line, cell, (t, end), ahead)
+        for n in range(cells):
+            if row != air.medium[s]:
+                _mix(air, s, ahead.steps[n], ahead.place[n])
+            _add_coefficients(of, row, ahead.amount[n] * air.length[i], out)
 
 
 @njit(**_VECTORS)
