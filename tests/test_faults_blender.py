@@ -413,6 +413,7 @@ PROPERTIES = {
 }
 HANGS = 300.0  # s by the clock, after which nothing but a hang is left to be the reason
 MOST = 100.0  # s of processor time, which a busy machine does not change: to compile kernels takes most of it, once
+MANY = 10_000 if bpy.app.version >= (5, 0, 0) else 1_000  # the older line is asked whether it takes them alike
 NUMBERS = (np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 300.0, 1e6, 1e7, 1e308, -1e308, 5e-324, 1e-300, 1e-8, 0.5)
 INTEGERS = (0, 1, -1, 300, 2**31 - 1, -(2**31))
 TEXTS = ("", " ", "300", "nan", "Granite", "granite ", "Unobtainium", "x" * 5000, "\u00e9\U0001f525", "a\nb", "'%s{}")
@@ -557,14 +558,14 @@ def read():
 
 @pytest.mark.parametrize("images", [False, long(True)])
 def test_no_value_of_a_custom_property_surprises_the_reader(values, watchdog, images):
-    """10,000 values: those that make sense are read, all others are errors that name the owner and the property.
+    """MANY values: those that make sense are read, all others are errors that name the owner and the property.
 
     images: the solver renders what was read, to finite images between the coldest and the hottest thing. No value takes
     more than MOST.
     """
     rng = np.random.default_rng(1)
     places, accepted, refused, laps = list(PROPERTIES), 0, 0, [time.process_time()]
-    while accepted + refused < 10_000:
+    while accepted + refused < MANY:
         watchdog()
         place, value = places[rng.integers(len(places))], senseless(rng)
         if not put(place, value):
@@ -592,7 +593,7 @@ def test_no_value_of_a_custom_property_surprises_the_reader(values, watchdog, im
         laps.append(time.process_time())
         assert laps[-1] - laps[-2] < MOST
     read()
-    assert accepted > 1000 and refused > 1000
+    assert accepted > 0.1 * MANY and refused > 0.1 * MANY
 
 
 def test_no_value_of_an_attribute_surprises_the_reader(infrared):

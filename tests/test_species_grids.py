@@ -13,7 +13,7 @@ import pytest
 from addon.solver import Grid, Material, Medium, SceneError, Settings, render
 from addon.solver.physics.heat import build_heat_table
 from addon.solver.physics.media import band_mean, build_medium_table
-from addon.solver.physics.mixtures import around
+from addon.solver.physics.mixtures import place_among_nodes
 from addon.solver.physics.molecules import build_molecular_media, species_coefficients
 from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.physics.soot import soot_curve
@@ -246,7 +246,8 @@ def test_between_the_nodes():
     medium = Medium("gas", grid=Grid(np.zeros((1, 3), np.int32), np.eye(4), None, cells, fractions))
     table = build_medium_table((medium,), edges, 0.0, np.zeros(len(edges) - 1))
     molecular = build_molecular_media((medium,), table, edges, 300.0, 1)
-    nodes, weights = (np.array(each) for each in zip(*(around(table.mixtures, 0, t) for t in kelvin), strict=True))
+    weights, nodes = np.modf(place_among_nodes(medium).ravel()[2:])
+    nodes = nodes.astype(int)
     off = {name: [] for name in mixture}
     for index in range(64):
         exact = species_coefficients(draws_of(molecular.sampler, index), kelvin, medium.pressure, medium.molecules)
@@ -273,10 +274,10 @@ def test_instances_share_their_cells():
     grid = gas_grid(1, (300.0, 900.0), ("CO2",))
     moved = dataclasses.replace(grid, transform=turned(7))
     air = atmosphere((Medium("a", 1.0, grid=grid), Medium("b", 2.0, grid=moved)), EDGES, 300.0)
-    assert air._grids.cells.size == (2 + 2) * grid.density.size
+    assert air._grids.cells.size == (3 + 2) * grid.density.size
     plain = random_grid(1)
     air = atmosphere((Medium("a", 1.0, grid=plain), Medium("b", gas=MIXTURE, grid=plain)), EDGES, 300.0)
-    assert air._grids.cells.size == (2 + 2 + 1) * plain.density.size
+    assert air._grids.cells.size == (2 + 3 + 1) * plain.density.size
 
 
 def test_leaves_with_species_alone_are_kept():

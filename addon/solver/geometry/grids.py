@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..physics.heat import HeatTable, steps_from_anchor
+from ..physics.mixtures import place_among_nodes
 from ..scene import LEAF, Medium
 from ..system.kernels import INLINED, KERNEL, njit
 
@@ -31,10 +32,11 @@ class GridTable(NamedTuple):
     number: (m,) int64, the grid of each medium, -1 for none. to_index: (g, 3, 4) float64, from the scene's space to
     index space. low: (g, 3) int64, lowest leaf coordinates. count: (g, 3) int64, places for leaves along each axis.
     first: (g,) int64, where the places of each grid begin in leaf. leaf: (p,) int32, number of the leaf at a place, the
-    last axis fastest, -1 where there is none. cells: (n,) float32, of each cell its density, its temperature as
-    steps_from_anchor, and the amounts of the components of its medium (see Medium), with which the density is 1 where
-    there is any gas; cell by cell, the last axis fastest, leaf by leaf, grid by grid. begin: (g,) int64, where those of
-    each grid begin. width: (g,) int64, values of a cell. heat: of all temperatures.
+    last axis fastest, -1 where there is none. cells: (n,) float32, of each cell its density and its temperature as
+    steps_from_anchor; where its medium has components (see Medium), the density is 1 if there is any gas, and that of
+    the temperature among the nodes of the mixture and the amounts of the components follow. Cell by cell, the last axis
+    fastest, leaf by leaf, grid by grid. begin: (g,) int64, where those of each grid begin. width: (g,) int64, values of
+    a cell. heat: of all temperatures.
     """
 
     number: np.ndarray
@@ -174,25 +176,27 @@ def fill_cells(grids: GridTable, media: tuple[Medium, ...], heat: HeatTable) -> 
 
 def _width(medium: Medium) -> int:
     """Values of a cell, see GridTable."""
-    return 2 + len(medium.components)
+    return 3 + len(medium.components) if medium.components else 2
 
 
 def _write_cells(cells: np.ndarray, medium: Medium, heat: HeatTable) -> None:
     """Fill cells (n, 8, 8, 8, width) float32 of a medium's grid, see GridTable."""
     grid = medium.grid
-    for place, component in enumerate(medium.components, 2):
-        amounts = grid.amounts(component)
-        cells[..., place] = 1.0 if amounts is None else amounts
     density = 1.0 if grid.density is None else grid.density
     cells[..., 0] = grid.holds if medium.components else density
     cells[..., 1] = steps_from_anchor(heat, medium)
+    if medium.components:
+        cells[..., 2] = place_among_nodes(medium)
+    for place, component in enumerate(medium.components, 3):
+        amounts = grid.amounts(component)
+        cells[..., place] = 1.0 if amounts is None else amounts
 
 
 def memory_of_grids(media: tuple[Medium, ...]) -> dict[str, float]:
     """Bytes that fill_cells takes at its peak for the cells of each medium with a grid, by name, beyond the grids
     themselves. Media that share the cells of another have no more than an index of leaves of their own.
 
-    Each value of a cell takes 4, and 12 more do while the temperature is converted.
+    Each value of a cell takes 4, and 16 more do while its temperature is converted.
     """
     needed, filled = {}, set()
     for medium in media:
@@ -200,7 +204,7 @@ def memory_of_grids(media: tuple[Medium, ...]) -> dict[str, float]:
             needed[medium.name] = needed.get(medium.name, 0.0) + 4.0 * float(medium.grid.box[1].prod())
             if _content(medium) not in filled:
                 filled.add(_content(medium))
-                needed[medium.name] += (4.0 * _width(medium) + 12.0) * LEAF**3 * len(medium.grid.leaves)
+                needed[medium.name] += (4.0 * _width(medium) + 16.0) * LEAF**3 * len(medium.grid.leaves)
     return needed
 
 

@@ -14,9 +14,8 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from ..physics.heat import between_nodes, temperature_at
+from ..physics.heat import between_nodes
 from ..physics.media import THIN, MediumTable, absorbed, absorbed_if_thin
-from ..physics.mixtures import around
 from ..scene import Hidden
 from ..system.kernels import FAST_INLINED, INLINED, njit
 from .grids import AHEAD, Ahead, GridTable, March, begin_march, enter_grid, look_ahead, march_on, next_cell
@@ -258,23 +257,24 @@ def _enter_or_leave(air, i, s, t):
             begin_march(air.grids, g, march, s, (air.rays.origin[i], air.rays.direction[i]), t)
         march_on(air.grids, g, march, s, t, air.end[s])
         if air.row[s] != air.medium[s] and march.amount[s] > 0.0:
-            _mix(air, s, march.steps[s], march.place[s])
+            _mix(air, s, march.place[s])
 
 
 @njit(**_VECTORS)
-def _mix(air, s, steps, place):
+def _mix(air, s, place):
     """Write the row of stretch s: what the mixture in its cell absorbs and scatters. Here alone it is said what the
-    coefficients of such a cell are. steps, place: see Gas."""
+    coefficients of such a cell are. place: see Gas."""
     table, grids, m, row, peaks = air.table, air.grids, air.medium[s], air.row[s], air.peaks
     mixtures = table.mixtures
-    node, up = around(mixtures, m, temperature_at(grids.heat, steps))
+    node = min(int(grids.cells[place + 2]), mixtures.absorption.shape[1] - 2)
+    up = float(grids.cells[place + 2]) - node
     bands, first, end = air.share.shape[1], mixtures.first[m], mixtures.first[m + 1]
-    density = float(grids.cells[place + 2])
+    density = float(grids.cells[place + 3])
     thickest = density * peaks.scattering[m]
     for b in range(bands):
         table.absorption[row, b] = 0.0
     for c in range(first, end):
-        amount = float(grids.cells[place + 2 + c - first])
+        amount = float(grids.cells[place + 3 + c - first])
         below, above = amount * (1.0 - up), amount * up
         if amount > 0.0:
             thickest += below * peaks.absorption[c, node] + above * peaks.absorption[c, node + 1]
@@ -337,7 +337,7 @@ def _measure_along_one(air, i, of, out):
         cells, cell, t = look_ahead(air.grids, g, line, cell, (t, end), ahead)
         for n in range(cells):
             if row != air.medium[s]:
-                _mix(air, s, ahead.steps[n], ahead.place[n])
+                _mix(air, s, ahead.place[n])
             _add_coefficients(of, row, ahead.amount[n] * air.length[i], out)
 
 
@@ -442,7 +442,7 @@ def _shine_along_one(air, i):
         cells, cell, t = look_ahead(air.grids, g, line, cell, (t, end), ahead)
         for n in range(cells):
             if air.row[s] != air.medium[s]:
-                _mix(air, s, ahead.steps[n], ahead.place[n])
+                _mix(air, s, ahead.place[n])
             _shine_alone(air, s, ahead.steps[n], ahead.amount[n] * air.length[i])
 
 

@@ -57,14 +57,15 @@ def build_heat_table(
 def steps_from_anchor(heat: HeatTable, medium: Medium) -> np.ndarray:
     """(n, 8, 8, 8) float32, how far the cells of a medium's grid are from the anchor, in steps of ln T. Colder than
     COLDEST counts as that, where no band holds radiance to speak of."""
-    steps = np.maximum(_temperatures(medium), COLDEST, dtype=np.float64)  # float32 would be too coarse near the anchor
+    kelvin = cell_temperatures(medium)
+    steps = np.maximum(kelvin, COLDEST, dtype=np.float64)  # float32 would be too coarse near the anchor
     steps /= heat.anchor  # in place, as grids may be large
     np.log(steps, out=steps)
     steps /= _STEP
     return steps.astype(np.float32)
 
 
-def _temperatures(medium: Medium) -> np.ndarray:
+def cell_temperatures(medium: Medium) -> np.ndarray:
     """(n, 8, 8, 8) float32 K of the cells of a medium's grid."""
     given, cells = medium.grid.temperature, (len(medium.grid.leaves), LEAF, LEAF, LEAF)
     return np.broadcast_to(np.float32(medium.temperature), cells) if given is None else given
@@ -72,17 +73,11 @@ def _temperatures(medium: Medium) -> np.ndarray:
 
 def temperature_range(medium: Medium) -> tuple[float, float]:
     """Lowest and highest temperature, K, of the cells of a medium's grid that hold gas, not below COLDEST."""
-    kelvin, holds = _temperatures(medium), medium.grid.holds
+    kelvin, holds = cell_temperatures(medium), medium.grid.holds
     low = np.min(kelvin, where=holds, initial=np.inf)
     if low == np.inf:
         return COLDEST, COLDEST
     return max(float(low), COLDEST), max(float(np.max(kelvin, where=holds, initial=0.0)), COLDEST)
-
-
-@njit(**INLINED)
-def temperature_at(heat, steps):
-    """K, see steps_from_anchor."""
-    return heat.anchor * math.exp(_STEP * steps)
 
 
 @njit(**INLINED)

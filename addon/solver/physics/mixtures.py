@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..scene import Medium
-from ..system.kernels import INLINED, njit
-from .heat import temperature_range
+from .heat import cell_temperatures, temperature_range
 
 _STEP = 25.0  # K, that of the data
 _HOTTEST = 5000.0  # K; hotter cells absorb as at this temperature
@@ -37,8 +36,8 @@ class MixtureTable(NamedTuple):
 def empty_mixtures(media: tuple[Medium, ...], bands: int) -> MixtureTable:
     """The MixtureTable of media, whose components absorb nothing yet."""
     first = np.concatenate(([0], np.cumsum([len(medium.components) for medium in media], dtype=np.int64)))
-    nodes = [_nodes(medium) if medium.components else np.zeros(2) for medium in media]
-    most = max(map(len, nodes))
+    nodes = [_nodes(medium) if medium.components else np.zeros(1) for medium in media]
+    most = max(2, *map(len, nodes))  # so that every node has a next one
     kelvin = np.array([np.pad(each, (0, most - len(each)), "edge") for each in nodes])
     return MixtureTable(first, kelvin, np.zeros((first[-1], most, bands)))
 
@@ -47,14 +46,11 @@ def _nodes(medium: Medium) -> np.ndarray:
     """(t,) float64, K: the lowest temperature of a medium's grid, multiples of _STEP in between, and the highest."""
     low, high = np.minimum(temperature_range(medium), _HOTTEST)
     between = _STEP * np.arange(math.floor(low / _STEP) + 1, math.ceil(high / _STEP))
-    return np.array([low, *between, high])
+    return np.unique([low, *between, high])
 
 
-@njit(**INLINED)
-def around(mixtures, medium, kelvin):
-    """Node below a temperature (K), and the weight of the next one."""
-    of = mixtures.kelvin[medium]
-    kelvin = min(max(kelvin, of[0]), of[-1])
-    node = min(int(kelvin / _STEP) - int(of[0] / _STEP), of.size - 2)
-    gap = of[node + 1] - of[node]
-    return node, (kelvin - of[node]) / gap if gap > 0.0 else 0.0
+def place_among_nodes(medium: Medium) -> np.ndarray:
+    """(n, 8, 8, 8) float64, where the temperatures of the cells of a medium's grid are among its nodes: 2.25 is a
+    quarter of the way from node 2 to the next. What is beyond all nodes is at the last."""
+    nodes = _nodes(medium)
+    return np.interp(cell_temperatures(medium), nodes, np.arange(len(nodes)))

@@ -174,8 +174,8 @@ def _evenness(stage, tracer, pilot, excess, key):
 
 
 def _noise_of_lattices(stage, tracer, pilot, excess, lattices):
-    """Variance of the mean over a lattice of rays, at some of the pilot's points, over that with random rays.
-    At most 1. lattices: key of the random numbers, rays of each, and number of lattices."""
+    """Variance of the mean over a lattice of rays, at some of the pilot's points, over that with as many random rays; 1
+    if lattices seem to be no better. lattices: key of the random numbers, rays of each, and number of lattices."""
     key, each, number = lattices
     some = _some_points(pilot, max(1, 2 * len(pilot.point) // number))
     count = len(some.point)
