@@ -199,6 +199,15 @@ def open_mesh(plume):
     mesh.from_pydata(points, [], faces)
 
 
+def turn_a_face(plume):
+    plume.data.polygons[0].flip()
+    plume.data.update()
+
+
+def take_the_floor_away(_plume):
+    bpy.data.objects.remove(bpy.data.objects["Floor"])
+
+
 def fill_world(**properties):
     def fill(_plume):
         for key, value in properties.items():
@@ -237,6 +246,9 @@ def group_plume(plume):
     (lambda plume: plume.__setitem__("pressure", -5.0), "ERROR", "Medium 'Plume': pressure -5 Pa"),
     (lambda plume: plume.__setitem__("pressure", "high"), "ERROR", "Object 'Plume': pressure is 'high', expected a"),
     (change(absorption=-1.0), "ERROR", "Medium 'Gas': absorption -1 1/m; it is finite and at least 0"),
+    (turn_a_face, "WARNING", "Object 'Plume': the mesh of a gas must be closed, but it is twisted at ("),
+    (take_the_floor_away, "ERROR", "has nothing to render: no visible object has faces, but of gas, which needs a"),
+    (change(absorption=[3.0, 0.1, 4.2, 50.0]), "WARNING", "'Gas': absorption is known from 3 to 4.2 µm; the bands rea"),
     (change(scattering=float("nan")), "ERROR", "Medium 'Gas': scattering nan 1/m"),
     (change(anisotropy=3.0), "ERROR", "Medium 'Gas': anisotropy 3 is outside -1..1"),
     (change(gas="Exhaust, petrl"), "ERROR", "the library has no gas 'Exhaust, petrl'; close names: 'Exhaust, petrol'"),

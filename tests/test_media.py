@@ -329,6 +329,21 @@ def test_fog_of_one_temperature_is_black():
     assert abs(mean - black(350.0)) < 4 * error and error < 0.01 * mean
 
 
+def test_what_scatters_straight_on_changes_nothing():
+    """Anisotropy 1, beside the same room without fog; photons and rays of gathers cross it."""
+    vertices, triangles = box((2, 2, 2))
+    scene = make_scene(
+        vertices, triangles[:, ::-1], np.where(np.arange(12) < 2, 600.0, 300.0), [Material("grey", 0.7)],
+        look((1, 0.2, 1.2), (1, 3, 1), 4, 3, 0.6), EDGES,
+    )  # fmt: skip
+    foggy = replace(scene, media=(Medium("fog", 0.0, 300.0, 2.0, 1.0),), world_depth=1.0)
+    (clear, noise), (fog, more) = (
+        mean_and_error(each, Settings(passes=32, photons_per_pass=5000)) for each in (scene, foggy)
+    )
+    print(f"{fog / clear - 1:+.3%} +- {np.hypot(noise, more) / clear:.3%}")
+    assert abs(fog - clear) < 4 * np.hypot(noise, more) and np.hypot(noise, more) < 0.02 * clear
+
+
 @pytest.mark.parametrize("turn", [False, True])
 def test_normals_are_turned_outwards(turn):
     """Of each part by itself."""

@@ -299,6 +299,47 @@ def test_values_that_are_no_numbers_are_told_and_left_out(scene, tmp_path, backg
     np.testing.assert_array_equal(medium.grid.fractions["H2O"][0, 0, 0, k], np.float32((0.0, 0.2, 0.3, 0.4)))
 
 
+def test_a_grid_without_cells_is_told(scene, tmp_path):
+    """So Blender reads a file that ends in the middle: the temperature would be that of the object without a word."""
+    nothing = np.zeros_like(KELVIN)
+    volume(write(tmp_path / "cut.vdb", density=DENSITY, temperature=nothing, CO2=nothing), temperature=600.0)
+    (medium,), warnings = read()[0].media, read()[1]
+    assert sorted(warnings) == [
+        "'Plume': its grid 'CO2' has no cells (is the file whole?); it counts as 0",
+        "'Plume': its grid 'temperature' has no cells (is the file whole?); 600 K counts",
+    ]
+    assert np.all(medium.grid.temperature == 600.0)
+
+
+def test_fractions_above_1_together_are_told(scene, tmp_path):
+    """Those of grids, and of the material where these have none."""
+    most = np.full_like(DENSITY, 0.7)
+    plume = volume(write(tmp_path / "a.vdb", density=DENSITY, H2O=most), temperature=600.0)
+    assert read()[1] == []
+    plume.data.materials[0]["gas"] = {"CO2": 0.5}
+    assert read()[1] == ["'Plume': the mole fractions in one of its cells add up to 1.2; they count as they are"]
+
+
+@pytest.mark.parametrize("damage, message", [
+    (lambda plume: plume.data.materials[0].__setitem__("absorption", -1.0), "Medium 'Gas': absorption -1 1/m"),
+    (lambda plume: plume.data.materials[0].__setitem__("gas", {"NH3": 0.1}), "Medium 'Gas': unknown species 'NH3'"),
+    (lambda plume: plume.__setitem__("temperature", float("nan")), "Object 'Plume': temperature nan"),
+])  # fmt: skip
+def test_checks_know_before_the_render(scene, tmp_path, damage, message):
+    plume = volume(write(tmp_path / "a.vdb", density=DENSITY), temperature=600.0)
+    damage(plume)
+    bpy.context.view_layer.update()
+    checks = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    assert [message in check.text for check in checks if check.level == "ERROR"] == [True]
+
+
+def test_a_file_that_is_being_written_does_not_stop_the_checks(scene, tmp_path):
+    path = tmp_path / "a.vdb"
+    volume(write(path, density=DENSITY), temperature=600.0).data.grids.load()
+    path.write_bytes(b"x" * 100)
+    scene_checks(bpy.context.scene, bpy.context.view_layer)
+
+
 def test_a_volume_of_no_numbers_is_left_out(scene, tmp_path):
     """A temperature alone says where there is gas: without one a cell is empty."""
     volume(write_cells(tmp_path / "a.vdb", temperature=(NAN, INF)), temperature=400.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..solver.geometry.closed import leak_place
+from ..solver.geometry.closed import fault_of
 from ..solver.physics.aerosols import mix_in
 from ..solver.physics.gases import find_gas
 from ..solver.scene import ATMOSPHERE, Medium, SceneError
@@ -94,10 +94,9 @@ def read_medium(
 
 
 def leak_message(vertices: np.ndarray, triangles: np.ndarray) -> str:
-    """Where a mesh of vertices (n, 3) and triangles (m, 3) is open, and what that does; an empty text if it is
-    closed."""
-    place = leak_place(vertices, triangles)
-    return f"the mesh of a gas must be closed, but it is open at {place}; the gas is left out" if place else ""
+    """How a mesh of vertices (n, 3) and triangles (m, 3) is not closed, and what that does; an empty text if it is."""
+    fault = fault_of(vertices, triangles)
+    return f"the mesh of a gas must be closed, but it is {fault}; the gas is left out" if fault else ""
 
 
 def read_gas_alone(block, owner: str, kelvin: float, pressure: float = ATMOSPHERE) -> Medium:

@@ -153,4 +153,5 @@ def _shown_instances(depsgraph, space) -> Iterator[tuple[bpy.types.DepsgraphObje
 def check_faces(layer, found: bool) -> None:
     """Raise SceneError, naming the view layer, unless faces to render were found in it."""
     if not found:
-        raise SceneError(f"View layer '{layer.name}' has nothing to render: no visible object has faces")
+        why = "no visible object has faces, but of gas, which needs a surface, however far"
+        raise SceneError(f"View layer '{layer.name}' has nothing to render: {why}")

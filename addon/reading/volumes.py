@@ -20,7 +20,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 
-from ..solver.scene import LEAF, SPECIES, Grid, Medium, SceneError, check_spread, in_leaves
+from ..solver.scene import LEAF, MOLECULES, SPECIES, Grid, Medium, SceneError, check_spread, in_leaves
 from .custom_properties import read_temperature
 from .media import build_medium, is_medium, read_optics, read_pressure
 from .warnings import Warnings
@@ -86,10 +86,14 @@ class VolumeReader:
         name, block = (obj.name, {}) if material is None else (f"{obj.name}: {material.name}", material)
         optics = read_optics(block, f"Material '{getattr(material, 'name', '')}'", metres)
         pressure = read_pressure(obj, f"Object '{obj.name}'")
+        together = _most_together(grid, optics["contents"])
+        if together > 1.0 + 1e-6:
+            message = f"the mole fractions in one of its cells add up to {together:.3g}; they count as they are"
+            self.warnings.add(obj.name, message)
         return build_medium(name, temperature=kelvin, grid=grid, pressure=pressure, **optics)
 
     def _read_file(self, obj, kelvin: float) -> Grid | None:
-        """The Grid of a Volume object in its own space. kelvin: where its temperature has no value."""
+        """The Grid of a Volume object in its own space. kelvin: where it has no temperature."""
         module = openvdb()
         if module is None:
             self.warnings.add(obj.name, f"this Blender has no module openvdb, which reads volumes; {_LEFT_OUT}")
@@ -134,6 +138,11 @@ class VolumeReader:
         if not len(leaves):  # so Blender reads a file that ends in the middle
             self.warnings.add(obj.name, f"its grids {', '.join(map(repr, grids))} hold no numbers, {_LEFT_OUT}")
             return None
+        kelvin = background if 0.0 < background < np.inf else kelvin
+        for name in values:
+            if not numbers[name].activeVoxelCount():
+                counts = f"{kelvin:.5g} K counts" if name == "temperature" else "it counts as 0"
+                self.warnings.add(obj.name, f"its grid '{name}' has no cells (is the file whole?); {counts}")
         if "density" in values:
             density = _or_none(values["density"])
         else:
@@ -143,7 +152,7 @@ class VolumeReader:
             np.maximum(density, 0.0, out=density)
         temperature = values.pop("temperature", None)
         if temperature is not None:
-            temperature[np.isnan(temperature)] = background if 0.0 < background < np.inf else kelvin
+            temperature[np.isnan(temperature)] = kelvin
         fractions = {name: _or_none(values[name]) for name in SPECIES if name in values}
         return Grid(leaves, matrix, density, temperature, fractions)
 
@@ -159,7 +168,7 @@ def bad_values(path: str, stamp: tuple) -> list[str]:
         grids = {grid.name: grid for grid in module.readAll(path)[0] if grid.name in _KNOWN}
         numbers = _lie_alike(grids)[-1]
         return _describe_bad(_read_leaves(numbers, path)[-1]) if _hold_cells(numbers) else []
-    except (RuntimeError, SceneError):
+    except (RuntimeError, OSError, LookupError, SceneError):  # a file that is being written may be any of these
         return []
 
 
@@ -295,6 +304,13 @@ def _drop_bad(values: np.ndarray) -> int:
     bad = ~np.isfinite(values)
     values[bad | (np.abs(values) == -_NO_VALUE)] = np.nan
     return int(np.count_nonzero(bad))
+
+
+def _most_together(grid: Grid, contents: dict[str, float]) -> float:
+    """The largest sum of mole fractions in a cell with those of its grids, and of a material where these have none."""
+    others = sum(contents.get(name, 0.0) for name in MOLECULES if name not in grid.fractions)
+    several = [grid.fractions[name] for name in MOLECULES if name in grid.fractions]
+    return others + float(reduce(np.add, several).max()) if several else others
 
 
 def _moved(grid: Grid, matrix: np.ndarray) -> Grid:

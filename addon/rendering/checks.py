@@ -15,7 +15,7 @@ import numpy as np
 
 from ..reading.bands import read_adaptive_bands, read_band_edges, read_band_range
 from ..reading.camera import read_camera
-from ..reading.custom_properties import driver_remark
+from ..reading.custom_properties import driver_remark, is_number, read_temperature
 from ..reading.groups import UNGROUPED_LIGHT, read_group_temperatures
 from ..reading.ignored import ignored_scene_settings, ignored_settings, left_out
 from ..reading.lights import read_light
@@ -124,9 +124,14 @@ def gas_checks(block, owner: str, infrared) -> list[Check]:
         low, high = read_band_range(infrared)
     except SceneError:
         return []  # reported for the bands
+    found = []
+    for quantity in ("absorption", "scattering"):
+        if not is_number(block.get(quantity, 0.0)):
+            points = block[quantity].to_list()[::2]
+            found += _range_checks(owner, quantity, points, (low, high))
     if transmittance(gas, np.linspace(low, high, WAVELENGTHS), 1.0).min() < 1.0:
-        return []
-    return [Check("WARNING", f"{owner}: its gas absorbs and scatters nothing from {low:.4g} to {high:.4g} µm")]
+        return found
+    return found + [Check("WARNING", f"{owner}: its gas absorbs and scatters nothing from {low:.4g} to {high:.4g} µm")]
 
 
 def _surface_checks(material, infrared) -> list[Check]:
@@ -157,16 +162,17 @@ def _emissivity_checks(material, wavelengths, infrared) -> list[Check]:
         low, high = read_band_range(infrared)
     except SceneError:
         return []  # reported for the bands
-    first, last = wavelengths[0], wavelengths[-1]
-    if len(wavelengths) > 1 and (low < first - SLACK or high > last + SLACK):
-        return [
-            Check(
-                "WARNING",
-                f"{owner}: emissivity is known from {first:.4g} to {last:.4g} µm; the bands reach from {low:.4g} "
-                f"to {high:.4g} µm, where the nearest value is held",
-            )
-        ]
-    return []
+    return _range_checks(owner, "emissivity", wavelengths, (low, high)) if len(wavelengths) > 1 else []
+
+
+def _range_checks(owner: str, quantity: str, wavelengths, bands: tuple[float, float]) -> list[Check]:
+    """Checks of whether a quantity that is known at wavelengths (n,), um, is so in all bands, which reach from one
+    wavelength to another."""
+    first, last, low, high = wavelengths[0], wavelengths[-1], *bands
+    if low >= first - SLACK and high <= last + SLACK:
+        return []
+    known = f"{quantity} is known from {first:.4g} to {last:.4g} µm; the bands reach from {low:.4g} to {high:.4g} µm"
+    return [Check("WARNING", f"{owner}: {known}, where the nearest value is held")]
 
 
 def find_bands(infrared) -> tuple[Sequence[float], float, str]:
@@ -251,6 +257,13 @@ def holds_gas(obj, view_layer) -> bool:
     return obj.type == "VOLUME" or (obj.type in SURFACE_TYPES and filled)
 
 
+def _surely_gas(obj, view_layer) -> bool:
+    """Whether all materials of an object, or the view layer's in their place, are gases."""
+    override = view_layer.material_override
+    materials = [override] if override else [slot.material for slot in obj.material_slots]
+    return len(materials) > 0 and all(map(is_medium, materials))
+
+
 def _medium_checks(obj, infrared, view_layer) -> list[Check]:
     """Checks of an object that holds gas, beside those of its material and its temperature."""
     owner = _owner(obj)
@@ -315,6 +328,8 @@ def _temperature_checks(obj, infrared, view_layer) -> list[Check]:
         return problems(read_light, obj, np.array(obj.matrix_world, dtype=np.float64)) + _driver_checks(
             obj, _owner(obj)
         )
+    if obj.type == "VOLUME":  # only the render knows whether it has a temperature of its own in its cells
+        return problems(read_temperature, obj, 0.0, _owner(obj)) + _driver_checks(obj, _owner(obj))
     if obj.type not in SURFACE_TYPES:
         return []
     source = temperature_source(obj, _evaluated(view_layer))
@@ -434,12 +449,16 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += detector_checks(scene)
     found += camera_checks(scene, view_layer)
     found += [Check("WARNING", message) for message in ignored_scene_settings(scene, view_layer)]
-    found += problems(check_faces, view_layer, any(map(may_have_faces, objects)))
+    surfaces = [obj for obj in objects if may_have_faces(obj) and not _surely_gas(obj, view_layer)]
+    found += problems(check_faces, view_layer, len(surfaces) > 0)
     found += [Check("WARNING", f"My materials: {problem}") for problem in [library.user_problem()] if problem]
     found += world_checks(scene, view_layer, objects)
     found += world_gas_checks(layer_world(scene, view_layer), infrared)
     for material in materials:
         found += material_checks(material, infrared)
+    filled = (slot.material for obj in objects if obj.type == "VOLUME" for slot in obj.material_slots)
+    for material in filter(is_medium, [override] if override else filled):  # what is in its cells, the render finds out
+        found += problems(read_gas_alone, material, f"Material '{material.name}'", TYPICAL)
     for obj in objects:
         found += object_checks(obj, infrared, view_layer)
     found += _fog_checks(scene, view_layer, objects)

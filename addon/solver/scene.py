@@ -488,7 +488,7 @@ class Medium:
         check_wavelengths(wavelengths, f"{owner}: anisotropy")
         outside = ~(np.abs(values) <= 1.0)  # also true for NaN
         if np.any(outside):
-            raise SceneError(f"{owner}: anisotropy {values[outside][0]:g} is outside -1..1")
+            raise SceneError(f"{owner}: anisotropy {values[outside][0]:.9g} is outside -1..1")
         check_temperature(self.temperature, owner)
         object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as of surfaces
         if self.grid is not None:

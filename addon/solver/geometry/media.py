@@ -5,6 +5,10 @@ A closed mesh bounds a medium. Its triangles are no surfaces: they stand in a BV
 overlap, touch each other and hold surfaces, and a surface between two media may be anywhere. Every crossing of a ray
 with that mesh is found, one after the other, to infinity: between an entry and the next exit the ray is inside, and if
 the first crossing is an exit, it has been inside from its start on.
+
+That holds of a mesh whose parts lie apart. Parts that overlap, touch or lie in each other stand in BVHs of their own
+(closed.Shell), and a ray is in the gas where it is in more parts whose normals point outwards than in such whose
+normals point inwards, or in fewer: what overlaps counts once, and the inner wall of a hollow body leaves a cavity.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from ..physics.heat import HeatTable
 from ..physics.media import MediumTable
 from ..scene import Medium, SceneError
 from ..system.kernels import KERNEL, njit
-from .closed import leak_place, outward
+from .closed import fault_of, shells
 from .grids import cross_boxes, empty_ahead, empty_march, fill_cells, place_grids
 from .segments import FROM_CAMERA, Air, Hits, Peaks, RayBatch, Tracer, empty_bands
 from .triangles import CLEAR
@@ -27,6 +31,8 @@ from .triangles import CLEAR
 # after 200 they are 76 times as long, 1e-4 of the mesh's size, and after 1000 longer than the mesh.
 _DOUBLED_IN = 32
 _FAR = np.float32(1e30)  # a ray that reaches farther leaves the scene
+# First steps over a crossing between parts of a mesh that lie apart: rays from far away take longer ones.
+_APART = 4.0
 
 
 class _Crossings(NamedTuple):
@@ -38,19 +44,66 @@ class _Crossings(NamedTuple):
     leaves: np.ndarray
 
 
+class _Stretches(NamedTuple):
+    """n ways of rays inside a mesh. ray: int64. begin, end: float64, in units of the direction's length."""
+
+    ray: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+
+
 class _Body:
-    """A closed mesh: its BVH, normals that point outwards, and how far to step over a first crossing, m."""
+    """A closed mesh: its shells and their signs, see closed.Shell; none if it is flat, thinner than rays can tell."""
 
     def __init__(self, medium: Medium, centre: np.ndarray):
         """centre: see Atmosphere. Raises SceneError, naming the medium, if its mesh is open."""
-        place = leak_place(medium.vertices, medium.triangles)
-        if place:
-            raise SceneError(f"Medium '{medium.name}': its mesh is open at {place}; a gas fills closed meshes")
-        corners = outward(np.asarray(medium.vertices, np.float64)[medium.triangles] - centre)
+        fault = fault_of(medium.vertices, medium.triangles)
+        if fault:
+            raise SceneError(f"Medium '{medium.name}': its mesh is {fault}; a gas fills closed meshes")
+        vertices = np.asarray(medium.vertices, np.float64) - centre
+        step = CLEAR * float(np.abs(vertices[medium.triangles]).max())
+        found = shells(vertices, medium.triangles, _APART * step)
+        self.shells, self.signs = [_Shell(shell.corners, step) for shell in found], [shell.sign for shell in found]
+
+    def stretches(self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray) -> _Stretches:
+        """Where rays (n, 3) float32 are inside, in any order. limit: (n,) float32, where they end."""
+        found = [shell.stretches(origin, direction, limit) for shell in self.shells]
+        if len(found) == 1:
+            return found[0]
+        return _together(found, self.signs)
+
+
+def _together(shells: list[_Stretches], signs: list[int]) -> _Stretches:
+    """Where rays are in more shells of one sign than of the other. signs: of each shell."""
+    none = np.empty(0)
+    ray = np.concatenate([none.astype(np.int64), *(np.tile(shell.ray, 2) for shell in shells)])
+    at = np.concatenate([none, *(end for shell in shells for end in (shell.begin, shell.end))])
+    turn = np.concatenate(
+        [none, *(np.repeat((sign, -sign), len(shell.ray)) for shell, sign in zip(shells, signs, strict=True))]
+    )
+    order = np.lexsort((at, ray))
+    ray, at = ray[order], at[order]
+    inside = np.flatnonzero(np.cumsum(turn[order])[:-1])  # 0 behind the last shell of each ray
+    inside = inside[at[inside + 1] > at[inside]]
+    return _Stretches(ray[inside], at[inside], at[inside + 1])
+
+
+class _Shell:
+    """Its BVH, normals that point outwards, and how far to step over a first crossing, m."""
+
+    def __init__(self, corners: np.ndarray, step: float):
+        """corners: see closed.Shell."""
         points = np.ascontiguousarray(corners.reshape(-1, 3), np.float32)
         self.tracer = Tracer(points, np.arange(len(points), dtype=np.int32).reshape(-1, 3))
         self.normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        self.step = CLEAR * float(np.abs(points).max())
+        self.step = step
+
+    def stretches(self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray) -> _Stretches:
+        """See _Body."""
+        crossings = self.crossings(origin, direction)
+        ray, ends = np.empty(len(crossings.ray), np.int64), np.empty((len(crossings.ray), 2))
+        kept = _pair(crossings, limit, ray, ends)
+        return _Stretches(ray[:kept], ends[:kept, 0], ends[:kept, 1])
 
     def crossings(self, origin: np.ndarray, direction: np.ndarray) -> _Crossings:
         """All crossings of rays (n, 3) float32, those of a ray in order of their distance."""
@@ -98,6 +151,8 @@ class Atmosphere(Tracer):
         self._everywhere = np.array([body is None for body in self._bodies]) & (self._grids.number < 0)
         self._optics = self._peaks = self.before_scene = None
         self.scatters = any(medium.scatters for medium in media)
+        bodies = zip(media, self._bodies, strict=True)
+        self.flat = [medium.name for medium, body in bodies if body is not None and not body.shells]
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         return self._surfaces.trace(origin, direction, reach)
@@ -154,10 +209,8 @@ class Atmosphere(Tracer):
                 begin, end = np.zeros(len(end)), end.astype(np.float64)
                 parts.append((np.full(len(end), number), np.arange(len(end)), begin, end))
             else:
-                crossings = body.crossings(origin, direction)
-                ray, ends = np.empty(len(crossings.ray), np.int64), np.empty((len(crossings.ray), 2))
-                kept = _pair(crossings, distance, ray, ends)
-                parts.append((np.full(kept, number), ray[:kept], ends[:kept, 0], ends[:kept, 1]))
+                inside = body.stretches(origin, direction, distance)
+                parts.append((np.full(len(inside.ray), number), *inside))
         medium, ray, begin, end = map(np.concatenate, zip(*parts, strict=True))
         order = np.argsort(ray, kind="stable")
         first = np.searchsorted(ray[order], np.arange(len(length) + 1))

@@ -148,6 +148,8 @@ def prepare(
     if scene.media:
         if planned is None:
             warn_of_temperatures(scene.media)
+            for name in tracer.flat:
+                log.warning("Medium '%s': its mesh is flat, so there is no gas in it", name)
         sources = _with_media(scene, settings, sources, (tracer, surfaces, pilot), 2.0 * radius)
     reference = _reference_temperature(settings, sources)
     layers = trace_apart(layers, reference)
