@@ -38,7 +38,8 @@ class VolumeReader:
 
     def __init__(self, warnings: Warnings):
         self.warnings = warnings
-        self._grids = {}  # (object, address of the evaluated volume, K) -> Grid in the object's space, or None
+        # (object, address of the evaluated volume, K) -> Grid in the object's space, or None, and _most_together of it
+        self._grids = {}
 
     def read(self, obj, matrix: np.ndarray, material, ambient: float, metres: float) -> Medium | None:
         """The gas in a Volume object or an instance of one; None, and a warning, if it cannot be rendered.
@@ -49,13 +50,19 @@ class VolumeReader:
         kelvin = read_temperature(obj, ambient, f"Object '{obj.name}'")
         key = obj.name_full, obj.data.as_pointer(), kelvin
         if key not in self._grids:
-            self._grids[key] = self._read_file(obj, kelvin)
-        grid = self._grids[key]
+            grid = self._read_file(obj, kelvin)
+            self._grids[key] = grid, 0.0 if grid is None else _most_together(grid)
+        grid, together = self._grids[key]
         if grid is None or not (grid.fractions or self._is_gas(obj, material, "volumes are")):
             return None
         if grid.temperature is None and obj.get("temperature") is None:
             self.warnings.add(obj.name, f"no temperature; the ambient {ambient:.5g} K counts")
-        return self._medium(obj, _moved(grid, matrix), material, kelvin, metres)
+        medium = self._medium(obj, _moved(grid, matrix), material, kelvin, metres)
+        together += sum(medium.gas.get(name, 0.0) for name in MOLECULES if name not in grid.fractions)
+        if together > 1.0 + 1e-6:
+            message = f"the mole fractions in one of its cells add up to {together:.3g}; they count as they are"
+            self.warnings.add(obj.name, message)
+        return medium
 
     def read_smoke(self, obj, matrix: np.ndarray, material, ambient: float, metres: float) -> Medium | None:
         """The gas in a smoke domain, see read. Smoke and flames together are the density; the temperature of the
@@ -86,10 +93,6 @@ class VolumeReader:
         name, block = (obj.name, {}) if material is None else (f"{obj.name}: {material.name}", material)
         optics = read_optics(block, f"Material '{getattr(material, 'name', '')}'", metres)
         pressure = read_pressure(obj, f"Object '{obj.name}'")
-        together = _most_together(grid, optics["contents"])
-        if together > 1.0 + 1e-6:
-            message = f"the mole fractions in one of its cells add up to {together:.3g}; they count as they are"
-            self.warnings.add(obj.name, message)
         return build_medium(name, temperature=kelvin, grid=grid, pressure=pressure, **optics)
 
     def _read_file(self, obj, kelvin: float) -> Grid | None:
@@ -306,11 +309,10 @@ def _drop_bad(values: np.ndarray) -> int:
     return int(np.count_nonzero(bad))
 
 
-def _most_together(grid: Grid, contents: dict[str, float]) -> float:
-    """The largest sum of mole fractions in a cell with those of its grids, and of a material where these have none."""
-    others = sum(contents.get(name, 0.0) for name in MOLECULES if name not in grid.fractions)
+def _most_together(grid: Grid) -> float:
+    """The largest sum of mole fractions in a cell of a grid."""
     several = [grid.fractions[name] for name in MOLECULES if name in grid.fractions]
-    return others + float(reduce(np.add, several).max()) if several else others
+    return float(reduce(np.add, several).max()) if several else 0.0
 
 
 def _moved(grid: Grid, matrix: np.ndarray) -> Grid:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import bpy
@@ -251,17 +252,20 @@ def object_checks(obj, infrared, view_layer) -> list[Check]:
 
 def holds_gas(obj, view_layer) -> bool:
     """Whether an object is a volume, or its material, or the view layer's in its place, is a gas."""
-    override = view_layer.material_override
-    slots = [slot.material for slot in obj.material_slots]
-    filled = any(map(is_medium, [override] if override else slots))
+    filled = any(map(is_medium, _materials(obj, view_layer)))
     return obj.type == "VOLUME" or (obj.type in SURFACE_TYPES and filled)
 
 
 def _surely_gas(obj, view_layer) -> bool:
     """Whether all materials of an object, or the view layer's in their place, are gases."""
-    override = view_layer.material_override
-    materials = [override] if override else [slot.material for slot in obj.material_slots]
+    materials = _materials(obj, view_layer)
     return len(materials) > 0 and all(map(is_medium, materials))
+
+
+def _materials(obj, view_layer) -> list:
+    """The materials in an object's slots, None in empty ones, or the view layer's in their place."""
+    override = view_layer.material_override
+    return [override] if override else [slot.material for slot in obj.material_slots]
 
 
 def _medium_checks(obj, infrared, view_layer) -> list[Check]:
@@ -350,8 +354,7 @@ def _texture_checks(obj, view_layer) -> list[Check]:
         return []
     warnings, evaluated = Warnings(), obj.evaluated_get(_evaluated(view_layer))
     reader = TextureReader(warnings)
-    slots = [slot.material for slot in evaluated.material_slots]
-    materials = [view_layer.material_override] if view_layer.material_override else slots
+    materials = _materials(evaluated, view_layer)
     try:
         needed = reader.layers(obj, materials)
     except SceneError as error:
@@ -376,7 +379,7 @@ def _fog_checks(scene, view_layer, objects: Collection) -> list[Check]:
     if not hidden:
         return []
     filled = [obj for obj in objects if holds_gas(obj, view_layer)]
-    slots = {view_layer.material_override or slot.material for obj in filled for slot in obj.material_slots}
+    slots = {material for obj in filled for material in _materials(obj, view_layer)}
     if not any(map(_scatters, [layer_world(scene, view_layer), *slots])):
         return []
     return [Check("WARNING", f"{_owner(obj)}: {HIDDEN_IN_FOG}") for obj in hidden]
@@ -456,8 +459,8 @@ def scene_checks(scene, view_layer) -> list[Check]:
     found += world_gas_checks(layer_world(scene, view_layer), infrared)
     for material in materials:
         found += material_checks(material, infrared)
-    filled = (slot.material for obj in objects if obj.type == "VOLUME" for slot in obj.material_slots)
-    for material in filter(is_medium, [override] if override else filled):  # what is in its cells, the render finds out
+    volumes = (_materials(obj, view_layer) for obj in objects if obj.type == "VOLUME")
+    for material in filter(is_medium, chain.from_iterable(volumes)):  # what is in its cells, the render finds out
         found += problems(read_gas_alone, material, f"Material '{material.name}'", TYPICAL)
     for obj in objects:
         found += object_checks(obj, infrared, view_layer)
