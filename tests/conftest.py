@@ -8,6 +8,7 @@ import pytest
 
 # First comes what takes longest in one process and compiles kernels of its own, then what compiles those of most
 # renders, for two minutes. Beside it run files that render next to nothing: others would compile the same kernels too.
+# The tests' path tracer comes before the files that compare with it, for the same reason.
 COMPILING = "test_real_blender.py", "test_adaptive_bands_blender.py"
 QUIET = {
     "test_gas_panels.py",
@@ -27,7 +28,9 @@ def place(name):
     """Where a file comes in the order of all: the lowest numbers first."""
     if name in COMPILING:
         return COMPILING.index(name)
-    return len(COMPILING) + (name not in QUIET)
+    if name in QUIET:
+        return len(COMPILING)
+    return len(COMPILING) + (1 if name == "test_path_tracer.py" else 2)
 
 
 def pytest_addoption(parser):
