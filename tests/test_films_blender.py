@@ -89,7 +89,59 @@ def test_a_finished_task_is_not_rendered_again(infrared, tmp_path, monkeypatch):
     assert after.ranges == before.ranges == [(0, 2, 4)]
 
 
-@pytest.mark.parametrize("text", ["4-2", "x", "-1", "1-", ""])
+def test_the_command_leaves_the_scene_and_other_files_alone(infrared, tmp_path):
+    """What the scene writes otherwise would be of one task's passes alone, and tasks would overwrite one another."""
+    scene, folder = bpy.context.scene, tmp_path / "missing"
+    bpy.data.objects["Plate"]["category"] = "plate"
+    infrared.label_path, infrared.band_exr_path = str(folder / "labels.json"), str(folder / "bands.exr")
+    scene.frame_set(5)
+    before = {name: getattr(infrared, name) for name in type(infrared).__annotations__}
+    assert commands.render_passes(["--frame", "2", "--passes", "1-2", "--film", str(tmp_path / "some.npz")]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"some.npz"}
+    assert before == {name: getattr(infrared, name) for name in before}
+    assert scene.frame_current == 5 and scene.render.use_sequencer and scene.render.use_compositing
+
+
+def test_strips_are_not_rendered_in_place_of_the_film(infrared, tmp_path):
+    editor = bpy.context.scene.sequence_editor_create()
+    length = {"length": 10} if bpy.app.version >= (5, 0) else {"frame_end": 11}
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    strips.new_effect(name="Colour", type="COLOR", channel=1, frame_start=1, **length)
+    assert commands.render_passes(["--passes", "0", "--film", str(tmp_path / "some.npz")]) == 0
+    assert read(tmp_path / "some.npz").film.passes == 1
+
+
+def test_a_render_without_a_film_is_a_failure(infrared, tmp_path, capsys):
+    bpy.context.view_layer.use = False
+    assert commands.render_passes(["--passes", "0", "--film", str(tmp_path / "some.npz")]) == 1
+    assert "Scene 'Scene' has no view layer that is rendered, so there is no film" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_film_of_more_passes_than_asked_for_is_told_and_kept(infrared, tmp_path, capsys):
+    """It would clash with the film of the task that has the further passes."""
+    film = str(tmp_path / "some.npz")
+    assert commands.render_passes(["--passes", "2-5", "--film", film]) == 0
+    assert commands.render_passes(["--passes", "2-3", "--film", film]) == 1
+    assert f"'{film}' holds passes 2 to 5, asked for are 2 to 3" in capsys.readouterr().err
+    assert read(tmp_path / "some.npz").film.ranges == [(0, 2, 6)]
+
+
+def test_each_view_layer_has_a_film(infrared, tmp_path):
+    for name in ("A.1", "A_1"):
+        bpy.context.scene.view_layers.new(name)
+    assert commands.render_passes(["--passes", "0", "--film", str(tmp_path / "some.npz")]) == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"some_ViewLayer.npz", "some_A_1.npz", "some_A_1_2.npz"}
+
+
+def test_a_folder_is_no_film(infrared, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        commands.render_passes(["--passes", "0", "--film", f"{tmp_path}/"])
+    assert f"--film is the folder '{tmp_path}/', expected a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["4-2", "x", "-1", "1-", "", "0-2147483647"])
 def test_nonsense_is_refused(infrared, text, capsys):
     with pytest.raises(SystemExit):
         commands.render_passes([f"--passes={text}", "--film", "some.npz"])

@@ -55,6 +55,12 @@ def view_suffixes(render) -> dict[str, str]:
     return layer_suffixes(suffixes) if clash else suffixes
 
 
+def picture_suffixes(scene) -> list[str]:
+    """What the names of the files of each picture of a render end with: of each view layer, and of each view of it."""
+    layers = layer_suffixes(each.name for each in scene.view_layers if each.use).values()
+    return [layer + view for layer in layers for view in view_suffixes(scene.render).values()]
+
+
 def file_path(scene, suffix: str, animation: bool, file_format: str = "BAND_EXR") -> Path:
     """File of this frame in a format (a key of FORMATS); suffix: of its view layer, see layer_suffixes."""
     path = without_extension(scene.infrared.band_exr_path)
