@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import glob
 import math
-import re
 import sys
 from collections.abc import Sequence
 from functools import reduce
@@ -20,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .output.formats import FORMATS, numbered, without_extension, write_file
+from .output.formats import FORMATS, layer_suffixes, numbered, without_extension, write_file
 from .pass_ranges import read_passes
 from .solver import layered_image
 from .solver.checkpoint import CheckpointError, StoredFilm, differences, read, save, told_ranges
@@ -145,8 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images) -> int:
     """Write the images of one frame and view layer; returns how many more passes they need."""
     (frame, layer), several = key, len({frame for frame, _ in images}) > 1
-    # a file name cannot have all that the name of a view layer can
-    suffix = "_" + re.sub(r"[^\w-]", "_", layer) if len({layer for _, layer in images}) > 1 else ""
+    suffix = layer_suffixes(sorted({layer for _, layer in images}))[layer]
     stored, name = merged(films, options.passes, options.partial), f"Frame {frame}" + (f", {layer}" if layer else "")
 
     def path_of(text: str, ending: str) -> Path:

@@ -17,9 +17,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from addon.output.formats import layer_suffixes  # noqa: E402
 from addon.rendering import final_render  # noqa: E402
 from addon.rendering.last_render import forget_last_render  # noqa: E402
-from addon.rendering.render_files import layer_suffixes  # noqa: E402
 from addon.solver.physics import library  # noqa: E402
 from addon.solver.physics.spectrum import band_names, band_radiance  # noqa: E402
 from addon.solver.settings import Settings  # noqa: E402
@@ -446,6 +446,8 @@ def test_band_exr_paths(tmp_path):
         ("//sub/v1.2_###", "", False, "sub/v1.2_012.exr"),
         ("//out", "_Layer", False, "out_Layer.exr"),
         ("//v1.2", "_Layer", True, "v1.20012_Layer.exr"),
+        ("//sub/", "", False, "sub/0012.exr"),  # a folder, where Blender's own pictures are numbers, too
+        ("//sub/", "_Layer", True, "sub/0012_Layer.exr"),
     ):
         scene.infrared.band_exr_path = setting
         assert final_render.file_path(scene, suffix, animation) == tmp_path / expected
@@ -459,10 +461,13 @@ def test_band_exr_paths(tmp_path):
         (["A.1", "A_1", "a 1"], ["_A_1", "_A_1_2", "_a_1_3"]),  # some disks take the third for the first
         (["A.1", "A_1_2", "A_1"], ["_A_1", "_A_1_2", "_A_1_3"]),
         (["B", "A", "B"], ["_B", "_A"]),
+        (["Zwei/ä", "Näh"], ["_Zwei__", "_N_h"]),
     ],
 )
 def test_files_of_view_layers_have_names_of_their_own(layers, suffixes):
     assert layer_suffixes(layers) == dict(zip(dict.fromkeys(layers), suffixes, strict=True))
+    clean = [f"_{bpy.path.clean_name(layer)}" for layer in dict.fromkeys(layers)]
+    assert len(clean) == 1 or all(map(str.startswith, suffixes, clean))
 
 
 @pytest.mark.parametrize("name", ["band_exr_path", "group_exr_path", "checkpoint_path"])

@@ -152,3 +152,5 @@ def test_files_are_numbered():
     assert numbered("/a/out_##.exr", ".exr", 7, False).as_posix() == "/a/out_07.exr"
     assert numbered("/a/out.exr", ".exr", 7, True).as_posix() == "/a/out0007.exr"
     assert numbered("/a.b/out", ".exr", 7, False).as_posix() == "/a.b/out.exr"
+    assert numbered("/a.b/", ".exr", 7, False, "_B").as_posix() == "/a.b/0007_B.exr"
+    assert numbered("/a/.exr", ".exr", 7, True).as_posix() == "/a/0007.exr"

@@ -117,6 +117,24 @@ def test_frames_and_layers_are_apart(parts, tmp_path):
     assert names == {"out0007_ViewLayer.exr", "out0007_A_B.exr", "out0008_ViewLayer.exr"}
 
 
+def test_view_layers_do_not_overwrite_one_another(parts, whole, tmp_path):
+    """Though their names differ only in what file names do not keep, or in upper and lower case."""
+    temperature = whole.temperature()
+    for number, layer in enumerate(("A.1", "A_1", "a 1")):
+        for part in parts:
+            stored = read(part)
+            stored.film._mean *= 1.0 + number
+            save(tmp_path / f"{number} {part.name}", stored.film, stored.marks, {**stored.about, "layer": layer})
+    arguments = "--output", str(tmp_path / "out.exr"), "--film", str(tmp_path / "film")
+    assert merge.main([str(tmp_path / "*part*.npz"), *arguments]) == 0
+    stems = "_A_1", "_A_1_2", "_a_1_3"
+    assert {path.name for path in tmp_path.glob("out*")} == {f"out{stem}.exr" for stem in stems}
+    assert {path.name for path in tmp_path.glob("film*")} == {f"film{stem}.npz" for stem in stems}
+    assert [read(tmp_path / f"film{stem}.npz").about["layer"] for stem in stems] == ["A.1", "A_1", "a 1"]
+    np.testing.assert_allclose(images(tmp_path / "out_A_1.exr")[0]["Temperature.V"], temperature, rtol=3e-6)
+    assert (images(tmp_path / "out_a_1_3.exr")[0]["Temperature.V"] > temperature).all()
+
+
 def test_how_many_passes_a_target_needs(parts, whole, tmp_path, capsys):
     """As the error falls with the root of their number."""
     noise = float(np.percentile(whole.noise(), 95))

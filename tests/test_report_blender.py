@@ -120,6 +120,11 @@ def test_the_exported_picture_has_tools_and_table(infrared, tmp_path):
     assert everything[: everything.shape[0] - tools.shape[0]].max() > 200  # light letters under it
 
 
+def test_the_table_of_band_images_in_a_folder_is_there_too(infrared, tmp_path):
+    infrared.band_exr_path = f"{tmp_path}/"
+    assert frames_path(bpy.context.scene) == tmp_path / "infrared_tools.csv"
+
+
 def test_an_animation_is_followed_in_memory_and_in_a_file(infrared, tmp_path):
     """The plate warms from 320 K to 340 K; each frame is read as it is rendered, to 1 mK."""
     scene, plate_object = bpy.context.scene, bpy.data.objects["Plate"]

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 from .envi import write_envi
@@ -69,6 +70,7 @@ FORMATS = {
 }
 ENUM_ITEMS = tuple((key, each.name, each.description) for key, each in FORMATS.items())
 EXTENSIONS = {each.extension for each in FORMATS.values()}
+_NOT_IN_NAMES = r"[\x00-,./:-@\[-^`{-\xfe]"  # what Blender's bpy.path.clean_name replaces by '_'
 
 
 def without_extension(path: str, extensions: Collection[str] = EXTENSIONS) -> str:
@@ -81,13 +83,27 @@ def numbered(path: str, extension: str, frame: int, several: bool, suffix: str =
     """File of a frame: '####' becomes its number, and suffix and extension end the name.
 
     several: whether there are other frames; then the number is added where the path has no '#'. suffix: that of a view
-    layer.
+    layer. A path that ends with a slash is a folder; a file in it is called after its number alone, as Blender's are.
     """
     stem = path[: -len(extension)] if path.lower().endswith(extension) else path
-    if several and "#" not in Path(stem).name:
+    if not os.path.basename(stem) or (several and "#" not in Path(stem).name):
         stem += "####"
     name = re.sub("#+", lambda digits: f"{frame:0{len(digits[0])}d}", Path(stem).name)
     return Path(stem).parent / f"{name}{suffix}{extension}"
+
+
+def layer_suffixes(layers: Iterable[str]) -> dict[str, str]:
+    """What is added to the names of each view layer's files, such as '_ViewLayer'; nothing if there is only one layer.
+
+    Suffixes are distinct even if the names of layers differ only in characters that file names cannot have (A.1 and
+    A_1), or in upper and lower case, which some disks do not tell apart.
+    """
+    suffixes = {}
+    for layer in dict.fromkeys(layers):
+        clean, taken = "_" + re.sub(_NOT_IN_NAMES, "_", layer), {each.lower() for each in suffixes.values()}
+        names = chain([clean], (f"{clean}_{number}" for number in count(2)))
+        suffixes[layer] = next(name for name in names if name.lower() not in taken)
+    return suffixes if len(suffixes) > 1 else dict.fromkeys(suffixes, "")
 
 
 def write_file(file_format: str, path: Path, images: Mapping) -> None:

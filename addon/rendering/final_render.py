@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 
 from ..heat_settings import read_scale
-from ..output.formats import FORMATS
+from ..output.formats import FORMATS, layer_suffixes
 from ..output.frame import FurtherImage
 from ..reading.bands import read_band_edges
 from ..reading.camera import render_size, rendered_size
@@ -60,7 +60,6 @@ from .render_files import (
     film_path,
     group_path,
     label_path,
-    layer_suffixes,
     view_suffixes,
     write_layer,
 )

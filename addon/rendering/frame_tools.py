@@ -5,6 +5,7 @@ to a CSV file, and a small picture for the report."""
 from __future__ import annotations
 
 import logging
+import os
 import re
 from pathlib import Path
 
@@ -96,9 +97,9 @@ def write_frames(scene) -> None:
 
 def frames_path(scene) -> Path:
     """The file of the tools over frames: the path of the band images without the number of a frame."""
-    path = Path(bpy.path.abspath(without_extension(scene.infrared.band_exr_path)))
-    name = re.sub("#+", "", path.name).rstrip("_-. ") or "infrared"
-    return path.with_name(f"{name}{ENDING}")
+    folder, name = os.path.split(bpy.path.abspath(without_extension(scene.infrared.band_exr_path)))
+    name = re.sub("#+", "", name).rstrip("_-. ") or "infrared"
+    return Path(folder) / f"{name}{ENDING}"
 
 
 @persistent

@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
-from itertools import chain, count
 from pathlib import Path
 
 import bpy
 
-from ..output.formats import FORMATS, numbered, without_extension, write_file
+from ..output.formats import FORMATS, layer_suffixes, numbered, without_extension, write_file
 from ..reading.views import view_names, views_of
 from ..solver.scene import SceneError
 
@@ -27,20 +25,6 @@ def check_paths(infrared) -> None:
     for path in (getattr(infrared, name) for name in PATHS):
         if path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"Save the file first: '{path}' starts at its folder")
-
-
-def layer_suffixes(layers: Iterable[str]) -> dict[str, str]:
-    """What is added to the names of each view layer's files, such as '_ViewLayer'; nothing if there is only one layer.
-
-    Suffixes are distinct even if the names of layers differ only in characters that file names cannot have (A.1 and
-    A_1), or in upper and lower case, which some disks do not tell apart.
-    """
-    suffixes = {}
-    for layer in dict.fromkeys(layers):
-        clean, taken = f"_{bpy.path.clean_name(layer)}", {each.lower() for each in suffixes.values()}
-        names = chain([clean], (f"{clean}_{number}" for number in count(2)))
-        suffixes[layer] = next(name for name in names if name.lower() not in taken)
-    return suffixes if len(suffixes) > 1 else dict.fromkeys(suffixes, "")
 
 
 def view_suffixes(render) -> dict[str, str]:

@@ -9,11 +9,11 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator
 
-from ..output.formats import ENUM_ITEMS, FORMATS
+from ..output.formats import ENUM_ITEMS, FORMATS, layer_suffixes
 from ..properties import CUSTOM_PROPERTIES, add_custom_property, initial_value, property_label
 from ..rendering.last_render import finished_frames, finished_layers
 from ..rendering.readings import images_now
-from ..rendering.render_files import layer_suffixes, write_layer
+from ..rendering.render_files import write_layer
 from .exporter import Exporter
 
 OWNERS = (

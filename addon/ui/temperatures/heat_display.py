@@ -14,13 +14,13 @@ from bpy.types import Operator, Panel
 
 from ...heat_settings import fix_range, read_scale, scene_unit, use_true_colours, view_problem
 from ...interface import ENGINE
+from ...output.formats import layer_suffixes
 from ...output.heat_picture import write_picture
 from ...output.temperature_scale import automatic_range
 from ...rendering.gpu_pictures import draw_temperatures, forget_textures, temperature_texture
 from ...rendering.last_render import finished_frames, finished_layers
 from ...rendering.live_pictures import picture_in
 from ...rendering.readings import finished_picture, temperature_now
-from ...rendering.render_files import layer_suffixes
 from ...rendering.reporting import beside_picture
 from ..drawing import draw_label, text_height
 from ..exporter import Exporter

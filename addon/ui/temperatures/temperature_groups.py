@@ -14,8 +14,9 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy.types import Operator, Panel
 
+from ...output.formats import layer_suffixes
 from ...rendering.last_render import finished_groups
-from ...rendering.render_files import group_path, layer_suffixes
+from ...rendering.render_files import group_path
 from ...solver.physics.spectrum import LIBRARY_MISSING
 from ...solver.scene import SceneError
 from ..exporter import Exporter
