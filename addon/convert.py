@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -248,16 +249,23 @@ def _read_one(path: Path) -> Iterator[Step]:
     yield _step(mesh.points, mesh.cells, mesh.point_data, mesh.cell_data, time)
 
 
+def _entries(path: Path) -> list[tuple[float, Path]]:
+    """Times and files in ParaView's list of them."""
+    found = ElementTree.parse(path).iter("DataSet")
+    return [(float(entry.get("timestep", 0.0)), path.parent / entry.attrib["file"]) for entry in found]
+
+
 def _read_collection(path: Path) -> Iterator[Step]:
     """ParaView's list of files with their times."""
-    entries = [
-        (float(entry.get("timestep", 0.0)), entry.attrib["file"]) for entry in ElementTree.parse(path).iter("DataSet")
-    ]
+    entries = _entries(path)
     if len({time for time, _ in entries}) < len(entries):
         raise ConvertError("it has several parts at one time; save each time as one VTU file")
-    for time, name in entries:
-        for step in read_steps(path.parent / name):
-            yield replace(step, time=time)
+    for time, part in entries:
+        try:
+            for step in read_steps(part):
+                yield replace(step, time=time)
+        except ConvertError as error:
+            raise ConvertError(f"its part '{part}': {error}") from error
 
 
 def _read_xdmf(path: Path) -> Iterator[Step]:
@@ -344,7 +352,7 @@ def write_ply(path: Path, surface: Surface, time: float | None = None) -> None:
 
 def by_number(name: str) -> list:
     """What sorts names by the numbers in them: step2 before step10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 def parser() -> argparse.ArgumentParser:
@@ -368,6 +376,35 @@ def converted(paths: Iterable[Path], options) -> Iterator[tuple[Path, Surface, f
             raise ConvertError(f"'{path}': {error}") from error
 
 
+def check_output(paths: Sequence[Path], output: str) -> None:
+    """Raise ConvertError if files that are read would be replaced by those that are written. All of these are looked
+    at beforehand, so that no part of a series is lost when the next one turns out to be in the way."""
+    sources = {}  # what tells a file from others, whatever it is called -> its path
+    for path in paths:
+        for source in _sources(path):
+            if source.exists():
+                sources[_identity(source)] = source
+    targets = (numbered(output, ".ply", number, True) for number in range(1, len(sources) + 1))
+    for target in chain([numbered(output, ".ply", 1, False)], targets):
+        if target.exists() and _identity(target) in sources:
+            raise ConvertError(f"'{sources[_identity(target)]}' is read, and would be replaced: --output names another")
+
+
+def _sources(path: Path) -> list[Path]:
+    """A file, and those that it lists."""
+    if path.suffix.lower() != ".pvd":
+        return [path]
+    try:
+        return [path, *(part for _, part in _entries(path))]
+    except (OSError, ValueError, LookupError, ElementTree.ParseError):  # told when it is read
+        return [path]
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    about = path.stat()
+    return about.st_dev, about.st_ino
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Convert results; returns the exit code: 0, or 1 if they cannot be converted."""
     options = parser().parse_args(arguments)
@@ -375,8 +412,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser().error(f"--scale is {options.scale:g}, expected a number above 0")
     named = chain.from_iterable(glob.glob(each) or [each] for each in options.files)
     paths = sorted(map(Path, dict.fromkeys(named)), key=lambda path: by_number(str(path)))
-    output = options.output or str(paths[0].with_suffix(".ply"))
+    output = options.output or f"{os.path.splitext(paths[0])[0]}.ply"
     try:
+        check_output(paths, output)
         _write_all(converted(paths, options), output)
     except (ConvertError, OSError) as error:
         print(f"Error: {error}", file=sys.stderr)

@@ -298,6 +298,45 @@ def test_refusals_name_the_file_and_say_why(tmp_path, capsys):
     assert not list(tmp_path.glob("*.ply")) and not list(tmp_path.glob("*.tmp"))
 
 
+def skin(path, add=0.0):
+    """A PLY file, which the command can also read, with temperatures of its points."""
+    points, cells = box()
+    kelvin = (linear(points) + add).astype(np.float32)
+    meshio.Mesh(points, [("quad", cells[:, :4].astype(np.int32))], point_data={"temperature": kelvin}).write(path)
+    return path
+
+
+def test_a_file_that_is_read_is_never_replaced(tmp_path, capsys):
+    """Nor is any file of a series, of which each would be lost before it is read."""
+    own, files = skin(tmp_path / "own.ply"), [skin(tmp_path / f"z_{i:04d}.ply", i) for i in range(4)]
+    before = {path.name: path.read_bytes() for path in (own, *files)}
+    told = "is read, and would be replaced: --output names another"
+    assert f"'{own}' {told}" in refused(capsys, own, "--celsius")
+    assert f"'{own}' {told}" in refused(capsys, own, "--output", tmp_path / ".." / tmp_path.name / "own.ply")
+    assert f"'{files[1]}' {told}" in refused(capsys, tmp_path / "z_*.ply", "--output", tmp_path / "z_####.ply")
+    assert f"'{files[1]}' {told}" in refused(capsys, tmp_path / "z_*.ply", "--output", tmp_path / "z_")
+    (tmp_path / "link.ply").symlink_to(own)
+    assert f"'{own}' {told}" in refused(capsys, own, "--output", tmp_path / "link.ply")
+    (tmp_path / "link.ply").unlink()
+    entries = "".join(f'<DataSet timestep="{i}" file="{path.name}"/>' for i, path in enumerate(files))
+    (tmp_path / "z_.pvd").write_text(f"<VTKFile><Collection>{entries}</Collection></VTKFile>")
+    assert f"'{files[1]}' {told}" in refused(capsys, tmp_path / "z_.pvd")
+    assert before == {path.name: path.read_bytes() for path in tmp_path.glob("*.ply")}
+    convert(tmp_path / "z_*.ply", "--output", tmp_path / "y_####.ply")
+    assert first_temperatures(tmp_path, "y_") == [(300.0,), (301.0,), (302.0,), (303.0,)]
+
+
+def test_a_part_that_is_missing_is_named(tmp_path, capsys):
+    (tmp_path / "all.pvd").write_text('<VTKFile><Collection><DataSet file="gone.vtu"/></Collection></VTKFile>')
+    told = refused(capsys, tmp_path / "all.pvd")
+    assert f"'{tmp_path / 'all.pvd'}': its part '{tmp_path / 'gone.vtu'}': there is no such file" in told
+
+
+def test_odd_names_are_told_too(capsys):
+    assert "'.': meshio reads no OpenFOAM cases" in refused(capsys, ".")
+    assert "'1²2.vtu': there is no such file" in refused(capsys, "1²2.vtu", "1²10.vtu")
+
+
 @pytest.mark.parametrize("name, why", [("a.cgns", "no fields of CGNS"), ("a.foam", "'foamToVTK' writes VTU")])
 def test_what_meshio_does_not_read_is_said(tmp_path, capsys, name, why):
     (tmp_path / name).touch()
