@@ -19,12 +19,16 @@ from pathlib import Path
 
 import numpy as np
 
+from .output.description import CORRECTION_FACTS
 from .output.formats import FORMATS, layer_suffixes, numbered, without_extension, write_file
 from .pass_ranges import read_passes
 from .solver import layered_image
 from .solver.checkpoint import CheckpointError, StoredFilm, differences, read, save, told_ranges
 from .solver.image.film import Film
 from .solver.physics.correction import Correction
+
+WITHOUT_GROUPS = "the films have no temperature groups"
+LEAST_TARGET = 1e-6  # K; a float32 does not tell temperatures any finer
 
 
 class MergeError(ValueError):
@@ -39,9 +43,12 @@ def merged(films: dict[Path, StoredFilm], wanted: range | None = None, partial: 
     MergeError.
     """
     (first, known), *others = films.items()
+    correction = _correction(known)
     for path, stored in others:
         if different := differences(known.marks, stored.marks):
             raise MergeError(f"'{first}' and '{path}' are of different renders: {different} differ")
+        if different := _differently_corrected(correction, _correction(stored)):
+            raise MergeError(f"'{first}' and '{path}' have temperatures that are corrected differently: {different}")
     in_order = sorted(films.items(), key=lambda item: item[1].film.ranges)
     try:
         film = reduce(Film.merge, (stored.film for _, stored in in_order))
@@ -51,8 +58,18 @@ def merged(films: dict[Path, StoredFilm], wanted: range | None = None, partial: 
     missing = missing_passes(film, wanted)
     if missing and not partial:
         raise MergeError(f"{told_ranges(film)[:1].upper()}{told_ranges(film)[1:]} are there; missing are {missing}")
-    film.correction = Correction(**known.about.get("correction", {}))
+    film.correction = correction
     return StoredFilm(film, known.marks, _about(known.about, film))
+
+
+def _correction(stored: StoredFilm) -> Correction:
+    return Correction(**stored.about.get("correction", {}))
+
+
+def _differently_corrected(one: Correction, other: Correction) -> str:
+    """What differs between two corrections, with its values; an empty text if nothing does."""
+    pairs = ((fact, getattr(one, field), getattr(other, field)) for fact, field in CORRECTION_FACTS.items())
+    return ", ".join(f"{fact} {mine:.9g} and {others:.9g}" for fact, mine, others in pairs if mine != others)
 
 
 def missing_passes(film: Film, wanted: range | None = None) -> str:
@@ -70,7 +87,9 @@ def missing_passes(film: Film, wanted: range | None = None) -> str:
 
 def passes_needed(film: Film, target: float) -> int:
     """How many more passes a film needs until 95 % of its pixels have a noise below a target, K; 0 if they have. The
-    error is taken to fall with the root of the number of passes."""
+    error is taken to fall with the root of the number of passes. A single pass tells no noise: that needs one more."""
+    if film.passes < 2:
+        return 1
     noise = float(np.percentile(film.noise(), 95))
     return max(0, math.ceil(film.passes * ((noise / target) ** 2 - 1.0)))
 
@@ -130,8 +149,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     if not (options.output or options.groups or options.film):
         parser().error("nothing to write: give --output, --groups or --film")
-    if options.target_noise < 0.0:
-        parser().error(f"--target-noise is {options.target_noise:g} K, expected 0 or more")
+    if options.target_noise != 0.0 and not LEAST_TARGET <= options.target_noise < math.inf:
+        parser().error(f"--target-noise is {options.target_noise:g} K, expected 0 or at least {LEAST_TARGET:g}")
     try:
         images = by_image(read_films(options.films))
         needed = [_write(options, key, films, images) for key, films in images.items()]
@@ -156,13 +175,24 @@ def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images)
         from .output.group_exr import write_group_exr  # here, as not all merges need OpenEXR
 
         write_group_exr(path_of(options.groups, ".exr"), layered_image(stored.film), images_of(stored)["metadata"])
+    elif options.groups:
+        if not (options.output or options.film):
+            raise MergeError(f"{name}: {WITHOUT_GROUPS}, so there is nothing to write")
+        print(f"Warning: {name}: {WITHOUT_GROUPS}; no file of them is written", file=sys.stderr)
     if options.film:
         save(path_of(options.film, ".npz"), stored.film, stored.marks, stored.about, "the film")
     needed = passes_needed(stored.film, options.target_noise) if options.target_noise else 0
-    more = f"; {needed} more passes are needed for {options.target_noise:g} K" if needed else ""
-    noise = float(np.percentile(stored.film.noise(), 95))
-    print(f"{name}: {stored.film.passes} passes of {len(films)} films, noise {noise:.3g} K{more}")
+    print(f"{name}: {_told(stored.film, len(films), needed, options.target_noise)}")
     return needed
+
+
+def _told(film: Film, films: int, needed: int, target: float) -> str:
+    """What users read of a merged film. films: how many it was merged from. needed, target: see passes_needed."""
+    if film.passes < 2:
+        more = f"; more passes are needed to tell whether it is below {target:g} K" if needed else ""
+        return f"a single pass, whose noise is not known{more}"
+    more = f"; {needed} more passes are needed for {target:g} K" if needed else ""
+    return f"{film.passes} passes of {films} films, noise {float(np.percentile(film.noise(), 95)):.3g} K{more}"
 
 
 if __name__ == "__main__":

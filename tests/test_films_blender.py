@@ -4,6 +4,7 @@
 from unittest.mock import Mock
 
 import numpy as np
+import OpenEXR
 import pytest
 
 bpy = pytest.importorskip("bpy")
@@ -77,6 +78,28 @@ def test_passes_by_commands_are_the_render(infrared, tmp_path):
     film = read(tmp_path / "all_02.npz").film
     np.testing.assert_allclose(film.temperature(), whole["temperature"], rtol=1e-6)
     np.testing.assert_allclose(film.noise(), whole["noise"], rtol=1e-5)
+
+
+def facts_of(path):
+    return {name: str(value) for name, value in OpenEXR.File(str(path), header_only=True).header().items()}
+
+
+@pytest.mark.parametrize("kind", ["motion", "stereo"])
+def test_a_merged_file_says_what_that_of_the_render_says(infrared, tmp_path, kind):
+    render_settings, plate = bpy.context.scene.render, bpy.data.objects["Plate"]
+    plate.keyframe_insert("location", frame=0)
+    plate.location.x += 1.0
+    plate.keyframe_insert("location", frame=2)
+    render_settings.use_motion_blur, infrared.motion_steps, infrared.sensor_lag = kind == "motion", 2, 5.0
+    render_settings.use_multiview = kind == "stereo"
+    infrared.band_exr_path, infrared.film_path = str(tmp_path / "direct.exr"), str(tmp_path / "film.npz")
+    bpy.ops.render.render()
+    assert merge.main([str(path) for path in (tmp_path / "film*.npz", "--output", tmp_path / "merged.exr")]) == 0
+    ends = {"motion": {"": ""}, "stereo": {"_L": "_ViewLayer_left", "_R": "_ViewLayer_right"}}[kind]
+    for direct, merged in ends.items():
+        facts = facts_of(tmp_path / f"direct{direct}.exr")
+        assert facts == facts_of(tmp_path / f"merged{merged}.exr")
+        assert {"motion": "shutterOpen", "stereo": "view"}[kind] in facts
 
 
 def test_a_finished_task_is_not_rendered_again(infrared, tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ from addon import merge
 from addon.solver import Material, Settings, render
 from addon.solver.checkpoint import fingerprint, read, save
 from addon.solver.image.film import Film
+from addon.solver.physics.correction import Correction
 from tests.helpers.scenes import box, look, make_scene
 
 EDGES = np.array([8.0, 10.0, 12.0])
@@ -106,6 +107,22 @@ def test_films_of_other_renders_are_refused(parts, tmp_path, capsys):
     assert "no.npz" in refused(capsys, tmp_path / "no.npz", "--output", tmp_path / "out.exr")
 
 
+def test_films_that_are_corrected_differently_are_refused(parts, tmp_path, capsys):
+    """Else the picture would depend on which one is named first."""
+    other = tmp_path / "other.npz"
+    stored = read(parts[1])
+    correction = Correction(emissivity=0.5, reflected_temperature=300.0)
+    save(other, stored.film, stored.marks, {**stored.about, "correction": correction._asdict()})
+    for order in ((parts[0], other, parts[2]), (other, parts[2], parts[0])):
+        error = refused(capsys, *order, "--output", tmp_path / "out.exr")
+        assert str(other) in error and str(parts[0]) in error or str(parts[2]) in error
+        assert "corrected differently: assumedEmissivity" in error and "reflectedTemperature" in error
+    assert "assumedEmissivity 0.5 and 1, reflectedTemperature 300 and 293.15" in error
+    assert not list(tmp_path.glob("*.exr"))
+    assert merge.main([str(other), "--partial", "--output", str(tmp_path / "one.exr")]) == 0
+    assert images(tmp_path / "one.exr")[1]["temperatureCalibration"]
+
+
 def test_frames_and_layers_are_apart(parts, tmp_path):
     for frame, layer in ((7, "A/B"), (8, "ViewLayer")):
         for part in parts:
@@ -143,6 +160,31 @@ def test_how_many_passes_a_target_needs(parts, whole, tmp_path, capsys):
     assert "; 23 more passes are needed" in capsys.readouterr().out
     assert merge.main([*arguments, f"{1.1 * noise:.9g}"]) == 0
     assert (tmp_path / "out.exr").exists()
+
+
+def test_a_single_pass_tells_no_noise(parts, tmp_path, capsys):
+    arguments = [str(parts[2]), "--partial", "--film", str(tmp_path / "one.npz")]
+    assert merge.main(arguments) == 0
+    assert "Frame 7, ViewLayer: a single pass, whose noise is not known\n" in capsys.readouterr().out
+    assert merge.main([*arguments, "--target-noise", "0.5"]) == 2
+    assert "not known; more passes are needed to tell whether it is below 0.5 K" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("target", ["nan", "inf", "-1", "1e-300"])
+def test_nonsense_for_a_target_is_refused_before_anything_is_written(parts, tmp_path, capsys, target):
+    with pytest.raises(SystemExit):
+        merge.main([*map(str, parts), "--output", str(tmp_path / "out.exr"), f"--target-noise={target}"])
+    assert f"--target-noise is {target} K, expected 0 or at least 1e-06" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_groups_of_films_without_any_are_told(parts, tmp_path, capsys):
+    groups = "--groups", tmp_path / "groups.exr"
+    told = "Frame 7, ViewLayer: the films have no temperature groups"
+    assert f"Error: {told}, so there is nothing to write" in refused(capsys, *parts, *groups)
+    assert merge.main([str(each) for each in (*parts, *groups, "--output", tmp_path / "out.exr")]) == 0
+    assert f"Warning: {told}; no file of them is written" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["out.exr"]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import math
 import threading
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -187,11 +187,11 @@ class LayerRender:
             sight.mattes.stamp(engine.get_result())
         log.info("%s: %s", name, job.status())
         self._warn_at_end(name, job, effects)
+        facts = ({"view": view} if view else {}) | _motion_facts(scene)
         if kept and job.film is not None and job.film.passes:
-            _keep_film(kept, job, name, scene.frame_current)
+            _keep_film(kept, job, name, scene.frame_current, facts)
         if images:
-            facts = {"frame": scene.frame_current, **({"view": view} if view else {}), **_motion_facts(scene)}
-            facts |= effects.facts() if effects else {}
+            facts |= {"frame": scene.frame_current, **(effects.facts() if effects else {})}
             further = further_passes(scene, self.depsgraph.view_layer_eval)
             finished = layer_images(job, images, further, facts) | {"attributes": sight.mattes.attributes()}
             frame = finished_frame(scene, slot, solver_scene.camera, job.film, (layer, view))
@@ -431,11 +431,13 @@ def _saved_passes(engine, path: Path, solver_scene, settings) -> Film | None:
         return None
 
 
-def _keep_film(path: Path, job: RenderJob, name: str, frame: int) -> None:
-    """Write the film of a picture, with what its images are called and how they are rendered. Raises OSError."""
+def _keep_film(path: Path, job: RenderJob, name: str, frame: int, facts: Mapping[str, object]) -> None:
+    """Write the film of a picture, with what its images are called and how they are rendered. facts: more of these, by
+    the names that files give them. Raises OSError."""
     film, settings = job.film, job.settings
     with film.lock:
-        about = {"layer": name, "frame": frame, "facts": job.facts(), "correction": settings.correction._asdict()}
+        told = {**job.facts(), **facts}
+        about = {"layer": name, "frame": frame, "facts": told, "correction": settings.correction._asdict()}
         save(path, film, fingerprint(job.scene, settings), about, FILM)
     log.info("%s: %d passes kept in %s", name, film.passes, path)
 
