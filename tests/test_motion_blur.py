@@ -152,6 +152,61 @@ def test_a_camera_that_moves(infrared):
     assert np.all((found < 0.01) | (found > 0.99))
 
 
+def stretch_time(frame):
+    """Time passes half as fast as the timeline tells, and the current frame is this one of the timeline."""
+    scene = bpy.context.scene
+    scene.render.frame_map_old, scene.render.frame_map_new = 100, 200
+    scene.frame_set(frame)
+
+
+@pytest.mark.parametrize("position, opened", [("START", 0.0), ("CENTER", -0.25), ("END", -0.5)])
+def test_stretched_time_moves_things_more_slowly_through_the_same_shutter(infrared, position, opened):
+    """At frame 2 the cube is where it was at 1, with half of its speed. As exact as the shutter itself."""
+    bpy.context.scene.render.motion_blur_position = position
+    stretch_time(2)
+    found = share(render())
+    wanted = covered(columns(), opened, opened + 0.5, speed=1.0)
+    assert np.abs(found - wanted).max() < 0.5 / STEPS + 0.125 / (1.0 * 0.5)
+    assert found.sum() * 8.0 / WIDTH == pytest.approx(1.0, abs=0.02)
+    assert bpy.context.scene.frame_current == 2 and bpy.context.scene.frame_subframe == 0.0
+
+
+def test_stretched_time_and_the_lag_of_a_bolometer(infrared):
+    """A cube that stands and gets warmer by 80 K a frame of unstretched time, through a time constant of one frame."""
+    cube = bpy.data.objects["Cube"]
+    cube.animation_data_clear()
+    cube.location[0] = 0.0
+    move(cube, '["temperature"]', -1, lambda frame: 2000.0 + 80.0 * (frame - 1.0))
+    bpy.context.scene.render.use_motion_blur, bpy.context.scene.render.fps = False, 25
+    infrared.sensor_lag = 40.0
+    stretch_time(2)
+    images = render()
+    ago = -np.log((np.arange(STEPS) + 0.5) / STEPS)  # frames
+    expected = band_radiance(images["band_edges"], 2000.0 - 80.0 * 0.5 * ago).sum(axis=1).mean()
+    assert images["radiance"][HEIGHT // 2, WIDTH // 2] == pytest.approx(expected, rel=1e-5)
+    assert bpy.context.scene.frame_current == 2
+
+
+@pytest.mark.parametrize("position, lag", [("CENTER", 0.0), ("END", 0.0), ("START", 40.0)])
+def test_a_picture_has_the_camera_of_its_frame(infrared, position, lag):
+    """A marker cuts to a second camera at frame 1, while light of earlier times still counts: nothing is seen of where
+    the first one stood. The second goes along with the cube, so that it shows it sharp."""
+    scene = bpy.context.scene
+    first, second = scene.camera, scene.camera.copy()
+    second.data = first.data.copy()
+    scene.collection.objects.link(second)
+    move(second, "location", 0, lambda frame: 2.0 * (frame - 1.0))
+    first.location[0], first.data.ortho_scale = 1.5, 4.0
+    for frame, obj in ((-10, first), (1, second)):
+        scene.timeline_markers.new("Cut", frame=frame).camera = obj
+    scene.frame_set(1)
+    scene.render.motion_blur_position, infrared.sensor_lag = position, lag
+    found = share(render())
+    assert np.all((found < 0.01) | (found > 0.99))
+    assert (found > 0.99).sum() == WIDTH // 8  # the cube is 1 m wide, the picture of the second camera 8 m
+    assert scene.camera == second
+
+
 def test_temperatures_that_change(infrared):
     """A cube that stands and gets warmer by 80 K a frame shows the mean radiance of the times."""
     cube = bpy.data.objects["Cube"]
@@ -222,6 +277,21 @@ def test_an_error_at_another_time_names_it(infrared):
     assert bpy.context.scene.frame_current == 1
 
 
+def test_an_error_in_the_middle_of_the_shutter_names_it(infrared):
+    """There is something to render at the frame, and nothing half a frame later."""
+    for name in ("Cube", "Wall"):
+        obj = bpy.data.objects[name]
+        for frame, hidden in ((1, False), (2, True)):
+            obj.hide_render = hidden
+            obj.keyframe_insert("hide_render", frame=frame)
+    render_settings = bpy.context.scene.render
+    render_settings.motion_blur_shutter, render_settings.motion_blur_position = 2.5, "START"
+    bpy.context.scene.frame_set(1)
+    with pytest.raises(RuntimeError, match=r"At frame 2\.25, the middle of the shutter: View layer 'ViewLayer'"):
+        render()
+    assert bpy.context.scene.frame_current == 1
+
+
 def test_data_passes_are_of_the_middle_of_the_shutter(infrared):
     bpy.context.scene.render.motion_blur_position = "START"  # from 1 to 1.5, so the cube is at 0.5 m in the middle
     infrared.use_surface_temperature = True
@@ -268,3 +338,5 @@ def test_times_of_a_picture(infrared):
     exposure = read_exposure(scene)
     assert exposure.lag == pytest.approx(1.0) and exposure.middle == 10.0
     assert exposure.times == pytest.approx((10.0 - np.log(4.0), 10.0 - np.log(4.0 / 3.0)))
+    scene.render.frame_map_old, scene.render.frame_map_new = 100, 300  # frames of the timeline, however time passes
+    assert read_exposure(scene) == exposure

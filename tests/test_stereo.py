@@ -140,6 +140,26 @@ def test_eyes_move_with_a_camera_in_motion(infrared):
     assert np.ptp(places) > 0.05  # m; the camera moves by about 0.1 m a frame
 
 
+def test_all_cameras_of_a_rig_stay_those_of_the_frame(infrared):
+    """A marker cuts to a second rig at the frame at which the shutter closes."""
+    scene = bpy.context.scene
+    scene.render.views_format = "MULTIVIEW"
+    scene.render.use_motion_blur, scene.render.motion_blur_position, infrared.motion_steps = True, "END", 3
+    for number, rig in enumerate("AB"):
+        for side, end in enumerate("LR"):
+            obj = bpy.data.objects.new(f"{rig}_{end}", scene.camera.data)
+            scene.collection.objects.link(obj)
+            obj.location = (side, 10.0 * number, CONVERGE)
+    for frame, rig in ((-9, "A"), (1, "B")):
+        scene.timeline_markers.new("Cut", frame=frame).camera = bpy.data.objects[f"{rig}_L"]
+    scene.frame_set(1)
+    for side, seen in enumerate(read_views()[0]):
+        of_times = [seen, *(at_moment(seen, moment) for moment in seen.moments)]
+        for each in of_times:
+            assert each.camera.matrix[:3, 3] == pytest.approx((side, 10.0, CONVERGE))
+    assert scene.camera.name == "B_L"
+
+
 # The pictures ---------------------------------------------------------------------------------------------------------
 
 

@@ -8,9 +8,12 @@ all else that is keyed or driven. Then it goes back to the frame.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import NamedTuple
+
+import bpy
 
 from ..solver.memory import check_memory
 from ..solver.moments import bytes_of, moment_of, moment_times
@@ -18,7 +21,7 @@ from ..solver.scene import Camera, Moment, Scene, SceneError
 from .scene_reader import read_contents, read_scene, render_reader
 from .sensor import read_lag
 from .surfaces import SurfaceReader
-from .views import NO_VIEWS, read_view_camera
+from .views import NO_VIEWS, read_view_camera, view_cameras
 from .warnings import Warnings
 
 LAST_FRAME = 1_048_574  # of Blender, and the first one below 0
@@ -41,7 +44,7 @@ class Exposure(NamedTuple):
 
 def read_exposure(scene) -> Exposure:
     """The Exposure of a scene's current frame. Raises SceneError if a value makes no sense."""
-    render, infrared, frame = scene.render, scene.infrared, scene.frame_current_final
+    render, infrared, frame = scene.render, scene.infrared, _frame_of(scene)
     opened = closed = frame
     if render.use_motion_blur:
         before = {"START": 0.0, "CENTER": 0.5, "END": 1.0}[render.motion_blur_position]
@@ -58,6 +61,12 @@ def read_exposure(scene) -> Exposure:
     return Exposure(opened, closed, lag, tuple(times))
 
 
+def _frame_of(scene) -> float:
+    """A scene's current frame, with its subframe, as the timeline counts. Blender's frame_current_final is that by Time
+    Stretching, and would be stretched again wherever a frame is set."""
+    return scene.frame_current + scene.frame_subframe
+
+
 class CancelledError(Exception):
     """Esc ended the reading of a scene."""
 
@@ -71,22 +80,23 @@ def read_moving_scene(
     engine: the RenderEngine, whose depsgraph goes from time to time, and in the end is back. views: their names. Raises
     SceneError as read_scene does, and CancelledError.
     """
-    exposure, frame = read_exposure(depsgraph.scene_eval), depsgraph.scene_eval.frame_current_final
+    exposure, frame = read_exposure(depsgraph.scene_eval), _frame_of(depsgraph.scene_eval)
+    cameras = view_cameras(engine, depsgraph, views)  # of the frame: markers switch to others at other times
     if not exposure.times:
-        return _read_views(engine, depsgraph, views)
+        return _read_views(engine, depsgraph, cameras)
     try:
         _go_to(engine, exposure.middle)
-        scenes, warnings, surfaces = _read_views(engine, depsgraph, views)
+        elsewhen = exposure.middle != frame
+        with _named(exposure.middle, "the middle of the shutter") if elsewhen else nullcontext():
+            scenes, warnings, surfaces = _read_views(engine, depsgraph, cameras)
         moments: list[list[Moment]] = []  # by time, then by view
         for number, time in enumerate(exposure.times, 1):
             if engine.test_break():
                 raise CancelledError
             engine.update_stats("", f"Reading the scene at time {number} of {len(exposure.times)}")
             _go_to(engine, time)
-            try:
-                seen, further = _read_moment(engine, depsgraph, dict(zip(views, scenes, strict=True)), surfaces)
-            except SceneError as error:
-                raise SceneError(f"At frame {time:.6g}, which the picture sees too: {error}") from error
+            with _named(time, "which the picture sees too"):
+                seen, further = _read_moment(engine, depsgraph, cameras, scenes, surfaces)
             moments.append(seen)
             warnings += [message for message in further if message not in warnings]
             if number == 1:  # those that follow will not differ from it much in size
@@ -102,27 +112,48 @@ def _go_to(engine, time: float) -> None:
     engine.frame_set(math.floor(time), time - math.floor(time))
 
 
-def _read_views(engine, depsgraph, views: Sequence[str]) -> tuple[list[Scene], list[str], SurfaceReader]:
-    """As read_moving_scene, as the depsgraph is now."""
+@contextmanager
+def _named(time: float, which: str) -> Iterator[None]:
+    """Errors of a scene say at which frame it is so, and which frame that is."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"At frame {time:.6g}, {which}: {error}") from error
+
+
+def _read_views(
+    engine, depsgraph, cameras: dict[str, bpy.types.Object]
+) -> tuple[list[Scene], list[str], SurfaceReader]:
+    """As read_moving_scene, as the depsgraph is now. cameras: see view_cameras."""
     surfaces = render_reader(depsgraph)
-    scene, warnings = read_scene(depsgraph, engine.camera_override, surfaces)
-    if views == NO_VIEWS:
+    scene, warnings = read_scene(depsgraph, _first(cameras), surfaces)
+    if tuple(cameras) == NO_VIEWS:
         return [scene], warnings, surfaces
-    scenes = [replace(scene, camera=read_view_camera(engine, depsgraph, view, Warnings())) for view in views]
+    scenes = [replace(scene, camera=camera) for camera in _read_cameras(engine, depsgraph, cameras, Warnings())]
     return scenes, warnings, surfaces
 
 
-def _read_moment(engine, depsgraph, base: dict[str, Scene], earlier: SurfaceReader) -> tuple[list[Moment], list[str]]:
-    """What is otherwise than in the scene of each view, as the depsgraph is now, and warnings. earlier: their
-    reader."""
+def _read_moment(
+    engine, depsgraph, cameras: dict[str, bpy.types.Object], base: list[Scene], earlier: SurfaceReader
+) -> tuple[list[Moment], list[str]]:
+    """What is otherwise than in the scene of each view, as the depsgraph is now, and warnings. cameras: see
+    view_cameras. base: the scenes. earlier: their reader."""
     surfaces = render_reader(depsgraph, earlier.textures.kept)
-    first = next(iter(base.values()))
-    contents = read_contents(depsgraph, surfaces)
-    contents |= {"band_edges": first.band_edges, "response": first.response}  # those of the picture
-    cameras = [read_view_camera(engine, depsgraph, view, surfaces.warnings) for view in base]
-    moment = moment_of(Scene(**contents, camera=cameras[0]), first)
-    others = list(zip(cameras, base.values(), strict=True))[1:]
+    contents = read_contents(depsgraph, surfaces, camera=_first(cameras))
+    contents |= {"band_edges": base[0].band_edges, "response": base[0].response}  # those of the picture
+    seen = _read_cameras(engine, depsgraph, cameras, surfaces.warnings)
+    moment = moment_of(Scene(**contents, camera=seen[0]), base[0])
+    others = zip(seen[1:], base[1:], strict=True)
     return [moment, *(_seen_by(camera, moment, scene) for camera, scene in others)], surfaces.warnings.messages()
+
+
+def _first(cameras: dict[str, bpy.types.Object]) -> bpy.types.Object:
+    return next(iter(cameras.values()))
+
+
+def _read_cameras(engine, depsgraph, cameras: dict[str, bpy.types.Object], warnings: Warnings) -> list[Camera]:
+    """The solver's camera of each view, as the depsgraph is now."""
+    return [read_view_camera(engine, depsgraph, view, obj, warnings) for view, obj in cameras.items()]
 
 
 def _seen_by(camera: Camera, moment: Moment, base: Scene) -> Moment:

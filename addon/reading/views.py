@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import bpy
 import numpy as np
@@ -50,15 +50,30 @@ def ignored_view_settings(scene) -> Iterator[str]:
             yield f"Stereoscopy: there is no camera '{twin}', so view '{each.name}' shows what '{camera.name}' sees"
 
 
-def read_view_camera(engine, depsgraph, view: str, warnings: Warnings) -> Camera:
-    """The solver's camera of a view, as the depsgraph is now; Blender is told that this is the view that it renders.
+def view_cameras(engine, depsgraph, views: Sequence[str]) -> dict[str, bpy.types.Object | None]:
+    """The camera object of each view at the depsgraph's frame, by the view's name; None if the scene has none.
 
-    Raises SceneError as read_camera does.
+    A picture has one camera, however long it is taken. Blender switches to others with markers of the timeline as soon
+    as a frame is set, so these are the original objects, to be evaluated at whatever time.
     """
+    return {view: _view_camera(engine, depsgraph, view) for view in views}
+
+
+def _view_camera(engine, depsgraph, view: str) -> bpy.types.Object | None:
     if view:
         engine.active_view_set(view)
     obj = engine.camera_override or depsgraph.scene_eval.camera
+    return obj and obj.original
+
+
+def read_view_camera(engine, depsgraph, view: str, obj, warnings: Warnings) -> Camera:
+    """The solver's camera of a view, as the depsgraph is now; Blender is told that this is the view that it renders.
+
+    obj: its camera object, see view_cameras. Raises SceneError as read_camera does.
+    """
     if not view or obj is None or obj.type != "CAMERA":
         return read_camera(depsgraph, obj, warnings)
+    engine.active_view_set(view)
+    obj = obj.evaluated_get(depsgraph)
     eye = Eye(np.array(engine.camera_model_matrix(obj), dtype=np.float64), engine.camera_shift_x(obj))
     return read_camera(depsgraph, obj, warnings, eye)
