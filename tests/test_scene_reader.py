@@ -11,6 +11,7 @@ from mathutils import Matrix  # noqa: E402
 from addon.reading import bands, surfaces  # noqa: E402
 from addon.reading.bands import read_adaptive_bands, read_band_range  # noqa: E402
 from addon.reading.groups import read_group_temperatures  # noqa: E402
+from addon.reading.lights import uneven_beam  # noqa: E402
 from addon.reading.settings import read_settings  # noqa: E402
 from addon.rendering.checks import scene_checks  # noqa: E402
 from addon.solver import Settings, render  # noqa: E402
@@ -620,6 +621,50 @@ def test_spot_light():
     np.testing.assert_allclose(result.direction, (0, 1, 0), atol=1e-6)
     assert (result.power, result.temperature) == (5.0, 3000.0)
     assert (result.cone_angle, result.blend) == pytest.approx((0.8, 0.2))
+
+
+def angle_of(light, cosine_share):
+    """The angle (rad) to its axis at which a spot has faded over this share of its rim, from outside."""
+    edge = np.cos(0.5 * light.cone_angle)
+    return np.arccos(edge + (1.0 - edge) * light.blend * cosine_share)
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 3), (2, 2, 1), (0.2, 0.2, 0.5), (-1, 1, 2), (1, 1, -0.5), (3, -3, 3)])
+def test_the_beam_of_a_spot_follows_its_scale(scale):
+    """As in Cycles: where it fades is said in the space of the light (spot_light_to_local in its kernel/light/spot.h).
+    Blender's matrices and angles are rounded to 1e-7."""
+    matrix = Matrix.Rotation(0.7, 4, "X") @ Matrix.Diagonal((*scale, 1.0))
+    light("SPOT", matrix=matrix, energy=5.0, spot_size=1.2, spot_blend=0.3)
+    result = read_light()
+    own = SpotLight(np.zeros(3), np.zeros(3), 1.0, 1.2, 0.3)
+    for share in (0.0, 1.0):  # both edges of the rim
+        angle = angle_of(result, share)
+        way = np.cos(angle) * result.direction + np.sin(angle) * np.array((1.0, 0.0, 0.0))
+        local = np.linalg.inv(np.array(matrix)[:3, :3]) @ way
+        assert np.arctan2(np.hypot(local[0], local[1]), -local[2]) == pytest.approx(angle_of(own, share), abs=1e-5)
+    assert result.power == 5.0
+
+
+def test_an_uneven_beam_of_a_spot_is_named_and_of_the_mean_width():
+    """It lights as large an area as the ellipse would."""
+    obj = light("SPOT", matrix=Matrix.Diagonal((2, 0.5, 1, 1)), energy=5.0, spot_size=0.8)
+    scene, warnings = read()
+    assert scene.lights[0].cone_angle == pytest.approx(0.8)
+    expected = "its scale would make the spot's beam elliptical or oblique; it is even and of the mean width"
+    assert f"'Lamp': {expected}" in warnings
+    bpy.context.view_layer.update()
+    found = scene_checks(bpy.context.scene, bpy.context.view_layer)
+    assert f"Light 'Lamp': {expected}" in [check.text for check in found]
+    obj.matrix_world = Matrix.Rotation(0.7, 4, (1.0, 2.0, 3.0)) @ Matrix.Scale(3.0, 4)
+    assert not any("beam" in warning for warning in read()[1])
+    oblique = np.array([[1.0, 0.0, 0.5, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    assert uneven_beam(obj.data, oblique) == expected
+
+
+def test_a_beam_without_width_is_refused():
+    light("SPOT", matrix=Matrix.Diagonal((0, 1, 1, 1)), energy=5.0)
+    with pytest.raises(SceneError, match="Light 'Lamp': its scale across its beam is 0"):
+        read()
 
 
 def test_sun_light():

@@ -18,6 +18,8 @@ from ..solver.scene import (
 )
 from .custom_properties import read_temperature
 
+_UNSEEN = 1e-4  # share by which scales may differ for nothing: matrices are rounded, and nobody sees it
+
 
 def light_temperature(obj) -> float:
     """Temperature (K) of a light object, checked."""
@@ -30,10 +32,25 @@ def metres_per_unit(scene) -> float:
     return 1.0 if units.system == "NONE" else units.scale_length
 
 
+def uneven_beam(light, matrix: np.ndarray) -> str:
+    """What is not followed of the scale of a light, and what is done instead; an empty text if all of it is.
+
+    matrix: (4, 4) float64, object to world.
+    """
+    if light.type != "SPOT":
+        return ""
+    products = matrix[:3, :3].T @ matrix[:3, :3]
+    even = np.diag((products[0, 0], products[0, 0], products[2, 2]))  # as wide along X as along Y, and upright
+    if np.allclose(products, even, rtol=0.0, atol=_UNSEEN * products[0, 0]):
+        return ""
+    return "its scale would make the spot's beam elliptical or oblique; it is even and of the mean width"
+
+
 def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
     """The solver's light for a light obj, none if it is dark; matrix: (4, 4) float64, object to world.
 
-    Only an area light's size follows the object's scale, as in Cycles. metres: see metres_per_unit. Radiance does not
+    The size of an area light and the beam of a spot light follow the object's scale, radii do not, as in Cycles. What
+    of a beam cannot be followed tells uneven_beam. metres: see metres_per_unit. Radiance does not
     depend on the scale of a scene, but the irradiance from a light of so many watts does: where a unit is a millimetre,
     the same watts fall on a millionth of the area. A light that is not normalized has its energy for each square metre
     of its surface, and so is as bright whatever its size and the unit; a sun then has it for each steradian, by the
@@ -65,9 +82,31 @@ def read_light(obj, matrix: np.ndarray, metres: float = 1.0) -> list[Light]:
         common["power"] = energy * 4.0 * np.pi * light.shadow_soft_size**2
     if light.type == "SPOT":
         square = _unit(matrix[:3, 0], owner) if light.use_square else None
-        beam = {"cone_angle": light.spot_size, "blend": light.spot_blend, "square": square}
-        return [SpotLight(direction=-_unit(matrix[:3, 2], owner), **beam, **common)]
+        direction = -_unit(matrix[:3, 2], owner)
+        cone, blend = _scaled_beam(light.spot_size, light.spot_blend, _beam_width(matrix, owner))
+        return [SpotLight(direction=direction, cone_angle=cone, blend=blend, square=square, **common)]
     return [PointLight(**common)]
+
+
+def _beam_width(matrix: np.ndarray, owner: str) -> float:
+    """How much wider a beam is at any distance than that of an unscaled light; the mean over all sides of an uneven
+    one, by the area that it shines on."""
+    area = abs(np.linalg.det(matrix[:3, :3])) / np.linalg.norm(matrix[:3, 2])  # across the beam, of a unit square
+    if not area > 0.0:
+        raise SceneError(f"{owner}: its scale across its beam is 0, so the beam has no width")
+    width = float(np.sqrt(area) / np.linalg.norm(matrix[:3, 2]))
+    return 1.0 if abs(width - 1.0) < _UNSEEN else width
+
+
+def _scaled_beam(cone: float, blend: float, width: float) -> tuple[float, float]:
+    """Cone angle and blend of a beam that is so much wider. Between the edges of its rim, which are exact, it fades by
+    the cosine in the world, in Cycles by that in the light's own space."""
+    if width == 1.0:
+        return cone, blend
+    edge = np.cos(0.5 * cone)
+    inside = np.arccos(edge + (1.0 - edge) * blend)  # where the light begins to fade
+    half, inside = (np.arctan2(width * np.sin(angle), np.cos(angle)) for angle in (0.5 * cone, inside))
+    return float(2.0 * half), float((np.cos(inside) - np.cos(half)) / (1.0 - np.cos(half)))
 
 
 def _area_light(light, matrix: np.ndarray, common: dict, exitance: float | None) -> AreaLight:

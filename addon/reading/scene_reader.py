@@ -20,7 +20,7 @@ from .categories import Categories
 from .custom_properties import driver_remark
 from .groups import UNGROUPED_LIGHT, GroupReader, read_group
 from .ignored import ignored_scene_settings, ignored_settings, left_out_instance
-from .lights import metres_per_unit, read_light
+from .lights import metres_per_unit, read_light, uneven_beam
 from .objects import STRAND_TYPES
 from .sensor import read_response
 from .settings import read_defaults
@@ -103,6 +103,8 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -
             surfaces.add_volume(obj, matrix)
         elif obj.type == "LIGHT":
             lights.extend(read_light(obj, matrix, metres))
+            if message := uneven_beam(obj.data, matrix):
+                warnings.add(obj.name, message)
             if remark := driver_remark(obj):
                 warnings.add(obj.name, remark)
             if surfaces.groups is not None and read_group(obj, f"Light '{obj.name}'"):

@@ -19,7 +19,7 @@ from ..reading.camera import read_camera
 from ..reading.custom_properties import driver_remark, is_number, read_temperature
 from ..reading.groups import UNGROUPED_LIGHT, read_group_temperatures
 from ..reading.ignored import ignored_scene_settings, ignored_settings, left_out
-from ..reading.lights import read_light
+from ..reading.lights import read_light, uneven_beam
 from ..reading.materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
 from ..reading.media import (
     GROUPED_AIR,
@@ -316,6 +316,8 @@ def _ignored_checks(obj, infrared, view_layer) -> list[Check]:
     messages = [left_out(obj)]
     if obj.type in SURFACE_TYPES or obj.type in ("LIGHT", "VOLUME"):
         messages += ignored_settings(obj, view_layer)
+    if obj.type == "LIGHT":
+        messages.append(uneven_beam(obj.data, np.array(obj.matrix_world, dtype=np.float64)))
     if obj.type == "LIGHT" and infrared.group_exr_path and obj.get("temperature_group"):
         messages.append(UNGROUPED_LIGHT)
     if obj.type in WITH_ATTRIBUTES:
