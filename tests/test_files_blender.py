@@ -13,6 +13,7 @@ from spectral.io import envi
 bpy = pytest.importorskip("bpy")
 
 from addon.output.formats import EXTENSIONS, FORMATS  # noqa: E402
+from addon.rendering.render_files import check_paths  # noqa: E402
 from addon.ui.exporter import Exporter  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
 
@@ -107,6 +108,38 @@ def test_a_render_names_the_view_layer_before_the_ending(infrared, tmp_path):
     passes = render_to_exr(tmp_path)
     expected = {f"bands_22.5_A_1{number}{ending}" for number in ("", "_2") for ending in ENDINGS}
     assert {file.name for file in tmp_path.glob("bands*")} == expected and len(passes) == 2
+
+
+@pytest.mark.parametrize(
+    ("paths", "both"),
+    [
+        ({"band_exr_path": "same", "group_exr_path": "same.EXR"}, "Band Images and Temperature Groups"),
+        ({"band_exr_path": "a", "group_exr_path": "a_spectral"}, "Band Images and Temperature Groups"),
+        ({"film_path": "some_####", "checkpoint_path": "x/../some_0001"}, "Checkpoint and Keep Film"),
+        ({"band_exr_path": "", "group_exr_path": "", "label_path": "", "film_path": ""}, "Band Images and Temp"),
+        ({"band_exr_path": "a", "group_exr_path": "b", "label_path": "a", "film_path": "a"}, ""),
+    ],
+)
+def test_two_settings_never_write_the_same_file(infrared, tmp_path, paths, both):
+    """That of the later one would be all that is left."""
+    for name, path in paths.items():
+        setattr(infrared, name, f"{tmp_path}/{path}")
+    if not both:
+        assert check_paths(infrared) is None
+        return
+    with pytest.raises(RuntimeError, match=f"{both}.* would both write '{tmp_path}"):
+        render_to_exr(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_in_a_folder_are_called_after_the_frame(infrared, tmp_path):
+    folder = tmp_path / "bands"
+    folder.mkdir()
+    infrared.band_exr_path = infrared.label_path = infrared.film_path = f"{folder}/"
+    infrared.file_formats = {"BAND_EXR", "TIFF"}
+    bpy.context.scene.frame_set(12)
+    render_to_exr(tmp_path)
+    assert {path.name for path in folder.iterdir()} == {f"0012.{end}" for end in ("exr", "tif", "json", "npz")}
 
 
 def test_what_follows_a_dot_belongs_to_the_name_of_an_export(infrared, tmp_path):

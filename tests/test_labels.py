@@ -150,6 +150,19 @@ def test_instances_are_told_apart(tmp_path):
     assert abs(left[0] - right[0]) > 20
 
 
+@pytest.mark.parametrize(
+    ("formats", "name"),
+    [({"TIFF", "CAMERA_TIFF"}, "bands_0001.tif"), ({"BAND_EXR", "TIFF"}, "bands_0001.exr"), (None, "labels_1.exr")],
+)
+def test_labels_name_a_picture_that_is_written(tmp_path, formats, name):
+    scene_of(2)
+    if formats:
+        infrared = bpy.context.scene.infrared
+        infrared.band_exr_path, infrared.file_formats = str(tmp_path / "bands_####"), formats
+    assert labels(tmp_path / "labels_1.json")[0].loadImgs(1)[0]["file_name"] == name
+    assert not formats or (tmp_path / name).exists()
+
+
 def test_a_category_that_is_no_name_is_told(tmp_path, caplog):
     things = scene_of(3)
     things[1][0]["category"] = 5

@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 
 from ..heat_settings import read_scale
-from ..output.formats import FORMATS, layer_suffixes
+from ..output.formats import layer_suffixes
 from ..output.frame import FurtherImage
 from ..reading.bands import read_band_edges
 from ..reading.camera import render_size, rendered_size
@@ -62,6 +62,7 @@ from .render_files import (
     label_path,
     view_suffixes,
     write_layer,
+    written_formats,
 )
 from .render_job import RenderJob
 from .render_passes import RenderPass, data_passes, further_passes, render_passes
@@ -102,7 +103,7 @@ def render_view_layer(engine, depsgraph) -> None:
             finished_layers.pop(picture_name(layer, view), None)
     if not scene.render.use_persistent_data:  # else Blender keeps the engine between frames and renders, as for Cycles
         engine.geometries.clear()
-    check_paths(scene.infrared)
+    check_paths(scene.infrared, engine.is_animation)
     settings, edges = read_settings(scene.infrared), read_band_edges(scene.infrared)
     passes, further = render_passes(scene, view_layer), further_passes(scene, view_layer)
     others = max(1, len(layers)) * len(views) - 1
@@ -273,9 +274,10 @@ class LayerRender:
             _follow_tools(engine, scene, name, images, frame)
         if scene.infrared.label_path:
             path = label_path(scene, suffix, engine.is_animation)
-            picture = file_path(scene, suffix, engine.is_animation) if scene.infrared.band_exr_path else path
+            formats = written_formats(scene.infrared)
+            picture = file_path(scene, suffix, engine.is_animation, formats[0]) if formats else path.with_suffix(".exr")
             found = instances, images["temperature"]
-            write_labels(path, picture.with_suffix(".exr").name, scene, self.surfaces, job.scene, found)
+            write_labels(path, picture.name, scene, self.surfaces, job.scene, found)
         groups = _write_files(scene, name, suffix, engine.is_animation, images, job.film)
         if shown and groups:
             finished_groups[name] = groups
@@ -353,9 +355,8 @@ def _write_files(scene, name: str, suffix: str, animation: bool, images: dict, f
 
     suffix: at the end of their names. images: see layer_images.
     """
-    if scene.infrared.band_exr_path:
-        for file_format in (each for each in FORMATS if each in scene.infrared.file_formats):
-            write_layer(file_path(scene, suffix, animation, file_format), name, images, file_format)
+    for file_format in written_formats(scene.infrared):
+        write_layer(file_path(scene, suffix, animation, file_format), name, images, file_format)
     if len(film.layers) == 1:
         return None
     path = group_path(scene, suffix, animation)

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import logging
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -14,17 +16,43 @@ from ..solver.scene import SceneError
 
 log = logging.getLogger(__name__)
 
-PATHS = "band_exr_path", "group_exr_path", "checkpoint_path", "film_path", "label_path"  # settings of a scene
+PATHS = {  # settings of a scene, and what users read of them
+    "band_exr_path": "Band Images",
+    "group_exr_path": "Temperature Groups",
+    "checkpoint_path": "Checkpoint",
+    "film_path": "Keep Film",
+    "label_path": "Labels",
+}
 
 
-def check_paths(infrared) -> None:
-    """Raise SceneError if a path starts at the folder of the blend file ('//'), but the blend file was never saved.
-
-    Blender would then take the folder that it happened to be started in.
-    """
+def check_paths(infrared, animation: bool = False) -> None:
+    """Raise SceneError if two settings would write the same file, or if a path starts at the folder of the blend file
+    ('//'), but that was never saved: Blender would then take the folder that it happened to be started in."""
     for path in (getattr(infrared, name) for name in PATHS):
         if path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"Save the file first: '{path}' starts at its folder")
+    owners = {}
+    for name, path in _files(infrared.id_data, animation):
+        owner = owners.setdefault(os.path.normcase(os.path.abspath(path)), name)
+        if owner != name:
+            both = f"{PATHS[owner]} and {PATHS[name]}"
+            raise SceneError(f"{both} would both write '{path}'; give one of them another path")
+
+
+def _files(scene, animation: bool) -> Iterator[tuple[str, Path]]:
+    """The settings with a path, and the files of this frame that they ask for, without suffixes of view layers."""
+    for file_format in written_formats(scene.infrared):
+        yield "band_exr_path", file_path(scene, "", animation, file_format)
+    others = {"group_exr_path": group_path, "checkpoint_path": checkpoint_path}
+    others |= {"film_path": film_path, "label_path": label_path}
+    for name, path in others.items():
+        if getattr(scene.infrared, name):
+            yield name, path(scene, "", animation)
+
+
+def written_formats(infrared) -> list[str]:
+    """The formats, keys of FORMATS, in which a render writes band images; none without a path."""
+    return [each for each in FORMATS if infrared.band_exr_path and each in infrared.file_formats]
 
 
 def view_suffixes(render) -> dict[str, str]:
