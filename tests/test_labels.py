@@ -150,6 +150,45 @@ def test_instances_are_told_apart(tmp_path):
     assert abs(left[0] - right[0]) > 20
 
 
+def test_an_empty_gives_what_it_places_its_category(tmp_path):
+    """Unless an object has one of its own; that of a collection counts last. Grass is not of the ground's category."""
+    scene_of(0)
+    source, fleet = (bpy.data.collections.new(name) for name in ("Model", "Fleet"))
+    bpy.context.scene.collection.children.link(fleet)
+    for name, y in (("Body", 1.0), ("Driver", -1.0)):
+        link(name, cube_mesh(name), source, temperature=320.0).location.y = y
+    bpy.data.objects["Driver"]["category"], source["category"], fleet["category"] = "person", "part", "fleet"
+    for name, x in (("Plain", -1.5), ("Truck", 1.5)):
+        holder = link(name, None, fleet)
+        holder.instance_type, holder.instance_collection, holder.location.x = "COLLECTION", source, x
+    bpy.data.objects["Truck"]["category"] = "truck"
+    ground = link("Ground", cube_mesh("Ground"), temperature=300.0)
+    ground["category"], ground.location.z, ground.instance_type = "ground", -3.0, "VERTS"
+    link("Grass", cube_mesh("Grass"), temperature=310.0).parent = ground
+
+    def found(name):
+        coco = labels(tmp_path / f"{name}.json")[0]
+        kinds = {each["id"]: each["name"] for each in coco.loadCats(coco.getCatIds())}
+        return {
+            (each["name"], kinds[each["category_id"]], each["bbox"][0] > 60) for each in coco.loadAnns(coco.getAnnIds())
+        }
+
+    left, right = False, True
+    driver, truck = {("Driver", "person", left), ("Driver", "person", right)}, {("Body", "truck", right)}
+    assert found("all") == driver | truck | {("Body", "part", left)}
+    del source["category"]
+    assert found("fleet") == driver | truck | {("Body", "fleet", left)}
+
+
+def test_blanks_are_no_category(tmp_path):
+    """KITTI's text would have a line without a type."""
+    things = scene_of(3)
+    things[0][0]["category"] = "  "
+    found = labels(tmp_path / "labels.json")[0]
+    assert [each["name"] for each in found.loadCats(found.getCatIds())] == ["car", "person", "tree"]
+    assert "Thing 0" not in {each["name"] for each in found.loadAnns(found.getAnnIds())}
+
+
 @pytest.mark.parametrize(
     ("formats", "name"),
     [({"TIFF", "CAMERA_TIFF"}, "bands_0001.tif"), ({"BAND_EXR", "TIFF"}, "bands_0001.exr"), (None, "labels_1.exr")],

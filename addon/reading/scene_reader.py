@@ -83,7 +83,7 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -
     surfaces.metres = metres
     surfaces.pixel_size, hiding = _pixel_size(depsgraph, camera or scene.camera), set()
     for instance, matrix, visibility in _shown_instances(depsgraph, space):
-        obj = instance.object
+        obj, surfaces.instancer = instance.object, instance.parent
         if visibility.hidden & ~Hidden.CAMERA and obj.type in FACED:
             hiding.add(obj.name)
         asks = obj.type in (*FACED, "LIGHT", "VOLUME")

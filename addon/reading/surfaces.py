@@ -66,6 +66,7 @@ class SurfaceReader:
         self.pass_indices = {"object_index": [], "material_index": []}  # of each object, and of each material
         self.matte_names = {"CryptoObject": [], "CryptoAsset": [], "CryptoMaterial": []}  # likewise
         self.categories, self.instances = categories, []  # Labelled, of each instance
+        self.instancer = None  # evaluated object that places what is added next, which scene_reader sets
         self.instance_count, self.instance_numbers = 0, []  # from 1, of each entry of triangles
         self._begins = False  # whether what is placed next belongs to a new instance
         self.for_render = depsgraph.mode == "RENDER"
@@ -142,7 +143,7 @@ class SurfaceReader:
         if self._begins:
             self._begins, self.instance_count = False, self.instance_count + 1
             if self.categories is not None:
-                self.instances.append(Labelled(obj.name, self.categories.of(obj)))
+                self.instances.append(Labelled(obj.name, self.categories.of(obj, self.instancer)))
         self.instance_numbers.append(self.instance_count)
         if self.groups is not None:
             self._check_group(obj, mesh)
