@@ -4,6 +4,7 @@
 import csv
 import json
 import math
+import shutil
 from unittest.mock import Mock
 
 import numpy as np
@@ -15,11 +16,12 @@ bpy = pytest.importorskip("bpy")
 
 from pycocotools.coco import COCO  # noqa: E402
 
-from addon import commands  # noqa: E402
+from addon import commands, properties  # noqa: E402
 from addon.output.kitti import truncation  # noqa: E402
 from addon.output.png import KelvinScale, write_png16  # noqa: E402
 from addon.pairs import frames, ranges  # noqa: E402
 from addon.pairs.changes import bind  # noqa: E402
+from addon.pairs.constraints import check_constraints  # noqa: E402
 from addon.pairs.kept import Kept  # noqa: E402
 from addon.pairs.ranges import read_rules, uniform  # noqa: E402
 from addon.solver.scene import SceneError  # noqa: E402
@@ -107,7 +109,7 @@ def everything(scene):
             (obj.matrix_basis.copy(), obj.rotation_mode, obj.hide_render, getattr(obj.data, "name", ""))
             for obj in bpy.data.objects
         ],
-        "meshes": [(mesh.name, mesh.users) for mesh in bpy.data.meshes],
+        "data": [(data.name, data.users) for data in (*bpy.data.meshes, *bpy.data.hair_curves, *bpy.data.pointclouds)],
         "lens": scene.camera.data.lens,
         "render": settings(scene.render) | settings(scene.render.image_settings),
         "own": settings(scene.infrared) | settings(scene.cycles) | settings(scene.eevee),
@@ -168,8 +170,11 @@ def test_files_of_a_data_set(scene, tmp_path, ranges_file):
             assert 0.0 <= float(numbers[0]) <= 1.0
 
 
-def test_the_rgb_picture_is_that_of_cycles_from_the_same_pose(scene, tmp_path):
+@pytest.mark.parametrize(("kind", "height"), [("PERSP", 6.0), ("PANO", 1.5)])
+def test_the_rgb_picture_is_that_of_cycles_from_the_same_pose(scene, tmp_path, kind, height):
     """Where labels see a thing, the RGB picture does, too: its mask is bright before a black world."""
+    scene.camera.data.type, scene.camera.data.panorama_type = kind, "EQUIRECTANGULAR"
+    scene.camera.location.z = height
     scene.world.color = (0.0, 0.0, 0.0)
     bpy.data.objects["Sun"].data.energy = 5.0
     bpy.ops.wm.save_mainfile()
@@ -177,9 +182,11 @@ def test_the_rgb_picture_is_that_of_cycles_from_the_same_pose(scene, tmp_path):
     coco = COCO(str(tmp_path / "pairs" / "labels.json"))
     seen = sum(coco.annToMask(each) for each in coco.loadAnns(coco.getAnnIds())) > 0
     bright = pixels(tmp_path / "pairs" / "rgb" / "frame_0001.png").max(axis=2) > 60
-    assert 0.1 < seen.mean() < 0.9
+    assert 0.05 < seen.mean() < 0.9
     edges = np.count_nonzero(np.diff(seen, axis=0)) + np.count_nonzero(np.diff(seen, axis=1))
     assert np.count_nonzero(bright != seen) <= edges  # pixels at edges alone may be either
+    middles = [np.argwhere(mask).mean(axis=0) for mask in (seen, bright)]
+    np.testing.assert_allclose(*middles, atol=0.5)
 
 
 def test_a_killed_run_goes_on(scene, tmp_path, ranges_file, monkeypatch):
@@ -280,8 +287,94 @@ def test_a_folder_with_other_files_is_refused(scene, tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"scene.blend"}
 
 
+def test_copies_and_leftovers_of_labels_are_no_frames(scene, tmp_path, capsys):
+    """Neither what programs that synchronise folders add, nor labels without pictures."""
+    folder = tmp_path / "pairs"
+    assert run(folder, "--frames", "1-2") == 0
+    for name in ("frame_0001 (1)", "frame_0001-conflict", "frame_1", "frame_0007"):
+        shutil.copy(folder / "labels" / "frame_0001.json", folder / "labels" / f"{name}.json")
+    capsys.readouterr()
+    assert run(folder, "--frames", "1-2", "--kitti") == 0
+    assert "2 frames are complete" in capsys.readouterr().out
+    assert [row["frame"] for row in rows(folder)] == ["1", "2"]
+    assert len(json.loads((folder / "labels.json").read_text())["images"]) == 2
+    assert {path.name for path in (folder / "kitti").iterdir()} == {"frame_0001.txt", "frame_0002.txt"}
+
+
 @pytest.mark.parametrize(
-    "arguments", [["--frames", "4-2"], ["--step", "0"], ["--samples", "-1"], ["--seed", "-1"], ["--rgb", "povray"]]
+    ("content", "told"),
+    [
+        ("", "Expecting value"),
+        ("{}", "it has no 'images'"),
+        ("[]", "list indices"),
+        ('{"images": []}', "not enough values"),
+        ('{"images": [{"frame": 2}], "categories": [], "annotations": []}', "it is of frame 2"),
+        ('{"images": [{"frame": 1}], "categories": [], "annotations": []}', "it has no 'camera'"),
+    ],
+)
+def test_damaged_labels_are_rendered_again_once_they_are_deleted(scene, tmp_path, content, told, capsys):
+    folder = tmp_path / "pairs"
+    assert run(folder, "--frames", "1") == 0
+    labels = folder / "labels" / "frame_0001.json"
+    whole = json.loads(labels.read_text())["annotations"]
+    labels.write_text(content)
+    assert run(folder, "--frames", "1") == 1
+    error = capsys.readouterr().err
+    assert f"'{labels}' is damaged: {told}" in error and "Delete it, and a run with --frames 1 renders" in error
+    labels.unlink()
+    assert run(folder, "--frames", "1") == 0
+    assert json.loads(labels.read_text())["annotations"] == whole
+
+
+@pytest.mark.parametrize("content", ["", "[]"])
+def test_a_damaged_description_of_a_folder_is_copied_from_another(scene, tmp_path, content, capsys):
+    """As the message says; without the file, the folder is refused."""
+    folder, other = tmp_path / "pairs", tmp_path / "other"
+    assert run(folder, "--frames", "1") == run(other, "--frames", "2") == 0
+    (folder / "pairs.json").write_text(content)
+    assert run(folder, "--frames", "1") == 1
+    assert "pairs.json' is damaged: " in (error := capsys.readouterr().err)
+    assert "copy this file from one that the same command begins" in error
+    shutil.copy(other / "pairs.json", folder)
+    assert run(folder, "--frames", "1") == 0
+
+
+def test_a_folder_whose_description_could_not_be_written_stays_empty(scene, tmp_path, monkeypatch):
+    """So the command can be started again once the disk has room."""
+    with monkeypatch.context() as patch:
+        patch.setattr("addon.pairs.folder.write_text", Mock(side_effect=OSError("No space left")))
+        assert run(tmp_path / "pairs", "--frames", "1") == 1
+    assert run(tmp_path / "pairs", "--frames", "1") == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "rgb", "told"),
+    [
+        ("FISHEYE_EQUISOLID", "cycles", "Camera 'Second': of panoramas of the type Fisheye Equisolid"),
+        ("EQUIRECTANGULAR", "eevee", "Camera 'Second' is a panorama, which only cycles renders"),
+    ],
+)
+def test_panoramas_that_would_not_be_aligned_are_refused(scene, tmp_path, kind, rgb, told, capsys, monkeypatch):
+    """Also those of cameras that a marker turns on later."""
+    monkeypatch.setattr(frames, "_choose_engine", lambda scene, name: None)  # without a graphics card there is no EEVEE
+    second = link("Second", bpy.data.cameras.new("Second"))
+    second.data.type, second.data.panorama_type = "PANO", kind
+    scene.timeline_markers.new("Second", frame=2).camera = second
+    assert run(tmp_path / "pairs", "--frames", "1", "--rgb", rgb) == 1
+    assert told in capsys.readouterr().err and not (tmp_path / "pairs").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--frames", "4-2"],
+        ["--step", "0"],
+        ["--samples", "-1"],
+        ["--seed", "-1"],
+        ["--rgb", "povray"],
+        ["--offset", "inf"],
+        ["--offset", "nan"],
+    ],
 )
 def test_nonsense_is_refused(scene, tmp_path, arguments, capsys):
     with pytest.raises(SystemExit):
@@ -305,7 +398,8 @@ def test_draws_fill_their_range_and_depend_on_seed_frame_and_name():
 
 def write(tmp_path, content, name="bad.json"):
     path = tmp_path / name
-    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    text = content if isinstance(content, str | bytes) else json.dumps(content)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
 
 
@@ -378,6 +472,14 @@ def test_a_sky_is_drawn_from_the_weather(scene, tmp_path):
     ("content", "told"),
     [
         ("{", "cannot be read"),
+        (b'{"materials": [{"name": "K\xe4se"}]}', "bad.json' cannot be read: it is no text in UTF-8"),
+        ('{"world": {"warmer": [0, 1]}}'.encode("utf-16"), "bad.json' cannot be read: it is no text in UTF-8"),
+        ("[" * 100_000, "cannot be read: "),
+        ('{"objects": [], "world": {}, "objects": []}', 'bad.json\' cannot be read: the key "objects" is given twice'),
+        ('{"world": {"warmer": [0, 1], "warmer": [0, 2]}}', 'the key "warmer" is given twice'),
+        (f'{{"world": {{"temperature": [300, 1{"0" * 400}]}}}}', "world.temperature is [300, 1000"),
+        (f'{{"world": {{"temperature": [300, 1{"0" * 5000}]}}}}', "cannot be read: "),
+        (f'{{"objects": [{{"name": "Anna", "visible": 1{"0" * 400}}}]}}', "objects[0].visible is 1000"),
         ({"things": []}, 'unknown key "things"'),
         ({"objects": {}}, "objects is {}, expected a list"),
         ({"objects": [{"name": "Anna", "temprature": [1, 2]}]}, 'objects[0] has an unknown key "temprature"'),
@@ -402,6 +504,17 @@ def test_a_sky_is_drawn_from_the_weather(scene, tmp_path):
             {"objects": [{"name": "Anna", "warmer": [0, 1]}, {"category": "person", "temperature": [300, 301]}]},
             "objects[1].temperature: objects[0].warmer draws the same of 'Anna'",
         ),
+        (
+            {
+                "objects": [{"name": "Camera", "move": {"x": [0, 1]}}],
+                "camera": {"location": {"x": [0, 1], "y": [0, 1]}},
+            },
+            "camera.location: objects[0].move draws the same of 'Camera'",
+        ),
+        (
+            {"objects": [{"name": "Camera", "warmer": [0, 1]}]},
+            "objects[0].warmer: 'Camera' (Camera) has no temperature; choose objects that have one",
+        ),
         ({"materials": [{"name": "Gold", "emissivity": [0, 1]}]}, "no material has name 'Gold'"),
         ({"materials": [{"name": "Paint", "emissivity": [0.5, 1.5]}]}, "materials[0].emissivity is [0.5, 1.5]"),
         ({"world": {"clear_sky": {"air": [280, 290]}}}, "expected humidity in it"),
@@ -416,12 +529,189 @@ def test_mistakes_are_told_before_the_first_frame(scene, tmp_path, content, told
     assert not (tmp_path / "pairs").exists() and everything(scene) == before
 
 
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("world: {warmer: [0, 1]}\nobjects: []\nworld: {}", 'the key "world" is given twice'),
+        ("objects: &a\n - *a", "the alias of line 1 stands for what it is in"),
+        ("objects:\n - &a\n  name: *a\n  warmer: [0, 1]", "the alias of line 2 stands for what it is in"),
+        ("objects: {2024-01-01: 1}", "objects is {"),
+        ("world: {warmer: 2024-13-45}", "cannot be read: "),
+    ],
+)
+def test_mistakes_of_yaml_are_told(tmp_path, content, told):
+    pytest.importorskip("yaml")
+    with pytest.raises(SceneError, match="bad.yaml'") as caught:
+        read_rules(write(tmp_path, content, "bad.yaml"))
+    assert told in str(caught.value)
+
+
+def test_what_is_written_once_may_stand_for_more(tmp_path):
+    """Aliases, and a mark of UTF-8 at the beginning, as some editors write it."""
+    pytest.importorskip("yaml")
+    text = "\ufeffobjects:\n - &a {name: Anna, warmer: [0, 1]}\n - {<<: *a, name: Ben}"
+    rules = read_rules(write(tmp_path, text, "ranges.yaml"))
+    assert [rule.selectors["name"] for rule in rules] == [("Anna",), ("Ben",)]
+    assert rules[0].ranges == rules[1].ranges == {"warmer": {"": (0.0, 1.0)}}
+
+
+def test_what_is_always_visible_hides_nothing(scene, tmp_path):
+    """Nor at the end of its range, which is checked."""
+    path = write(tmp_path, {"objects": [{"name": "*", "visible": 1}]})
+    assert run(tmp_path / "pairs", "--frames", "1", "--randomize", path) == 0
+
+
 def test_what_is_animated_is_not_drawn(scene, tmp_path, capsys):
     anna = bpy.data.objects["Anna"]
     anna.keyframe_insert("location", frame=1)
     path = write(tmp_path, {"objects": [{"name": "Anna", "move": {"x": [0.1, 1]}}]})
     assert run(tmp_path / "pairs", "--frames", "1", "--randomize", path) == 1
     assert "'Anna': location is animated or driven" in capsys.readouterr().err
+
+
+def constrained(obj, kind, **settings):
+    """A constraint of an object that follows an Empty in the origin."""
+    constraint = obj.constraints.new(kind)
+    constraint.target = bpy.data.objects.get("Target") or link("Target")
+    for name, value in settings.items():
+        setattr(constraint, name, value)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ({"camera": {"turn": {"x": [20, 20]}}}, "camera.turn.x: the constraints of 'Camera' (Track To) leave nothing"),
+        ({"camera": {"rotation": {"z": [-180, 180]}}}, "camera.rotation.z: the constraints of 'Camera' (Track To)"),
+        (
+            {"objects": [{"name": "Anna", "move": {"y": [0, 1], "x": [1, 2]}}]},
+            "objects[0].move.x: the constraints of 'Anna' (Copy Location) leave nothing of it",
+        ),
+        (
+            {"objects": [{"name": "Ben", "scale": [1, 2]}]},
+            "objects[0].scale: the constraints of 'Ben' (Limit Scale) leave nothing of it",
+        ),
+    ],
+)
+def test_poses_that_constraints_overwrite_are_told(scene, tmp_path, content, told, capsys):
+    constrained(scene.camera, "TRACK_TO", track_axis="TRACK_NEGATIVE_Z", up_axis="UP_Y")
+    constrained(bpy.data.objects["Anna"], "COPY_LOCATION", use_y=False)
+    limit = bpy.data.objects["Ben"].constraints.new("LIMIT_SCALE")
+    limit.use_max_x = limit.use_max_y = limit.use_max_z = True
+    limit.max_x = limit.max_y = limit.max_z = 0.5
+    before = everything(scene)
+    assert run(tmp_path / "pairs", "--frames", "1", "--randomize", write(tmp_path, content)) == 1
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "pairs").exists() and everything(scene) == before
+
+
+def test_poses_that_constraints_leave_are_drawn(scene, tmp_path):
+    """A camera that looks at its target from elsewhere; what moves with an offset or beside a path; and what a muted
+    constraint would hold. Of the camera that a marker chooses later, constraints count as well."""
+    constrained(scene.camera, "TRACK_TO", track_axis="TRACK_NEGATIVE_Z", up_axis="UP_Y")
+    constrained(bpy.data.objects["Anna"], "COPY_LOCATION", use_y=False)
+    constrained(bpy.data.objects["Ben"], "CHILD_OF")
+    constrained(bpy.data.objects["Painted"], "COPY_ROTATION", mute=True)
+    poses = {"move": {"x": [-1, 1], "y": [0, 0], "z": [1, 2]}, "turn": {"x": [0, 0], "z": [-180, 180]}}
+    content = {
+        "objects": [
+            {"name": "Anna", "move": {"y": [-1, 1]}, "turn": {"z": [0, 360]}},
+            {"name": ["Ben", "Painted"], **poses, "scale": [1, 2]},
+        ],
+        "camera": {"move": {"x": [-1, 1]}, "focal_length": [30, 50]},
+    }
+    layer = scene.view_layers[0]
+    check_constraints(bind(read_rules(write(tmp_path, content)), scene, layer), scene, layer)
+    second = link("Second", bpy.data.cameras.new("Second"))
+    constrained(second, "COPY_LOCATION")
+    scene.timeline_markers.new("Second", frame=9).camera = second
+    first = scene.camera
+    with pytest.raises(SceneError, match=r"camera.move.x: the constraints of 'Second' \(Copy Location\)"):
+        check_constraints(bind(read_rules(write(tmp_path, content)), scene, layer), scene, layer)
+    assert scene.camera == first
+
+
+def with_values(data, count, kelvin):
+    """Hair or points with the attribute of temperatures."""
+    data.attributes.new("temperature", "FLOAT", "POINT").data.foreach_set("value", np.full(count, kelvin, np.float32))
+    return data
+
+
+@pytest.mark.parametrize("kind", ["CURVES", "POINTCLOUD"])
+def test_hair_and_points_get_warmer(scene, tmp_path, kind):
+    if kind == "CURVES":
+        data = bpy.data.hair_curves.new("Fluff")
+        data.add_curves([2])
+        data.attributes["position"].data.foreach_set("vector", [0.0, 0.0, 1.0, 0.0, 0.5, 1.0])
+    else:
+        data = bpy.data.pointclouds.new("Fluff")
+        data.resize(2)
+    data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", [0.1, 0.1])
+    obj = link("Fluff", with_values(data, 2, 330.0), temperature=300.0)
+    before = everything(scene)
+    changes = bind(read_rules(write(tmp_path, {"objects": [{"name": "Fluff", "warmer": [20, 20]}]})), scene, None)
+    with Kept() as kept:
+        frames.apply_draws(changes, kept, 0, 1)
+        assert obj["temperature"] == 320.0
+        assert read()[0].temperature.max() == pytest.approx(350.0)
+    assert everything(scene) == before and read()[0].temperature.max() == pytest.approx(330.0)
+
+
+def test_lamps_get_warmer_than_they_count_without_a_temperature(scene, tmp_path):
+    lamp = link("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    changes = bind(read_rules(write(tmp_path, {"objects": [{"name": "Lamp", "warmer": [20, 20]}]})), scene, None)
+    own = properties.initial_value(lamp, "temperature", scene)
+    with Kept() as kept:
+        frames.apply_draws(changes, kept, 0, 1)
+        assert lamp["temperature"] == own + 20
+
+
+def test_an_empty_is_moved_but_not_heated(scene, tmp_path):
+    """Where a pattern chooses it along with others; named, it is refused with what to choose."""
+    group = bpy.data.collections.new("Crowd")
+    empty = link("Annas")
+    empty.instance_type, empty.instance_collection = "COLLECTION", group
+    content = {"objects": [{"name": "Anna*", "warmer": [1, 2], "move": {"x": [0, 1]}}]}
+    changes = bind(read_rules(write(tmp_path, content)), scene, None)
+    assert {(change.thing, change.key) for change in changes} == {
+        ("Anna", "warmer"), ("Anna", "move"), ("Annas", "move"),
+    }  # fmt: skip
+    for key in ("warmer", "temperature"):
+        rules = read_rules(write(tmp_path, {"objects": [{"name": ["Anna", "Annas"], key: [1, 2]}]}))
+        with pytest.raises(SceneError, match=rf"0\].{key}: 'Annas' \(Empty\) has no temp.* in its collection 'Crowd'"):
+            bind(rules, scene, None)
+
+
+def test_things_of_one_name_from_two_libraries_have_draws_of_their_own(scene, tmp_path):
+    for library in ("a", "b"):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        mesh, group = cube_mesh("Body"), bpy.data.collections.new(library)
+        bpy.context.scene.collection.children.link(group)
+        mesh.materials.append(material("Coat", emissivity=0.9))
+        link("Body", mesh, group, temperature=300.0)["category"] = "person"
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / f"{library}.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scene = bpy.context.scene
+    for library in ("a", "b"):
+        with bpy.data.libraries.load(str(tmp_path / f"{library}.blend"), link=True) as (_, wanted):
+            wanted.collections = [library]
+        empty = link(f"Instance of {library}")
+        empty.instance_type, empty.instance_collection = "COLLECTION", wanted.collections[0]
+    content = {
+        "objects": [{"name": "Body", "category": "person", "warmer": [0, 5], "visible": 0.5}],
+        "materials": [{"name": "Coat", "emissivity": [0.5, 0.6]}],
+    }
+    changes = bind(read_rules(write(tmp_path, content)), scene, scene.view_layers[0])
+    with Kept() as kept:
+        told = frames.apply_draws(changes, kept, 0, 1)
+        for library in ("a.blend", "b.blend"):
+            own = bpy.data.objects["Body", str(tmp_path / library)]["temperature"]
+            assert own == 300.0 + told[f"Body [{library}].warmer"]
+    names = [f"Body [{each}.blend].{key}" for each in "ab" for key in ("warmer", "visible")]
+    assert told.keys() == {*names, "Coat [a.blend].emissivity", "Coat [b.blend].emissivity"}
+    assert len({*told.values()}) == 6
+    content = {"objects": [{"name": "Body [a.blend]", "warmer": [0, 5]}]}
+    (change,) = bind(read_rules(write(tmp_path, content)), scene, scene.view_layers[0])
+    assert change.thing == "Body [a.blend]"
 
 
 def test_a_quaternion_stays_one(scene, tmp_path):

@@ -26,7 +26,7 @@ def argument_parser() -> argparse.ArgumentParser:
     parser.add_argument("--samples", type=_positive(int), help="of the RGB pictures; without it the scene's")
     parser.add_argument("--randomize", help="JSON or YAML file of what is drawn for each frame, and within what ranges")
     parser.add_argument("--seed", type=_at_least_0, default=0, help="of all that is drawn, and of the renders")
-    parser.add_argument("--offset", type=float, default=0.0, help="K that 0 means in the 16-bit pictures")
+    parser.add_argument("--offset", type=_finite, default=0.0, help="K that 0 means in the 16-bit pictures")
     parser.add_argument("--step", type=_positive(float), default=0.01, help="K between two of their values")
     parser.add_argument("--kitti", action="store_true", help="write labels as KITTI's text, too")
     return parser
@@ -43,6 +43,16 @@ def _positive(kind: Callable) -> Callable:
 
     read.__name__ = kind.__name__  # in argparse's message about what is no number
     return read
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not finite")
+    return value
+
+
+_finite.__name__ = "float"  # in argparse's message, likewise
 
 
 def _at_least_0(text: str) -> int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -66,14 +67,15 @@ class Folder:
         """
         known = self.path / ABOUT
         if known.exists():
-            self._compare(_read(known), about)
+            self._compare(_read_about(known), about)
         elif self.path.is_dir() and any(self.path.iterdir()):
             raise SceneError(f"'{self.path}' holds files, but no pairs: give an empty folder, or a new one")
-        for name in _FOLDERS:
-            (self.path / name).mkdir(parents=True, exist_ok=True)
+        self.path.mkdir(parents=True, exist_ok=True)
         check_writable(known, "the pairs")
-        if not known.exists():
+        if not known.exists():  # the first of all: without it, a folder that is not empty is refused
             write_text(known, json.dumps(about, indent=1))
+        for name in _FOLDERS:
+            (self.path / name).mkdir(exist_ok=True)
 
     def _compare(self, stored: Mapping, about: Mapping) -> None:
         now = json.loads(json.dumps(about))
@@ -88,21 +90,43 @@ class Folder:
 
     def finish(self, kitti: bool) -> int:
         """Write the manifest and the labels of all complete frames, and KITTI's text if asked; returns how many there
-        are. Raises OSError."""
-        paths = sorted((self.path / "labels").glob("frame_*.json"), key=lambda path: int(path.stem.split("_")[1]))
-        contents = {path.stem: _read(path) for path in paths}
+        are. Raises OSError, and SceneError if the labels of a frame are damaged."""
+        contents, rows, lines = {}, [], {}
+        for frame in self._complete_frames():
+            contents[frame], row, lines[frame] = self._read_frame(frame)
+            rows.append(row)
         write_content(self.path / LABELS, united(contents.values()))
         table = io.StringIO(newline="")
         writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(self._row(content["images"][0]) for content in contents.values())
+        writer.writerows(rows)
         write_text(self.path / MANIFEST, table.getvalue())
         if kitti:
             (self.path / _KITTI).mkdir(exist_ok=True)
-            for stem, content in contents.items():
-                lines = "".join(f"{line}\n" for line in kitti_lines(content))
-                write_text(self.path / _KITTI / f"{stem}.txt", lines)
+            for frame, text in lines.items():
+                write_text(self.path / _KITTI / f"{self.files(frame).labels.stem}.txt", text)
         return len(contents)
+
+    def _complete_frames(self) -> list[int]:
+        """In order. Files of other names are passed over: programs that synchronise folders make copies of labels."""
+        names = (re.fullmatch(r"frame_(-?\d+)\.json", path.name) for path in (self.path / "labels").iterdir())
+        return sorted(filter(self.is_complete, {int(name[1]) for name in names if name}))
+
+    def _read_frame(self, frame: int) -> tuple[dict, dict[str, object], str]:
+        """The labels of a complete frame, its row of the manifest, and KITTI's text. Raises SceneError if its file does
+        not hold them."""
+        path = self.files(frame).labels
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            (image,) = content["images"]
+            if image["frame"] != frame:
+                raise ValueError(f"it is of frame {image['frame']}")
+            return content, self._row(image), "".join(f"{line}\n" for line in kitti_lines(content))
+        except (ValueError, LookupError, TypeError) as error:
+            reason = f"it has no {error}" if isinstance(error, KeyError) else error
+            raise SceneError(
+                f"'{path}' is damaged: {reason}. Delete it, and a run with --frames {frame} renders its frame again"
+            ) from None
 
     def _row(self, image: Mapping) -> dict[str, object]:
         """What the manifest tells of a frame, from the labels' image."""
@@ -125,11 +149,17 @@ def write_text(path: Path, text: str) -> None:
         unfinished.write_text(text, encoding="utf-8")
 
 
-def _read(path: Path) -> dict:
+def _read_about(path: Path) -> dict:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(stored, dict):
+            raise ValueError("it holds no names with values")
+        return stored
     except ValueError as error:
-        raise SceneError(f"'{path}' is damaged: {error}. Delete it, and its frame is rendered again") from None
+        raise SceneError(
+            f"'{path}' is damaged: {error}. Give another folder, or copy this file from one that the same command "
+            "begins"
+        ) from None
 
 
 def _short(value) -> str:

@@ -24,7 +24,8 @@ from ..rendering.checks import scene_checks
 from ..rendering.last_render import finished_layers
 from ..solver.scene import SceneError
 from ..solver.system.kernel_cache import source_digest
-from .changes import Change, apply_draws, bind
+from .changes import Change, apply_draws, bind, used_cameras
+from .constraints import check_constraints
 from .folder import Folder, FrameFiles
 from .kept import Kept
 from .ranges import frame_seed, read_rules
@@ -67,7 +68,9 @@ def render_pairs(scene, options: PairOptions) -> int:
         with Kept() as kept:
             _choose_settings(scene, layer, options, kept)
             scene.frame_set(options.frames[0])
+            _check_panoramas(scene, options.rgb)
             changes = bind(rules, scene, layer)
+            check_constraints(changes, scene, layer)
             _check(scene, layer, changes)
             folder.prepare(_about(scene, options))
             for number in options.frames:
@@ -107,6 +110,21 @@ def _choose_settings(scene, layer, options: PairOptions, kept: Kept) -> None:
 def _samples(scene, rgb: str) -> tuple[object, str]:
     """Where an engine keeps its number of samples: settings and name."""
     return (scene.cycles, "samples") if rgb == "cycles" else (scene.eevee, "taa_render_samples")
+
+
+def _check_panoramas(scene, rgb: str) -> None:
+    """Raise SceneError if one of the scene's cameras is a panorama that both engines do not render alike."""
+    for camera in used_cameras(scene):
+        if camera.type != "CAMERA" or camera.data.type != "PANO":
+            continue
+        if rgb != "cycles":
+            raise SceneError(f"Camera '{camera.name}' is a panorama, which only cycles renders")
+        kind = camera.data.bl_rna.properties["panorama_type"].enum_items[camera.data.panorama_type]
+        if kind.identifier != "EQUIRECTANGULAR":
+            raise SceneError(
+                f"Camera '{camera.name}': of panoramas of the type {kind.name} the RGB picture and the thermal one "
+                "would not be aligned; choose Equirectangular"
+            )
 
 
 def _check(scene, layer, changes: Sequence[Change]) -> None:

@@ -50,10 +50,10 @@ class Kept:
             self._latest[block.as_pointer(), key] = block, f'["{key}"]', _plain(block[key])
         block.update_tag()
 
-    def set_mesh(self, obj, mesh) -> None:
-        """Give an object a mesh that is removed at the end."""
-        self.set(obj, data=mesh)
-        self._copies.append(mesh)
+    def set_data(self, obj, data) -> None:
+        """Give an object a mesh, or other data, that is removed at the end."""
+        self.set(obj, data=data)
+        self._copies.append(data)
 
     def overwritten(self) -> list[str]:
         """Names of owner and attribute whose value is no longer what was set last: something animates it."""
@@ -78,8 +78,7 @@ class Kept:
                 if overridable:
                     block.property_overridable_library_set(f'["{key}"]', True)
             block.update_tag()
-        for mesh in self._copies:
-            bpy.data.meshes.remove(mesh)
+        bpy.data.batch_remove(self._copies)
         for table in (self._attributes, self._properties, self._latest, self._copies):
             table.clear()
 

@@ -91,20 +91,55 @@ def read_rules(path: Path) -> list[Rule]:
 
 
 def _content(path: Path):
-    text = path.read_text(encoding="utf-8")
     if path.suffix.lower() in (".yaml", ".yml"):
         if yaml is None:
             raise SceneError(
                 f"'{path}' is YAML, which needs the Python package PyYAML, and this Python has none: write the file as "
                 "JSON, which says the same, or install PyYAML"
             )
-        problem, read = yaml.YAMLError, yaml.safe_load
+        read, problems = _read_yaml, (yaml.YAMLError, ValueError, RecursionError)
     else:
-        problem, read = json.JSONDecodeError, json.loads
+        read, problems = _read_json, (ValueError, RecursionError)
     try:
-        return read(text)
-    except problem as error:
+        return read(path.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError:
+        raise SceneError(f"'{path}' cannot be read: it is no text in UTF-8") from None
+    except problems as error:
         raise SceneError(f"'{path}' cannot be read: {' '.join(str(error).split())}") from None
+
+
+def _read_json(text: str):
+    def of_pairs(pairs: Sequence[tuple[str, object]]) -> dict:
+        _check_once([key for key, _ in pairs])
+        return dict(pairs)
+
+    return json.loads(text, object_pairs_hook=of_pairs)
+
+
+def _read_yaml(text: str):
+    _check_node(yaml.compose(text, yaml.SafeLoader), ())
+    return yaml.safe_load(text)
+
+
+def _check_node(node, above: Sequence) -> None:
+    """Raise ValueError if a node of YAML has a key twice, or contains itself. above: the nodes that it is in."""
+    if not isinstance(node, yaml.CollectionNode):
+        return
+    if node in above:
+        raise ValueError(f"the alias of line {node.start_mark.line + 1} stands for what it is in")
+    children = node.value
+    if isinstance(node, yaml.MappingNode):
+        _check_once([key.value for key, _ in node.value])
+        children = [each for pair in node.value for each in pair]
+    for each in children:
+        _check_node(each, (*above, node))
+
+
+def _check_once(keys: Sequence) -> None:
+    """Raise ValueError if a key is given twice, of which the parsers would keep the last one."""
+    for i, key in enumerate(keys):
+        if key in keys[:i]:
+            raise ValueError(f"the key {_shown(key)} is given twice")
 
 
 def _rules(content) -> list[Rule]:
@@ -180,9 +215,12 @@ def _check_keys(value, known: Sequence[str] | Mapping, where: str) -> None:
 
 
 def _is_number(value) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # of an integer that no float can hold
+        return False
 
 
 def _shown(value) -> str:
-    text = json.dumps(value, default=str)
+    text = json.dumps(value, default=str, skipkeys=True)
     return text if len(text) <= 60 else text[:57] + "..."
