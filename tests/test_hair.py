@@ -218,6 +218,62 @@ def test_the_share_is_even_whatever_the_order_of_hairs(angle):
         assert width[after == quarter].sum() / 0.01 == pytest.approx(expected, abs=4 * 32 * 5)
 
 
+STRIPS = 21_000  # hairs in a row
+LAYS = {
+    "even": lambda count, rng: np.arange(count),
+    "random": lambda count, rng: rng.uniform(0.0, count, count),
+    "random, in order": lambda count, rng: np.sort(rng.uniform(0.0, count, count)),
+}
+
+
+def covered(hairs):
+    """The share of the row that straight hairs along y cover, seen from above."""
+    x, radius = hairs.points[hairs.first[:-1], 0], hairs.radius[hairs.first[:-1]]
+    order = np.argsort(x - radius)
+    begin, end = (x - radius)[order], np.maximum.accumulate((x + radius)[order])
+    return 1.0 - np.maximum(begin[1:] - end[:-1], 0.0).sum() / STRIPS
+
+
+@pytest.mark.parametrize("times", [1.3, 2.5, 3.0, 6.0, 10.0])
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.75, 1.0])
+def test_strips_that_stand_for_all_cover_as_much(share, times):
+    """Hairs in a row, laid evenly and at random, and so many times fewer. Of strips of the length a thrown at random on
+    the length L, the cover 1 - exp(-c) has the variance 2 a / L exp(-2 c) ((exp(c) - 1) / c - 1)."""
+    error = np.sqrt(2.0 * times * share / STRIPS * np.exp(-2.0 * share) * (np.expm1(share) / share - 1.0))
+    expected = {"even": share, "random": -np.expm1(-share)}
+    for name, lay in LAYS.items():
+        x = lay(STRIPS, np.random.default_rng(5))
+        hairs = strands(*[[(each, 0, 0), (each, 1, 0)] for each in x], radius=0.5 * share)
+        before, after = covered(hairs), covered(simplified(hairs, np.full(STRIPS, 4.0 * times * share))[0])
+        print(f"{times:g} times fewer strips: cover {before:.3f} becomes {after:.3f}, {after / before:.3f}: {name}")
+        if name in expected:
+            tolerance = 4.0 * error if name == "random" else times / STRIPS + 1e-9  # the strips at the ends
+            assert before == pytest.approx(expected[name], abs=tolerance)
+            assert after == pytest.approx(before, abs=np.sqrt(2.0) * tolerance)
+
+
+@pytest.mark.parametrize("period", [2, 3, 6])
+@pytest.mark.parametrize("what", ["temperature", "length", "material", "radius"])
+def test_hairs_in_a_row_that_differ_in_turn_are_kept_in_their_shares(what, period):
+    """One of two, three or six is another one, and about a third is kept, of thicker ones more. The share among 7000 picks or
+    more is known to the standard deviation of as many independent ones, and the sum of all widths to one of them."""
+    other = np.arange(STRIPS) % period == 0
+    points = np.stack([[(each, 0, 0), (each, 3 if what == "length" and o else 1, 0)] for each, o in enumerate(other)])
+    kelvin = np.repeat(np.where(other, 310.0, 300.0), 2).astype(np.float32) if what == "temperature" else None
+    slot = (other & (what == "material")).astype(np.int32)
+    radius = np.where(other & (what == "radius"), 0.35, 0.25)
+    hairs = Strands(points.reshape(-1, 3), np.repeat(radius, 2), np.arange(STRIPS + 1) * 2, slot, kelvin)
+    fewer, _ = simplified(
+        hairs, np.full(STRIPS, 5.8)
+    )  # both radii could stand for two hairs, and the thin one for more
+    kept = other[fewer.points[fewer.first[:-1], 0].astype(np.int64)]
+    width = fewer.radius[fewer.first[:-1]]
+    expected = radius[other].sum() / radius.sum()
+    error = np.sqrt(3.0 / STRIPS * (1.0 - expected) * expected)
+    assert (width * kept).sum() / width.sum() == pytest.approx(expected, abs=4.0 * error)
+    assert width.sum() == pytest.approx(radius.sum(), abs=width.max())
+
+
 def test_thick_hairs_are_never_left_out():
     hairs = strands(*[[(0, i, 0), (1, i, 0)] for i in range(2000)], radius=0.3)
     assert simplified(hairs, np.ones(2000))[0].kept_points(np.ones(4000, bool)).radius.max() == 0.3

@@ -17,6 +17,7 @@ from .meshes import MeshData, attribute_problem
 from .spheres import Points, face_count, levels_of, solids
 from .surface_temperature import NAME, attribute_temperatures
 from .tubes import (
+    ALLOWED_KELVIN,
     Strands,
     catmull_rom_handles,
     closed,
@@ -35,6 +36,9 @@ CURVES_RADIUS, POINT_RADIUS = 0.005, 0.01  # where the attribute is missing, uni
 ROUNDING = 0.25  # share of what hairs may be off in which they are rounded; in the rest they are thinned
 MOST_PIECES = 500_000  # into which the hair of an object is cut for the sake of speed alone
 WIDEST, FEW = 0.25, 1000  # see `simplified`
+_ROUNDED = 1e-5  # more than sums of shares are rounded, less than a share
+_EVEN = 0.1  # of the way to the next hair: how far a hair may lie beside the middle between its neighbours
+_ALIKE = 0.01  # of its radius: how far it may be from the mean of its neighbours'
 NO_LAYER = "hair and points have no UV map and no attributes but radius and temperature"  # for users
 NOT_FINITE = "a position or radius that is not finite"
 NO_RADIUS = "no radius above 0"
@@ -96,7 +100,8 @@ def simplified(source: Strands | Points, pixel: np.ndarray | None) -> tuple[Stra
 
     Where they are narrower than WIDEST of a pixel, and there are more than FEW, a share of them is kept that is chosen
     as if at random, and they are made wider by as much, so that what all of them hide and emit stays the same on the
-    average (Cook, Halstead, Planck and Ryu 2007).
+    average (Cook, Halstead, Planck and Ryu 2007). That supposes that they overlap at random. Hairs laid evenly would
+    overlap more then, so of these the middle one of a whole number of neighbours is kept.
     """
     radius = source.thickest if isinstance(source, Strands) else source.radius
     count = len(radius)
@@ -104,7 +109,9 @@ def simplified(source: Strands | Points, pixel: np.ndarray | None) -> tuple[Stra
         return source, pixel
     share = 2.0 * radius / (WIDEST * pixel)
     share = (share if isinstance(source, Strands) else share**2).clip(FEW / count, 1.0)
-    times = _picks(share)
+    even = _laid_evenly(source) if isinstance(source, Strands) else np.zeros(count, bool)
+    share[even] = 1.0 / np.floor(1.0 / share[even] + _ROUNDED)
+    times = _picks(share, even)
     wider = times / share
     if isinstance(source, Points):
         return replace(source, radius=source.radius * np.sqrt(wider)).part(times > 0), pixel[times > 0]
@@ -112,15 +119,45 @@ def simplified(source: Strands | Points, pixel: np.ndarray | None) -> tuple[Stra
     return source.kept_points((times > 0)[source.owner]), pixel[times > 0]
 
 
-def _picks(share: np.ndarray) -> np.ndarray:
-    """(n,) how often each thing is picked, share times on the average: at random, one from each run of neighbours whose
-    shares sum to 1, so that the picks spread evenly in any order. Those with a share of 1 are picked once."""
+def _laid_evenly(strands: Strands) -> np.ndarray:
+    """(c,) bool, which hairs are like the mean of their neighbours in the list, as in a row: they lie halfway between
+    them, are of the same material, and about as warm and as thick as their mean. Where that is so, nothing alternates,
+    and the middle one of several stands for all of them."""
+    begin, end = strands.first[:-1], strands.first[1:] - 1
+    at = np.stack((begin, (begin + end) // 2, end), axis=1)
+    way, beside = _step_and_bend(strands.points[at].reshape(len(at), -1))
+    even = np.linalg.norm(beside, axis=1) <= _EVEN * np.linalg.norm(way, axis=1)
+    even &= (np.abs(_step_and_bend(strands.radius[at])[1]) <= _ALIKE * strands.radius[at][1:-1]).all(axis=1)
+    if strands.temperature is not None:
+        even &= (np.abs(_step_and_bend(strands.temperature[at])[1]) <= ALLOWED_KELVIN).all(axis=1)
+    change = strands.slot[1:] != strands.slot[:-1]
+    even &= ~(change[1:] | change[:-1])
+    return np.pad(even, 1, mode="edge")  # the first and the last one have but one neighbour
+
+
+def _step_and_bend(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of rows (n, m), but for the first and the last one: half of the way (n - 2, m) from the row before to the row
+    behind, and the way from their mean."""
+    before, behind = values[:-2], values[2:]
+    return 0.5 * (behind - before), values[1:-1] - 0.5 * (before + behind)
+
+
+def _picks(share: np.ndarray, even: np.ndarray) -> np.ndarray:
+    """(n,) how often each thing is picked, share times on the average: one from each run of neighbours whose shares sum
+    to 1, so that the picks spread evenly in any order. Those with a share of 1 are picked once.
+
+    even: (n,) bool. The middle one is picked of a run of things that all are even, else any at random: in any other
+    order every third, say, may be another kind of thing than the rest.
+    """
     times, fewer = np.ones(len(share), np.int64), np.flatnonzero(share < 1.0)
     until = np.cumsum(share[fewer])
     runs = int(np.ceil(until[-1])) if len(fewer) else 0
     # the numbers of a RandomState are the same in all versions of NumPy
-    points = np.arange(runs) + np.random.RandomState(0).random_sample(runs)
-    picked = np.searchsorted(until, points, side="right")
+    place = np.random.RandomState(0).random_sample(runs)
+    uneven = ~even[fewer]
+    mixed = np.concatenate((until - share[fewer], until))[np.tile(uneven, 2)].astype(np.int64)  # ends in these runs
+    place[np.setdiff1d(np.arange(runs), mixed)] = 0.5 + _ROUNDED  # of two in the middle always the second
+    picked = np.searchsorted(until, np.arange(runs) + place, side="right")
     times[fewer] = np.bincount(picked, minlength=len(fewer) + 1)[: len(fewer)]
     return times
 
