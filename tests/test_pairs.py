@@ -630,23 +630,30 @@ def test_poses_that_constraints_leave_are_drawn(scene, tmp_path):
     assert scene.camera == first
 
 
-def with_values(data, count, kelvin):
+def fluff(kind, kelvin):
     """Hair or points with the attribute of temperatures."""
-    data.attributes.new("temperature", "FLOAT", "POINT").data.foreach_set("value", np.full(count, kelvin, np.float32))
-    return data
-
-
-@pytest.mark.parametrize("kind", ["CURVES", "POINTCLOUD"])
-def test_hair_and_points_get_warmer(scene, tmp_path, kind):
     if kind == "CURVES":
         data = bpy.data.hair_curves.new("Fluff")
         data.add_curves([2])
         data.attributes["position"].data.foreach_set("vector", [0.0, 0.0, 1.0, 0.0, 0.5, 1.0])
-    else:
-        data = bpy.data.pointclouds.new("Fluff")
-        data.resize(2)
-    data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", [0.1, 0.1])
-    obj = link("Fluff", with_values(data, 2, 330.0), temperature=300.0)
+        obj = link("Fluff", data, temperature=300.0)
+    else:  # Blender 4.5 makes points of a mesh alone
+        mesh = bpy.data.meshes.new("Fluff")
+        mesh.from_pydata([(0.0, 0.0, 1.0), (0.0, 0.5, 1.0)], [], [])
+        obj = link("Fluff", mesh, temperature=300.0)
+        obj.select_set(True)
+        bpy.context.view_layer.objects.active = obj
+        bpy.ops.object.convert(target="POINTCLOUD")
+    for name, value in (("temperature", kelvin), ("radius", 0.1)):
+        attribute = obj.data.attributes.get(name) or obj.data.attributes.new(name, "FLOAT", "POINT")
+        attribute.data.foreach_set("value", [value, value])
+    return obj
+
+
+@pytest.mark.parametrize("kind", ["CURVES", "POINTCLOUD"])
+def test_hair_and_points_get_warmer(scene, tmp_path, kind):
+    obj = fluff(kind, 330.0)
+    assert obj.type == kind
     before = everything(scene)
     changes = bind(read_rules(write(tmp_path, {"objects": [{"name": "Fluff", "warmer": [20, 20]}]})), scene, None)
     with Kept() as kept:
