@@ -255,23 +255,24 @@ def test_strips_that_stand_for_all_cover_as_much(share, times):
 @pytest.mark.parametrize("period", [2, 3, 6])
 @pytest.mark.parametrize("what", ["temperature", "length", "material", "radius"])
 def test_hairs_in_a_row_that_differ_in_turn_are_kept_in_their_shares(what, period):
-    """One of two, three or six is another one, and about a third is kept, of thicker ones more. The share among 7000 picks or
-    more is known to the standard deviation of as many independent ones, and the sum of all widths to one of them."""
+    """One of two, three or six is another one, and about a third is kept, of thicker ones more. The share among 7000
+    picks or more is known to the standard deviation of as many independent ones, and so is the sum of all widths, but
+    for the last of them."""
     other = np.arange(STRIPS) % period == 0
     points = np.stack([[(each, 0, 0), (each, 3 if what == "length" and o else 1, 0)] for each, o in enumerate(other)])
     kelvin = np.repeat(np.where(other, 310.0, 300.0), 2).astype(np.float32) if what == "temperature" else None
     slot = (other & (what == "material")).astype(np.int32)
     radius = np.where(other & (what == "radius"), 0.35, 0.25)
     hairs = Strands(points.reshape(-1, 3), np.repeat(radius, 2), np.arange(STRIPS + 1) * 2, slot, kelvin)
-    fewer, _ = simplified(
-        hairs, np.full(STRIPS, 5.8)
-    )  # both radii could stand for two hairs, and the thin one for more
+    # at this size of a pixel one of either radius could stand for two, if they were taken for even
+    fewer, _ = simplified(hairs, np.full(STRIPS, 5.8))
     kept = other[fewer.points[fewer.first[:-1], 0].astype(np.int64)]
     width = fewer.radius[fewer.first[:-1]]
     expected = radius[other].sum() / radius.sum()
     error = np.sqrt(3.0 / STRIPS * (1.0 - expected) * expected)
     assert (width * kept).sum() / width.sum() == pytest.approx(expected, abs=4.0 * error)
-    assert width.sum() == pytest.approx(radius.sum(), abs=width.max())
+    spread = width.std() * np.sqrt(len(width))
+    assert width.sum() == pytest.approx(radius.sum(), abs=4.0 * spread + width.max())
 
 
 def test_thick_hairs_are_never_left_out():
