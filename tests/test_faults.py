@@ -117,13 +117,13 @@ PEAK = """
 from addon.solver import Settings, memory, render
 from addon.solver.passes import prepare
 from tests.helpers.faults import QUICK, plume, room, wallpaper
-from tests.helpers.process import resident
+from tests.helpers.process import forget_peak, resident
 def images(film):
     return film.bands(), film.noise(), film.temperature()
 scene, settings = room(**{options}, {more}), Settings(passes=2, photons_per_pass={photons}, threads=2)
 images(render(room(bands=2), QUICK))  # loads the kernels; few bands, for freed memory is kept
 images(render(room(bands=2, media=(plume(8), plume(8, soot=1e-7, CO2=0.01)), textures=wallpaper(8)), QUICK))
-open("/proc/self/clear_refs", "w").write("5")  # the peak starts anew
+forget_peak()
 before = resident("VmRSS")
 images(render(scene, settings))
 taken = resident("VmHWM") - before

@@ -147,7 +147,7 @@ class Compilation:
             if problem and isinstance(task, str):
                 self.problem = problem
             elif self.done == self.total and not self.problem:
-                _write_mark()
+                write_mark()
             self._changed.notify_all()
 
     def _fail(self, problem: str) -> None:
@@ -162,6 +162,7 @@ def _send(process: subprocess.Popen, content) -> None:
     process.stdin.flush()
 
 
-def _write_mark() -> None:
+def write_mark() -> None:
+    """Say, in the folder of the kernels, that all of them are compiled: the next start then does not look."""
     with suppress(OSError):  # then the next start looks again
         (kernel_cache.kernel_folder() / _MARK).write_text(_stamp(), encoding="utf-8")

@@ -21,6 +21,7 @@ from addon.solver.geometry.grids import fill_cells, place_grids
 from addon.solver.physics.heat import build_heat_table
 from addon.solver.physics.radiometry import reference_radiance
 from addon.solver.physics.spectrum import uniform_edges
+from tests.helpers.process import forget_peak, resident
 
 
 def write(path: str, cells: int) -> None:
@@ -32,12 +33,6 @@ def write(path: str, cells: int) -> None:
         grid.name = name
         grids.append(grid)
     module.write(path, grids=grids)
-
-
-def memory(kind: str) -> float:
-    """GB of this process, VmRSS now or VmHWM at most since it was reset."""
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith(kind)) * 1024 / 1e9
 
 
 def main() -> None:
@@ -52,8 +47,8 @@ def main() -> None:
         obj = bpy.data.objects.new("Volume", data)
         bpy.context.scene.collection.objects.link(obj)
         evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        Path("/proc/self/clear_refs").write_text("5")  # the peak counts from here on
-        before, started = memory("VmRSS"), time.perf_counter()
+        forget_peak()
+        before, started = resident("VmRSS"), time.perf_counter()
         medium = VolumeReader(Warnings()).read(evaluated, np.eye(4), paint, 300.0, 1.0)
         read = time.perf_counter()
         edges = uniform_edges(7.5, 14.0, 16)
@@ -61,7 +56,8 @@ def main() -> None:
         fill_cells(place_grids((medium,), np.zeros(3)), (medium,), heat)
         done = time.perf_counter()
     print(f"{cells}^3 cells: read in {read - started:.1f} s, made ready in {done - read:.1f} s")
-    print(f"memory: {memory('VmRSS') - before:.2f} GB more than before, {memory('VmHWM') - before:.2f} GB at most")
+    more = ((resident(key) - before) / 1e9 for key in ("VmRSS", "VmHWM"))
+    print("memory: {:.2f} GB more than before, {:.2f} GB at most".format(*more))
 
 
 if __name__ == "__main__":

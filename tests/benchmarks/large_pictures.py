@@ -100,7 +100,7 @@ def main():
     parser.add_argument(
         "--peers", nargs="+", default=["mitsuba"], help="engines of tests/benchmarks/peers (%(default)s)"
     )
-    parser.add_argument("--size", nargs=2, type=int, default=(640, 480), help="pixels (%(default)s)")
+    parser.add_argument("--size", nargs=2, type=int, default=(640, 480), help="pixels, 4 : 3 (%(default)s)")
     parser.add_argument("--seconds", type=float, default=30.0, help="of each engine for all bands (%(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="of every engine (%(default)s)")
     parser.add_argument(

@@ -36,7 +36,7 @@ from docs.tools.pages import MADE_AT
 from docs.tools.paths import IMAGES
 from docs.tools.plots import pyplot
 from tests.benchmarks.speed_scenes import Parts
-from tests.helpers.process import resident
+from tests.helpers.process import forget_peak, resident
 from tests.helpers.scenes import box, look, sphere
 
 CORES = os.cpu_count() or 1
@@ -109,6 +109,7 @@ def measure(size, passes):
     """Cost of a render in this process."""
     render(room(SMALL._replace(fog=size.fog)), settings_of(SMALL, 1))
     scene, settings = room(size), settings_of(size, passes)
+    forget_peak()
     before = resident("VmRSS") / 1e6
     marks = []  # processor and wall time: at the start, after the preparation, after each pass
     foreseen = []  # MB

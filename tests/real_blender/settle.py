@@ -3,4 +3,4 @@
 
 import importlib
 
-importlib.import_module("bl_ext.user_default.infrared_photons.compiling.compilation")._write_mark()
+importlib.import_module("bl_ext.user_default.infrared_photons.compiling.compilation").write_mark()
