@@ -26,7 +26,7 @@ import numpy as np
 
 from .camera.eye_paths import CameraPass, render_pixels
 from .camera.rays import Estimate
-from .camera.shadow_rays import Lighting, direct_irradiance, lamp_closeness, lamp_points
+from .camera.shadow_rays import Lighting, direct_irradiance, lamp_distances, lamp_points
 from .geometry.segments import hidden_from_lobes
 from .geometry.surfaces import Geometry, build_geometry
 from .image.film import Film
@@ -307,7 +307,7 @@ def cache_irradiance(
     def look(point, side_id, first):
         direct = direct_irradiance(model.stage, tracer, lighting, (point, side_id), key, first)
         around = look_around(tracer, surfaces, model.reach2, (point, side_id), key, first)
-        lamps = lamp_closeness(surfaces, lighting, (point, side_id), key, first)
-        return around._replace(closeness=np.maximum(around.closeness, lamps)), direct
+        lamps = lamp_distances(surfaces, lighting, (point, side_id), key, first)
+        return around._replace(near=np.where(lamps[:, :1] < around.near[:, :1], lamps, around.near)), direct
 
     return build_irradiance_cache(photon_map, surfaces, estimate, points, look, work.pool.map, work.cancelled)

@@ -28,6 +28,7 @@ from ..geometry.surfaces import clear_of, sheet_of
 from ..geometry.triangles import CLEAR, area_of
 from ..photons import cells
 from ..photons.emission import Surroundings
+from ..photons.irradiance_cache import FARTHEST, put_near
 from ..photons.lights import (
     AFAR,
     ELLIPSE,
@@ -69,7 +70,7 @@ POINTS = 4096  # lamp points of one pass
 _FROM_POINTS = 4  # shadow rays from each point of the irradiance cache
 _FAR = 2.0**30  # m, distance of suns and the sky: beyond all surfaces
 _DARKEST = 1e-30  # brightness of points that emit nothing, and are never chosen
-_COMPARING, _SHADOWING = 15, 16  # random numbers of such a point: for lamp_closeness, and the first for shadow rays
+_COMPARING, _SHADOWING = 15, 16  # random numbers of such a point: for lamp_distances, and the first for shadow rays
 
 
 class LampPoints(NamedTuple):
@@ -492,29 +493,31 @@ def _add(arrives, shadows, image):
                 row[first + b] += shadows.radiance[i, b]
 
 
-def lamp_closeness(surfaces, lighting, points, key, first) -> np.ndarray:
-    """(n,) float64, 1 / m, root mean square of the inverse distances from points to lamps, weighted with the light that
-    these would bring if nothing hid them; 0 where none would. points, key, first: see direct_irradiance."""
-    closeness = np.zeros(len(points[1]))
+def lamp_distances(surfaces, lighting, points, key, first) -> np.ndarray:
+    """(n, 4) float64, how near lamps are to points, see Vicinity: inverse squared distances are weighted with the light
+    that lamps would bring if nothing hid them. points, key, first: see direct_irradiance."""
+    near = np.tile((FARTHEST, 0.0, 0.0, 0.0), (len(points[1]), 1))
     if len(lighting.points.side_id):
-        _lamp_closeness(surfaces, lighting, points, (key, first), closeness)
-    return closeness
+        _lamp_distances(surfaces, lighting, points, (key, first), near)
+    return near
 
 
 @njit(**KERNEL)
-def _lamp_closeness(surfaces, lighting, points, keys, closeness):
+def _lamp_distances(surfaces, lighting, points, keys, near):
     (point, side_id), (key, first), lamps = points, keys, lighting.points
     stride = POINTS // CANDIDATES
     for i in range(side_id.size):
         at, offset = stand_at(surfaces, side_id[i], vector(point, i)), uniform(path_key(key, first + i), _COMPARING)
-        total = weighted = 0.0
+        total, mean2, change = 0.0, 0.0, (0.0, 0.0, 0.0)
         for c in range(CANDIDATES):
             lamp = int(stride * offset) + stride * c
             way, received = _towards(lighting, lamp, at)
-            brought = received * lamps.strength[lamp]
+            brought, inverse2 = received * lamps.strength[lamp], 1.0 / max(dot(way, way), 1e-30)
             total += brought
-            weighted += brought / max(dot(way, way), 1e-30)
-        closeness[i] = math.sqrt(weighted / total) if total > 0.0 else 0.0
+            mean2 += brought * inverse2
+            change = moved(change, brought * inverse2 * inverse2, way)
+        if total > 0.0:
+            put_near(mean2 / total, scaled(change, 1.0 / total), near, i)
 
 
 def direct_irradiance(stage, tracer, lighting, points, key, first) -> np.ndarray:

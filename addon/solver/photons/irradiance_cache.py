@@ -21,7 +21,7 @@ from ..geometry.surfaces import Surfaces, sheet_of, unit_normal
 from ..physics.lobes import sample_diffuse
 from ..sampling.low_discrepancy import lattice_point
 from ..sampling.rng import path_key, uniform, uniforms
-from ..sampling.vectors import put_vector, vector
+from ..sampling.vectors import moved, put_vector, scaled, vector
 from ..system.kernels import FAST_KERNEL, INLINED, KERNEL, njit
 from .photon_map import Disk, PhotonMap, gather, irradiance, leaf_distances, neighbours_room
 
@@ -37,16 +37,17 @@ LOOKS = 8  # rays from each point that tell how far away its surroundings are
 # the mean of louvres 1 of tests/benchmarks/families.py is off by is the same. With 0.35 these are 3 % less and 1.7
 # times as much.
 _RESOLVED = 0.28
+FARTHEST = 1e15  # m, of what is around a point
 
 
 class IrradianceCache(NamedTuple):
     """Irradiance at n points: a tree whose leaves hold positions, normals, labels of sheets (see PhotonMap) and walls
-    (see FreeSpace); value (n, layers * b) float32, W m-2 per layer and band; and resolved2 (n,) float32, m2, squared
-    distance up to which the value tells the light around the point, 0 where not even at the point."""
+    (see FreeSpace); value (n, layers * b) float32, W m-2 per layer and band; and resolved (n, 5) float32, of
+    each point the near of its Vicinity times _RESOLVED, and the radius of its disk, m."""
 
     tree: PointTree
     value: np.ndarray
-    resolved2: np.ndarray
+    resolved: np.ndarray
 
 
 def cache_points(photons: int, shrink2: float) -> int:
@@ -59,12 +60,12 @@ def cache_points(photons: int, shrink2: float) -> int:
 
 
 class Vicinity(NamedTuple):
-    """What is around n points. space: the FreeSpace along the surface. closeness: (n,) float64, 1 / m, root mean square
-    of the inverse distances to what tells on the light: what cosine-distributed rays meet, or lamps if these are
-    closer."""
+    """What is around n points. space: the FreeSpace along the surface. near: (n, 4) float64, m, h and its change per m
+    along x, y, z, with 1 / h^2 the mean of the inverse squared distances to what tells on the light: what
+    cosine-distributed rays meet, or lamps if these are closer; FARTHEST, without a change, where nothing is."""
 
     space: FreeSpace
-    closeness: np.ndarray
+    near: np.ndarray
 
 
 class VisiblePoints(NamedTuple):
@@ -126,7 +127,7 @@ def build_irradiance_cache(
     """
     order = kd_order(points[0])
     point, side_id = (column[order] for column in points)
-    leaves, resolved2 = empty_leaves(len(side_id), 10), np.zeros(len(side_id), np.float32)
+    leaves, resolved = empty_leaves(len(side_id), 10), np.empty((len(side_id), 5), np.float32)
     value = np.empty((len(side_id), estimate.layers * photon_map.photons.power.shape[1]), np.float32)
 
     def fill(first):
@@ -137,12 +138,11 @@ def build_irradiance_cache(
         fill_values(photon_map, surfaces, estimate, (point[chosen], side_id[chosen]), vicinity.space, value[chosen])
         value[chosen] += direct
         radius2 = _expected_radius2(surfaces, estimate, side_id[chosen], vicinity.space)
-        far = _RESOLVED / np.maximum(vicinity.closeness, 1e-15) - np.sqrt(radius2)
-        resolved2[chosen] = np.maximum(far, 0.0) ** 2
+        resolved[chosen, :4], resolved[chosen, 4] = _RESOLVED * vicinity.near, np.sqrt(radius2)
         _fill_leaves(surfaces, point[chosen], side_id[chosen], vicinity.space.wall, first, leaves)
 
     list(run(fill, range(0, len(side_id), _CHUNK)))
-    return IrradianceCache(build_tree(leaves), value, resolved2)
+    return IrradianceCache(build_tree(leaves), value, resolved)
 
 
 @njit(**KERNEL)
@@ -206,7 +206,25 @@ def recalled(cache, query, reach2, walk):
             for j in range(WIDTH):
                 if near[j] < bound and not _is_beyond_wall(tree.leaves[leaf], j, query.point):
                     best, bound = leaf * WIDTH + j, near[j]
-    return best if best >= 0 and bound < cache.resolved2[best] else -1
+    return best if best >= 0 and _resolves(cache, best, query.point, bound) else -1
+
+
+@njit(**INLINED)
+def _resolves(cache, i, point, distance2):
+    """Whether cached point i tells the light at a point so far (m2, squared) away.
+
+    h is that of the middle between both, so that they could change places. Then what one loses another gains: judged by
+    the h of the cached point, those where it is bright, close to lamps, would be passed over for those behind. With h'
+    how h changes, as if a single thing were near, h^2 changes over a way x by 2 h h' x + h'^2 x^2.
+    """
+    leaf, j, near = cache.tree.leaves[i // WIDTH], i % WIDTH, cache.resolved[i]
+    along = change2 = np.float32(0.0)
+    for axis in range(3):
+        along += near[1 + axis] * (point[axis] - leaf[axis, j])
+        change2 += near[1 + axis] * near[1 + axis]
+    middle2 = near[0] * near[0] + near[0] * along + np.float32(0.25) * change2 * distance2
+    away = math.sqrt(distance2) + near[4]
+    return away * away < middle2
 
 
 @njit(**INLINED)
@@ -227,10 +245,10 @@ def look_around(
     """
     point, side_id = points[0].astype(np.float64), points[1]
     space = free_space(tracer, surfaces, reach2, point, side_id, uniforms(key, first, len(side_id)))
-    rays, closeness = empty_ray_batch(LOOKS * len(side_id)), np.empty(len(side_id))
+    rays, near = empty_ray_batch(LOOKS * len(side_id)), np.empty((len(side_id), 4))
     start_looks(surfaces, point, side_id, key, first, rays)
-    _measure_closeness(tracer.trace(*rays), closeness)
-    return Vicinity(space, closeness)
+    _measure_near(tracer.trace(*rays), rays.direction, near)
+    return Vicinity(space, near)
 
 
 @njit(**KERNEL)
@@ -245,10 +263,22 @@ def start_looks(surfaces, point, side_id, key, first, rays):
 
 
 @njit(**KERNEL)
-def _measure_closeness(hits, closeness):
-    for i in range(closeness.size):
-        total = 0.0
+def _measure_near(hits, direction, near):
+    """Fill near, see Vicinity, from LOOKS rays of each point. All directions are of unit length."""
+    for i in range(len(near)):
+        mean2, change = 0.0, (0.0, 0.0, 0.0)
         for ray in range(LOOKS * i, LOOKS * (i + 1)):
             if hits.triangle[ray] >= 0:
-                total += 1.0 / max(float(hits.distance[ray]), 1e-15) ** 2
-        closeness[i] = math.sqrt(total / LOOKS)
+                inverse = 1.0 / max(float(hits.distance[ray]), 1e-15)
+                mean2 += inverse * inverse / LOOKS
+                change = moved(change, inverse**3 / LOOKS, vector(direction, ray))
+        put_near(mean2, change, near, i)
+
+
+@njit(**INLINED)
+def put_near(mean2, change, near, i):
+    """Put h and its change into row i of near, see Vicinity. mean2: 1 / m2, the mean of 1 / d^2. change: 1 / m3, the
+    mean of x / d^4, with x the way to what is at the distance d: half of how mean2 changes."""
+    h = 1.0 / math.sqrt(max(mean2, FARTHEST**-2))
+    near[i, 0] = h
+    near[i, 1], near[i, 2], near[i, 3] = scaled(change, -h * h * h)
