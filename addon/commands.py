@@ -19,8 +19,8 @@ from pathlib import Path
 import bpy
 
 from .interface import ENGINE
+from .kept import Kept
 from .pairs.command import main as pairs
-from .pairs.kept import Kept
 from .pass_ranges import read_passes
 from .rendering.last_render import finished_layers, forget_last_render
 from .rendering.render_files import film_path, picture_suffixes

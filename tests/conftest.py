@@ -6,31 +6,32 @@ from __future__ import annotations
 import hypothesis
 import pytest
 
-# First comes what takes longest in one process and compiles kernels of its own, then what compiles those of most
-# renders, for two minutes. Beside it run files that render next to nothing: others would compile the same kernels too.
-# The tests' path tracer comes before the files that compare with it, for the same reason.
-COMPILING = "test_real_blender.py", "test_adaptive_bands_blender.py"
-QUIET = {
-    "test_gas_panels.py",
-    "test_hair_blender.py",
-    "test_heat_display.py",
-    "test_pairs.py",
-    "test_preferences.py",
-    "test_scene_reader.py",
-    "test_shader_proposals.py",
-    "test_shaders.py",
-    "test_startup.py",
-    "test_texture_reading.py",
-}
+# Files in the order in which they start; all others follow. First comes what takes longest in one process and compiles
+# kernels of its own, then what compiles those of most renders, for two minutes. Beside it run files that render next to
+# nothing: others would compile the same kernels too. For the same reason the tests' path tracer comes before the files
+# that compare with it.
+ORDER = (
+    {"test_real_blender.py"},
+    {"test_adaptive_bands_blender.py"},
+    {
+        "test_gas_panels.py",
+        "test_hair_blender.py",
+        "test_heat_display.py",
+        "test_pairs.py",
+        "test_preferences.py",
+        "test_scene_reader.py",
+        "test_shader_proposals.py",
+        "test_shaders.py",
+        "test_startup.py",
+        "test_texture_reading.py",
+    },
+    {"test_path_tracer.py"},
+)
 
 
 def place(name):
     """Where a file comes in the order of all: the lowest numbers first."""
-    if name in COMPILING:
-        return COMPILING.index(name)
-    if name in QUIET:
-        return len(COMPILING)
-    return len(COMPILING) + (1 if name == "test_path_tracer.py" else 2)
+    return next((number for number, names in enumerate(ORDER) if name in names), len(ORDER))
 
 
 def pytest_addoption(parser):

@@ -146,7 +146,7 @@ def test_only_light_that_is_resolved_is_recalled(near):
 def test_what_recalls_could_change_places():
     """On a plane below a small lamp recalls are right in the mean, though those close to the lamp are not resolved: 400
     points, 8000 ends, 60 times. Were points judged by their own distance to the lamp, 0.5 % would be missing. Three
-    standard errors, and a tenth of that, as ends at the border of the plane have points on one side alone."""
+    standard errors, and 0.04 %, as ends at the border of the plane have points on one side alone."""
     surfaces, rng, height, estimate = square(), np.random.default_rng(8), 0.1, choices(20, 9e-4, 1.0)
     built = photon_map(np.zeros((0, 3)), surfaces)
 

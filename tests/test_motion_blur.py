@@ -152,6 +152,13 @@ def test_a_camera_that_moves(infrared):
     assert np.all((found < 0.01) | (found > 0.99))
 
 
+def hide(obj, by_frame):
+    """Hide an object from renders, or show it, from each of these frames on."""
+    for frame, hidden in by_frame.items():
+        obj.hide_render = hidden
+        obj.keyframe_insert("hide_render", frame=frame)
+
+
 def stretch_time(frame):
     """Time passes half as fast as the timeline tells, and the current frame is this one of the timeline."""
     scene = bpy.context.scene
@@ -240,9 +247,7 @@ def test_a_mesh_that_deforms_changes_its_topology_and_appears(infrared):
     other = link("Other", cube_mesh("Other"), temperature=HOT)
     other.data.materials.append(bpy.data.objects["Wall"].data.materials[0])
     other.location = (3.0, 0.0, 0.0)
-    for frame, hidden in ((0, True), (1, False)):
-        other.hide_render = hidden
-        other.keyframe_insert("hide_render", frame=frame)
+    hide(other, {0: True, 1: False})
     bpy.context.scene.frame_set(1)
     scene = read_rendered()[0]
     counts = {len(at_moment(scene, moment).triangles) for moment in scene.moments}
@@ -266,10 +271,7 @@ def test_what_is_read_is_small(infrared):
 def test_an_error_at_another_time_names_it(infrared):
     """At some time of the picture nothing is there to render."""
     for name in ("Cube", "Wall"):
-        obj = bpy.data.objects[name]
-        for frame, hidden in ((1, False), (2, True)):
-            obj.hide_render = hidden
-            obj.keyframe_insert("hide_render", frame=frame)
+        hide(bpy.data.objects[name], {1: False, 2: True})
     bpy.context.scene.render.motion_blur_shutter = 2.5
     bpy.context.scene.frame_set(1)
     with pytest.raises(RuntimeError, match=r"At frame 2\.\d+, which the picture sees too: View layer 'ViewLayer'"):
@@ -280,10 +282,7 @@ def test_an_error_at_another_time_names_it(infrared):
 def test_an_error_in_the_middle_of_the_shutter_names_it(infrared):
     """There is something to render at the frame, and nothing half a frame later."""
     for name in ("Cube", "Wall"):
-        obj = bpy.data.objects[name]
-        for frame, hidden in ((1, False), (2, True)):
-            obj.hide_render = hidden
-            obj.keyframe_insert("hide_render", frame=frame)
+        hide(bpy.data.objects[name], {1: False, 2: True})
     render_settings = bpy.context.scene.render
     render_settings.motion_blur_shutter, render_settings.motion_blur_position = 2.5, "START"
     bpy.context.scene.frame_set(1)

@@ -17,12 +17,12 @@ bpy = pytest.importorskip("bpy")
 from pycocotools.coco import COCO  # noqa: E402
 
 from addon import commands, properties  # noqa: E402
+from addon.kept import Kept  # noqa: E402
 from addon.output.kitti import truncation  # noqa: E402
 from addon.output.png import KelvinScale, write_png16  # noqa: E402
 from addon.pairs import frames, ranges  # noqa: E402
 from addon.pairs.changes import bind  # noqa: E402
 from addon.pairs.constraints import check_constraints  # noqa: E402
-from addon.pairs.kept import Kept  # noqa: E402
 from addon.pairs.ranges import read_rules, uniform  # noqa: E402
 from addon.solver.scene import SceneError  # noqa: E402
 from docs.tools import plot_pairs  # noqa: E402

@@ -31,7 +31,7 @@ ROOMS = (
     ("pairs",),
     ("rendering",),
     ("reading",),
-    ("properties", "heat_settings", "measure_settings", "object_settings", "interface"),
+    ("properties", "kept", "heat_settings", "measure_settings", "object_settings", "interface"),
     ("measuring", "merge", "convert"),
     ("output", "compiling"),
     ("pass_ranges", "version", "solver", "presets"),

@@ -13,6 +13,7 @@ from math import radians
 import bpy
 import numpy as np
 
+from ..kept import Kept
 from ..properties import initial_value
 from ..reading.arrays import read_values
 from ..reading.categories import Categories
@@ -25,7 +26,6 @@ from ..reading.world import SKY_KEYS, layer_world, sky_table
 from ..solver.physics.clear_sky import check_weather, clear_sky
 from ..solver.physics.humidity import dew_point
 from ..solver.scene import SceneError, check_temperature
-from .kept import Kept
 from .ranges import AXES, Rule, uniform
 
 # Keys that change the same: of each only one may say what a thing's value is

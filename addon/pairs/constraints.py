@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..kept import Kept
 from ..solver.scene import SceneError
 from .changes import Change
-from .kept import Kept
 from .ranges import POSES
 
 

@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..interface import ENGINE
+from ..kept import Kept
 from ..output.coco import write_content
 from ..output.formats import write_file
 from ..output.png import KelvinScale, write_png16
@@ -27,7 +28,6 @@ from ..solver.system.kernel_cache import source_digest
 from .changes import Change, apply_draws, bind, used_cameras
 from .constraints import check_constraints
 from .folder import Folder, FrameFiles
-from .kept import Kept
 from .ranges import frame_seed, read_rules
 
 # Ids of Blender's engines by the names that options give them; that of EEVEE differs between versions of Blender

@@ -8,7 +8,7 @@ from contextlib import suppress
 import bpy
 import numpy as np
 
-from ..properties import set_custom_property
+from .properties import set_custom_property
 
 
 class Kept:
