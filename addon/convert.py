@@ -30,6 +30,7 @@ USUAL_FIELDS = ("temperature", "temp", "t", "nt11")  # in lower case; Abaqus has
 MESHIO_MISSING = "meshio is missing: install it into this Python by 'pip install meshio[all]'"
 NO_CGNS_FIELDS = "meshio reads no fields of CGNS files; save them as VTU, with ParaView for one"
 NO_OPENFOAM = "meshio reads no OpenFOAM cases; 'foamToVTK' writes VTU files of them"
+MOST = float(np.finfo(np.float32).max)
 # Corners of the faces of a cell, numbered as in VTK and meshio; those of higher order begin with the same corners.
 FACES = {
     "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
@@ -184,8 +185,11 @@ def surface_of(step: Step, field: str | None = None, celsius: bool = False, scal
         kelvin = np.concatenate([np.repeat(values[owner], faces.shape[1]) for faces, owner in skin])
     kelvin = kelvin + FREEZING if celsius else kelvin
     _check(kelvin, name, celsius)
+    places = np.asarray(step.points, np.float64)[used] * scale
+    if not (np.abs(places) <= MOST).all():
+        raise ConvertError(f"points of the skin lie beyond {MOST:.3g} m, or nowhere; PLY files hold float32")
     points = np.zeros((len(used), 3), np.float32)
-    points[:, : step.points.shape[1]] = np.asarray(step.points, np.float64)[used] * scale
+    points[:, : step.points.shape[1]] = places
     ends = np.cumsum([faces.size for faces, _ in skin])[:-1]
     numbers = np.split(numbers.ravel(), ends)
     faces = [each.reshape(faces.shape).astype(np.int32) for each, (faces, _) in zip(numbers, skin, strict=True)]
@@ -199,6 +203,8 @@ def _check(kelvin: np.ndarray, name: str, celsius: bool) -> None:
     if kelvin.min() < 0.0:
         hint = "" if celsius else "; --celsius takes it for degrees Celsius"
         raise ConvertError(f"the field '{name}' goes down to {kelvin.min():.6g} K{hint}")
+    if kelvin.max() > MOST:
+        raise ConvertError(f"the field '{name}' goes up to {kelvin.max():.6g} K; PLY files hold float32")
 
 
 # Files ----------------------------------------------------------------------------------------------------------------

@@ -153,6 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser().error(f"--target-noise is {options.target_noise:g} K, expected 0 or at least {LEAST_TARGET:g}")
     try:
         images = by_image(read_films(options.films))
+        _check_films(options, images)
         needed = [_write(options, key, films, images) for key, films in images.items()]
     except (CheckpointError, MergeError, OSError) as error:
         print(f"Error: {error}", file=sys.stderr)
@@ -160,27 +161,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 2 if any(needed) else 0
 
 
-def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images) -> int:
-    """Write the images of one frame and view layer; returns how many more passes they need."""
+def _path(text: str, ending: str, key: tuple[int, str], images) -> Path:
+    """The file that an option names, of one frame and view layer among all images."""
     (frame, layer), several = key, len({frame for frame, _ in images}) > 1
     suffix = layer_suffixes(sorted({layer for _, layer in images}))[layer]
+    return numbered(without_extension(text, {Path(ending).suffix, ending}), ending, frame, several, suffix)
+
+
+def _check_films(options, images) -> None:
+    """Raise MergeError if a merged film would replace one that is read: passes could then not be merged in another
+    way again. All are looked at before the first is written."""
+    read_from = [path for films in images.values() for path in films]
+    for key in images if options.film else ():
+        target = _path(options.film, ".npz", key, images)
+        for path in read_from if target.exists() else ():
+            if target.samefile(path):
+                raise MergeError(f"'{path}' is read, and would be replaced: --film names another")
+
+
+def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images) -> int:
+    """Write the images of one frame and view layer; returns how many more passes they need."""
+    frame, layer = key
     stored, name = merged(films, options.passes, options.partial), f"Frame {frame}" + (f", {layer}" if layer else "")
-
-    def path_of(text: str, ending: str) -> Path:
-        return numbered(without_extension(text, {Path(ending).suffix, ending}), ending, frame, several, suffix)
-
     if options.output:
-        write_file(options.format, path_of(options.output, FORMATS[options.format].ending), images_of(stored))
+        path = _path(options.output, FORMATS[options.format].ending, key, images)
+        write_file(options.format, path, images_of(stored))
     if options.groups and len(stored.film.layers) > 1:
         from .output.group_exr import write_group_exr  # here, as not all merges need OpenEXR
 
-        write_group_exr(path_of(options.groups, ".exr"), layered_image(stored.film), images_of(stored)["metadata"])
+        write_group_exr(
+            _path(options.groups, ".exr", key, images), layered_image(stored.film), images_of(stored)["metadata"]
+        )
     elif options.groups:
         if not (options.output or options.film):
             raise MergeError(f"{name}: {WITHOUT_GROUPS}, so there is nothing to write")
         print(f"Warning: {name}: {WITHOUT_GROUPS}; no file of them is written", file=sys.stderr)
     if options.film:
-        save(path_of(options.film, ".npz"), stored.film, stored.marks, stored.about, "the film")
+        save(_path(options.film, ".npz", key, images), stored.film, stored.marks, stored.about, "the film")
     needed = passes_needed(stored.film, options.target_noise) if options.target_noise else 0
     print(f"{name}: {_told(stored.film, len(films), needed, options.target_noise)}")
     return needed

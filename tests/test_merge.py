@@ -73,6 +73,15 @@ def test_merged_films_merge_on(parts, whole, tmp_path):
     )
 
 
+@pytest.mark.parametrize("name", ["a.npz", "a"])
+def test_a_film_that_is_read_is_never_replaced(parts, tmp_path, capsys, name):
+    own = tmp_path / "a.npz"
+    own.write_bytes(parts[0].read_bytes())
+    error = refused(capsys, own, *parts[1:], "--film", tmp_path / name, "--output", tmp_path / "out.exr")
+    assert f"'{own}' is read, and would be replaced: --film names another" in error
+    assert own.read_bytes() == parts[0].read_bytes() and not list(tmp_path.glob("*.exr"))
+
+
 def refused(capsys, *arguments):
     assert merge.main(list(map(str, arguments))) == 1
     return capsys.readouterr().err
