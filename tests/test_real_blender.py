@@ -494,7 +494,7 @@ def test_exported_bands_obey_plancks_law(hour, exported):
             return np.mean(share * 2e-6 * h * c**2 / wavelength**5 / np.expm1(h * c / (wavelength * k * kelvin)))
 
         # a band's reflectance is one mean, weighted by what lights the image, and light counts by what it differs from
-        # that at T0 (docs/method.md, sections 2 and 3)
+        # that at T0 (docs/surfaces.md, and docs/method.md, section 3)
         reflectance = [mean(1 - emissivity, source) / mean(1.0, source) for source in (table, sky, ring, heater)]
         even = mean(1.0, reference) + mean(emissivity, table) - mean(emissivity, reference)
         lit = np.array([mean(1.0, sky), mean(1.0, sky) + share * (mean(1.0, ring) - mean(1.0, sky))])
