@@ -9,7 +9,7 @@ import string
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 ADDON = ROOT / "addon"
 MODULES = sorted(ADDON.rglob("*.py"))
+SOLVER = [path for path in MODULES if path.is_relative_to(ADDON / "solver")]
 SOURCES = sorted({*ROOT.glob("*.py"), *MODULES, *(ROOT / "tests").rglob("*.py"), *(ROOT / "docs").rglob("*.py")})
 MANIFEST = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -68,10 +69,26 @@ def name(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
+def broken(paths: Sequence[Path], rule: Callable[[Path], object]) -> dict[str, object]:
+    """What a rule finds wrong, by the name of each source that it finds wrong."""
+    found = ((name(path), rule(path)) for path in paths)
+    return {source: wrong for source, wrong in found if wrong}
+
+
+@functools.cache
+def parsed(source: str) -> ast.Module:
+    return ast.parse(source)
+
+
+def tree(path: Path) -> ast.Module:
+    """What a source says; many tests ask for that of the same ones."""
+    return parsed(path.read_text(encoding="utf-8"))
+
+
 def absolute_imports(path: Path) -> set[str]:
     """The top-level packages that a module imports by absolute name, anywhere in it."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -112,6 +129,12 @@ def statements(node: ast.AST, when: str = "at once") -> Iterator[tuple[ast.Impor
             yield from statements(child, when)
 
 
+@functools.cache
+def imports_of(module: ast.Module) -> list[tuple[ast.Import | ast.ImportFrom, str]]:
+    """As statements, of a whole module."""
+    return list(statements(module))
+
+
 def targets(statement: ast.Import | ast.ImportFrom, package: str) -> list[str]:
     """The full names of what a statement imports: modules, or what is in them. package: the one that it stands in."""
     if isinstance(statement, ast.Import):
@@ -132,7 +155,7 @@ def imports_in(package: Path) -> set[Import]:
     wanted = []  # (module, full name of what it imports, when)
     for module, path in paths.items():
         parent = module if path.stem == "__init__" else module.rpartition(".")[0]
-        for statement, when in statements(ast.parse(path.read_text(encoding="utf-8"))):
+        for statement, when in imports_of(tree(path)):
             wanted += [(module, target, when) for target in targets(statement, parent)]
     typed = ((module, target) for module, target, when in wanted if when == "for types")
     fetched = {f"{module}.{target.rpartition('.')[2]}": target for module, target in typed}
@@ -306,7 +329,7 @@ def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) ->
 def crowded(source: str) -> list[str]:
     """The functions of a module, wherever they stand in it, with more parameters than a reader can keep in mind."""
     kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
-    functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, kinds)]
+    functions = [node for node in ast.walk(parsed(source)) if isinstance(node, kinds)]
     return [
         f"line {function.lineno}: {getattr(function, 'name', 'lambda')} takes {parameters(function)}"
         for function in functions
@@ -314,9 +337,8 @@ def crowded(source: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name)
-def test_functions_take_few_parameters(path):
-    assert crowded(path.read_text(encoding="utf-8")) == []
+def test_functions_take_few_parameters():
+    assert broken(SOURCES, lambda path: crowded(path.read_text(encoding="utf-8"))) == {}
 
 
 @pytest.mark.parametrize(
@@ -337,13 +359,12 @@ def test_parameters_are_counted(source, found):
 # Sources
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name)
-def test_every_source_names_its_licence(path):
-    assert path.read_text(encoding="utf-8").startswith("# SPDX-License-Identifier: GPL-3.0-or-later\n")
+def test_every_source_names_its_licence():
+    licence = "# SPDX-License-Identifier: GPL-3.0-or-later\n"
+    assert broken(SOURCES, lambda path: not path.read_text(encoding="utf-8").startswith(licence)) == {}
 
 
-@pytest.mark.parametrize("path", sorted((ADDON / "solver").rglob("*.py")), ids=name)
-def test_solver_never_imports_blender(path):
+def test_solver_never_imports_blender():
     blenders_modules = {
         "bpy",
         "bpy_extras",
@@ -356,7 +377,7 @@ def test_solver_never_imports_blender(path):
         "imbuf",
         "mathutils",
     }
-    assert not absolute_imports(path) & blenders_modules
+    assert broken(SOLVER, lambda path: absolute_imports(path) & blenders_modules) == {}
 
 
 def test_solver_works_without_blender():
@@ -365,10 +386,10 @@ def test_solver_works_without_blender():
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("path", sorted((ADDON / "solver").rglob("*.py")), ids=name)
-def test_kernels_are_made_where_they_are_kept(path):
+def test_kernels_are_made_where_they_are_kept():
     """By `kernels.njit`: Numba's own would keep them beside the sources, where it misses changes in what they call."""
-    assert path.stem in ("compiler", "kernels", "kernel_cache") or "numba" not in absolute_imports(path)
+    makers = {name(path).rpartition("/")[2] for path in SOLVER if "numba" in absolute_imports(path)}
+    assert makers == {"compiler.py", "kernels.py", "kernel_cache.py"}
 
 
 def test_kernels_are_kept_whoever_loads_them_first():
@@ -388,14 +409,12 @@ def test_the_solver_has_its_functions_whatever_was_loaded_before():
     assert "module" not in run.stdout.split() and run.stdout.split().count("function") == 5
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name)
-def test_addon_imports_itself_relatively(path):
+def test_addon_imports_itself_relatively():
     """Installed, the package is called bl_ext.<repository>.infrared_photons."""
-    assert "addon" not in absolute_imports(path)
+    assert broken(MODULES, lambda path: "addon" in absolute_imports(path)) == {}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name)
-def test_addon_needs_only_what_the_extension_brings(path):
+def test_addon_needs_only_what_the_extension_brings():
     """Standard library, Blender's own modules (numpy among them) and the bundled wheels."""
     allowed = {
         "bpy",
@@ -414,8 +433,9 @@ def test_addon_needs_only_what_the_extension_brings(path):
         "OpenEXR",
         "yaml",  # the extension works without
     }
-    users_own = USERS_OWN if name(path) == "addon/convert.py" else set()
-    assert absolute_imports(path) <= allowed | sys.stdlib_module_names | users_own
+    users_own = {"addon/convert.py": USERS_OWN}
+    rest = broken(MODULES, lambda path: absolute_imports(path) - allowed - sys.stdlib_module_names)
+    assert {source: found for source, found in rest.items() if found - users_own.get(source, set())} == {}
 
 
 def test_versions_agree():
@@ -445,28 +465,26 @@ def test_manifest_leaves_wheels_to_the_build():
 # How modules find each other
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name)
-def test_only_launchers_change_where_python_looks_for_modules(path):
+def test_only_launchers_change_where_python_looks_for_modules():
     """Scripts run as modules, in the project's folder. Code in texts, for other processes, counts as well.
 
     The two of the add-on let a process of its own look where Blender does.
     """
-    changed = re.search(r"\bsys\.path\b|syspath[_]|addsite[d]ir", path.read_text(encoding="utf-8"))
-    assert bool(changed) == (name(path) in FINDERS)
+    changed = re.compile(r"\bsys\.path\b|syspath[_]|addsite[d]ir")
+    assert set(broken(SOURCES, lambda path: changed.search(path.read_text(encoding="utf-8")))) == FINDERS
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name)
-def test_no_source_imports_a_test_module(path):
+def test_no_source_imports_a_test_module():
     """What tests share is in tests/helpers; here, too, code in texts counts."""
-    imported = r"^\s*(from|import)\s+(tests\.)?test_|^\s*from\s+tests\s+import\b.*\btest_"
-    assert not re.search(imported, path.read_text(encoding="utf-8"), re.MULTILINE)
+    imported = re.compile(r"^\s*(from|import)\s+(tests\.)?test_|^\s*from\s+tests\s+import\b.*\btest_", re.MULTILINE)
+    assert broken(SOURCES, lambda path: imported.search(path.read_text(encoding="utf-8"))) == {}
 
 
 @functools.cache
 def names_in(path: Path) -> set[str]:
     """What a module has by name: what it defines or imports, and what it gives a value; a package, its modules too."""
     names = {each.stem for each in path.parent.iterdir()} if path.stem == "__init__" else set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.add(node.name)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
@@ -479,7 +497,7 @@ def names_in(path: Path) -> set[str]:
 def missing_names(path: Path, root: Path) -> list[str]:
     """What a source imports by name from modules below a folder that do not have it."""
     missing = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if not isinstance(node, ast.ImportFrom):
             continue
         base = path.parents[node.level - 1] if node.level else root
@@ -490,10 +508,9 @@ def missing_names(path: Path, root: Path) -> list[str]:
     return missing
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name)
-def test_what_a_source_imports_by_name_is_there(path):
+def test_what_a_source_imports_by_name_is_there():
     """Benchmarks are run by hand, so that a name that moved would be missed long after it did."""
-    assert missing_names(path, ROOT) == []
+    assert broken(SOURCES, lambda path: missing_names(path, ROOT)) == {}
 
 
 def test_a_missing_name_is_found(house):
