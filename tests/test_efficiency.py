@@ -16,15 +16,14 @@ is far better should be stored.
 """
 
 import dataclasses
-from unittest import mock
 
 import numpy as np
 import pytest
 
 from addon.solver import Settings, render
-from addon.solver.geometry.segments import Tracer
 from addon.solver.planning import preparation
 from tests.benchmarks.speed_scenes import SCENES
+from tests.helpers.counting import counted_rays
 
 WIDTH, HEIGHT = 64, 48
 SETTINGS = Settings(passes=16, photons_per_pass=25_000)
@@ -46,13 +45,8 @@ def figure(name, seed=0):
     """Squared error times rays of a pass of a scene, K2."""
     scene = SCENES[name]()
     scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, width=WIDTH, height=HEIGHT))
-    trace, rays, after = Tracer.trace, [], []
-
-    def counted(tracer, origin, *rest):
-        rays.append(len(origin))
-        return trace(tracer, origin, *rest)
-
-    with mock.patch.object(Tracer, "trace", counted):
+    after = []
+    with counted_rays() as rays:
         film = render(scene, dataclasses.replace(SETTINGS, seed=seed), lambda _: after.append(sum(rays)))
     rays_per_pass = (after[-1] - after[0]) / (film.passes - 1)  # those before the first pass learn about the scene
     film.estimated[:] = False  # each pixel tells its own noise: shared with neighbours, the worst 2 % would be others

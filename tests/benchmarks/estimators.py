@@ -16,7 +16,7 @@ without the worst 2 % of the pixels, and over all. References are those of speed
 own noise is no part of the error. With equal passes, error^2 x time is the time to one error, over the default's.
 
 With --size there is no reference: pictures of that size are rendered with two seeds, and half of the mean square of
-their difference is the variance. A bias does not show in it, so the last column tells how far the means of variant and
+their difference is the variance. Rays are counted, too, which no other work on the machine changes. A bias does not show in it, so the last column tells how far the means of variant and
 default over blocks of 32 x 32 pixels are apart, root mean square, over the default's error of a pixel. Time is that of
 the whole render, planning included.
 """
@@ -42,6 +42,7 @@ from docs.tools.pages import MADE_AT
 from tests.benchmarks.large_pictures import blocks
 from tests.benchmarks.speed_scenes import SCENES, of_size
 from tests.benchmarks.speed_vs_error import KEPT, load_reference, user_cache
+from tests.helpers.counting import counted_rays
 from tests.helpers.paper_estimator import (
     ALWAYS_RECALL,
     by_power_alone,
@@ -136,22 +137,24 @@ def apply(variant):
 
 
 def measure(variant, name, seed, options):
-    """Image of temperatures (K), passes, and processor time (s): of a pass behind the first, or of all with a size."""
+    """Image of temperatures (K), passes, processor time (s): of a pass behind the first, or of all with a size; and
+    how many rays all took."""
     scene = of_size(SCENES[name](), *options.size) if options.size else SCENES[name]()
     chosen = {key: value for key, value in VARIANTS[variant].items() if "." not in key}
     chosen = {key: value(name, scene) if callable(value) else value for key, value in chosen.items()}
     limits = {"passes": options.passes, "time_limit": 0.0 if options.passes else 1e6}
     ends, start = [], time.process_time()
-    film = render(
-        scene,
-        Settings(seed=seed, threads=options.threads, **limits, **chosen),
-        lambda film: ends.append(time.process_time() - start),
-        lambda: not options.passes and time.process_time() - start > options.seconds,
-    )
+    with counted_rays() as rays:
+        film = render(
+            scene,
+            Settings(seed=seed, threads=options.threads, **limits, **chosen),
+            lambda film: ends.append(time.process_time() - start),
+            lambda: not options.passes and time.process_time() - start > options.seconds,
+        )
     each = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else np.nan
     if options.size:
         each = ends[-1]
-    return film.temperature(), film.passes, each
+    return film.temperature(), film.passes, each, sum(rays)
 
 
 def kernel_globals():
@@ -179,7 +182,7 @@ def compare(name, pools, options):
     reference = load_reference(name, SCENES[name](), options.cache, options.threads)
     results = {variant: [] for variant in pools}
     for seed, variant in itertools.product(range(options.seeds), pools):
-        image, passes, each = pools[variant].submit(measure, variant, name, seed, options).result()
+        image, passes, each, _ = pools[variant].submit(measure, variant, name, seed, options).result()
         results[variant].append((*(reference.own_errors(image) if passes else (np.nan, np.nan)), passes, each))
     table = {variant: np.array(rows) for variant, rows in results.items()}
     head = "error, trimmed", "all pixels", "time of a pass", "error^2 x time", "the same, all pixels"
@@ -196,19 +199,21 @@ def compare(name, pools, options):
 
 def compare_pairs(name, pools, options):
     """The same without a reference, by pairs of seeds."""
-    head = "error^2 x time", "the same, all pixels", "time", "blocks apart"
-    print(f"\n**{name}**\n\n| variant | {' | '.join(head)} |\n|---|{'--:|' * 4}", flush=True)
+    head = "error^2 x time", "error^2 x rays", "the same, all pixels", "time", "rays", "blocks apart"
+    print(f"\n**{name}**\n\n| variant | {' | '.join(head)} |\n|---|{'--:|' * 6}", flush=True)
     default = None
     for variant, pool in pools.items():
         renders = [pool.submit(measure, variant, name, seed, options).result() for seed in (0, 1)]
-        images, spent = np.stack([render[0] for render in renders]), np.mean([render[2] for render in renders])
+        images = np.stack([render[0] for render in renders])
+        spent = np.mean([render[2:] for render in renders], axis=0)  # time, rays
         squares = np.sort(np.diff(images, axis=0).ravel() ** 2) / 2.0
         variance = np.array([squares[: int(KEPT * squares.size)].mean(), squares.mean()])
         default = default or (variance, spent, images.mean(axis=0))
-        trimmed, everywhere = variance / default[0] * spent / default[1]
+        (trimmed, everywhere), (longer, more) = variance / default[0], spent / default[1]
         apart = blocks((images.mean(axis=0) - default[2])[None, ..., None])
         off = np.sqrt(np.mean(apart**2) / default[0][0])
-        print(f"| {variant} | x{trimmed:.2f} | x{everywhere:.2f} | x{spent / default[1]:.2f} | {off:.3f} |", flush=True)
+        ratios = trimmed * longer, trimmed * more, everywhere * more, longer, more
+        print(f"| {variant} | {' | '.join(f'x{ratio:.2f}' for ratio in ratios)} | {off:.3f} |", flush=True)
 
 
 def main():

@@ -36,6 +36,7 @@ from scipy.stats import qmc
 
 from addon.solver import SunLight
 from addon.solver.scene import Hidden
+from tests.helpers.compiled import COMPILED
 from tests.helpers.exact_cases import C1, C2, blackbody
 from tests.helpers.traced_gas import Bodies, Gas, build_gas, check_gas
 from tests.helpers.traced_lights import Lights, build_lights, light_met
@@ -312,7 +313,7 @@ def _coatings(materials, edges):
     return fresnel, face, share, beneath
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _mean_through(face, share, alpha, random, through):
     """Add to through (b,) the mean of 1 - albedo over cosine-distributed directions."""
     z = np.array((0.0, 0.0, 1.0))
@@ -324,7 +325,7 @@ def _mean_through(face, share, alpha, random, through):
             through[band] += kept / random.shape[0]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _lobe_sample(face, share, z, towards, alpha, s, t):
     """What a facet that is seen from a direction reflects: in the mean the lobe's albedo."""
     cosine = np.dot(z, towards)
@@ -339,7 +340,7 @@ def _lobe_sample(face, share, z, towards, alpha, s, t):
     return share * _face_reflectance(face, met) * (1.0 + before) / (1.0 + before + _smith(alpha, after))
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _face_reflectance(index, cosine):
     """Of a smooth face of a complex index, for unpolarised light, by the impedances of both polarisations (Modest,
     section 2.5)."""
@@ -395,7 +396,7 @@ def _camera_paths(camera, centre, pixel, bands, place):
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
     """Add what is emitted where paths arrive, and on their way there, and send them on; those that go on move to the
     front; their number."""
@@ -476,7 +477,7 @@ def _bounce(tables, paths, hits, crossings, uniforms, image, tally):
     return kept
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _see_world(world, direction, seen):
     """Fill seen (b,) with the excess radiance of the surroundings, linear between the middles of pixels."""
     height, width = world.shape[:2]
@@ -490,7 +491,7 @@ def _see_world(world, direction, seen):
     seen[:] = (1.0 - (v - row)) * low + (v - row) * high
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _leave(tables, t, at, direction, paths, kept):
     """Let path `kept` set out from a point of a triangle in a direction."""
     (a, b, c), (u, v) = tables.corners[t], at
@@ -499,7 +500,7 @@ def _leave(tables, t, at, direction, paths, kept):
     paths.direction[kept] = direction
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _fly(gas, crossings, i, ray, limit, throughput, uniforms, brought):
     """Follow path i up to a limit (m, infinite if it leaves the scene); returns the distance at which it is scattered,
     and by which medium, or infinity and -1. Fills brought (b,) with what gas on its way sends to the eye, and takes
@@ -538,7 +539,7 @@ def _fly(gas, crossings, i, ray, limit, throughput, uniforms, brought):
     return np.inf, -1
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _pick(gas, cells, sought):
     """The medium in whose share the sought part of the scattering coefficient (1/m) lies. cells: (m,), see _cell_at."""
     chosen = -1
@@ -550,7 +551,7 @@ def _pick(gas, cells, sought):
     return chosen
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _in_cells(gas, ray):
     """(m, 3, 4): of a ray in the space of the cells of each grid, along each axis: its origin and direction there, and
     where it enters and leaves the box around all cells, the same for all axes, m."""
@@ -572,7 +573,7 @@ def _in_cells(gas, ray):
     return line
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _next_change(gas, crossings, i, line, t, limit):
     """The next distance behind t at which the ray may enter or leave a medium or a cell. line: see _in_cells."""
     found = np.inf
@@ -592,7 +593,7 @@ def _next_change(gas, crossings, i, line, t, limit):
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _next_plane(o, d, t):
     """The next distance behind t at which a ray crosses a plane between cells, across one axis."""
     if d == 0.0:
@@ -604,7 +605,7 @@ def _next_plane(o, d, t):
     return (plane - o) / d
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _cell_at(gas, crossings, m, i, line, t, limit):
     """Cell of medium m at a distance t that is no border, -1 if the medium is not there."""
     if gas.everywhere[m]:
@@ -623,7 +624,7 @@ def _cell_at(gas, crossings, m, i, line, t, limit):
     return gas.first[m] + cell
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _add(throughput, emitted, pixel, kind, image, tally):
     total = 0.0
     for band in range(throughput.size):
@@ -633,7 +634,7 @@ def _add(throughput, emitted, pixel, kind, image, tally):
         tally[kind, pixel] += total
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _black_at(tables, t, u, v, black):
     """Set the excess of a blackbody at a point of a triangle, (b,)."""
     black[:], kelvin = tables.black[t], kelvin_at(tables.painted, t, u, v)
@@ -649,7 +650,7 @@ def _black_at(tables, t, u, v, black):
             black[band] += tables.weight[band, node] / np.expm1(x) if x < 700.0 else 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _reflect(tables, material, t, incoming, uniforms):
     """Direction (3,), lobe (1, 2, 3: D, G, S) and weight: BRDF times cosine over density at a reflectance of 1."""
     z = tables.normal[t] if np.dot(tables.normal[t], incoming) < 0.0 else -tables.normal[t]
@@ -669,7 +670,7 @@ def _reflect(tables, material, t, incoming, uniforms):
     return out, 2, (1.0 + before) / (1.0 + before + after)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _coat(tables, material, t, incoming, reflected, uniforms, factor):
     """Set factor (b,) to BRDF times cosine over density of a material that follows Fresnel's law. reflected: what
     _reflect returned."""
@@ -687,7 +688,7 @@ def _coat(tables, material, t, incoming, reflected, uniforms, factor):
         factor[band] = tables.beneath[material, band] * out * into / (1.0 - specular)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _deflected(direction, g, uniforms):
     """Direction after scattering by the phase function of Henyey and Greenstein (Witt 1977, eq. 19)."""
     cosine = 1.0 - 2.0 * uniforms[1]
@@ -701,7 +702,7 @@ def _deflected(direction, g, uniforms):
     return cosine * direction + sine * (np.cos(turn) * x + np.sin(turn) * np.cross(direction, x))
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _onto_hemisphere(z, s, t):
     """Direction with density cos / pi around z: a point of the unit sphere that stands on the surface."""
     height, turn = 2.0 * s - 1.0, 2.0 * np.pi * t
@@ -711,7 +712,7 @@ def _onto_hemisphere(z, s, t):
     return direction / length if length > 1e-12 else z.copy()
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _visible_facet(z, towards, alpha, s, t):
     """Normal of a facet of a GGX surface that is seen from a direction: spherical caps (Dupuy and Benyoub 2023)."""
     helper = np.array((1.0, 0.0, 0.0)) if abs(z[0]) < 0.6 else np.array((0.0, 1.0, 0.0))
@@ -727,7 +728,7 @@ def _visible_facet(z, towards, alpha, s, t):
     return facet / np.sqrt(np.dot(facet, facet))
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _smith(alpha, cosine):
     """Lambda of Smith's shadowing for GGX (Heitz 2014, eq. 72)."""
     tangent = alpha * np.sqrt(max(0.0, 1.0 - cosine * cosine)) / cosine

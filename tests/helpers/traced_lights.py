@@ -9,6 +9,7 @@ import numba
 import numpy as np
 
 from addon.solver import AreaLight, PointLight, SpotLight, SunLight
+from tests.helpers.compiled import COMPILED
 from tests.helpers.exact_cases import SIGMA, blackbody
 
 SPHERE, PLATE, SUN = range(3)
@@ -69,7 +70,7 @@ def build_lights(lights, edges, centre):
     return table
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def light_met(lights, i, origin, direction):
     """Distance at which a ray of unit direction meets light i, m, infinite for suns and -1 if it does not, and what
     part of its full radiance comes from there."""

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from tests.helpers.compiled import COMPILED
+
 
 class Painted(NamedTuple):
     """row (m,): of the next five for each triangle, -1 for none. uv (r, 3, 2), kelvin_image, mixed (r,), share (r, 3),
@@ -53,14 +55,14 @@ def build_painted(textures, triangles):
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def kelvin_at(painted, t, u, v):
     """Temperature in the image of triangle t at (u, v), NaN where none says it."""
     r = painted.row[t]
     return _look(painted, painted.kelvin_image[r], r, u, v) if r >= 0 else np.nan
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def mixed_at(painted, t, u, v):
     """The material that is mixed in at (u, v) of triangle t, and its share; -1 and 0 for none."""
     r = painted.row[t]
@@ -73,7 +75,7 @@ def mixed_at(painted, t, u, v):
     return painted.mixed[r], share
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _look(painted, image, r, u, v):
     if image < 0:
         return np.nan
@@ -95,14 +97,14 @@ def _look(painted, image, r, u, v):
     return total
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _texel(painted, image, column, row):
     height, width = painted.size[image]
     kind = painted.extension[image]
     return painted.images[image, int(_fold(row, height, kind)), int(_fold(column, width, kind))]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(**COMPILED)
 def _fold(place, count, kind):
     if kind == 0:
         return place - count * np.floor(place / count)
