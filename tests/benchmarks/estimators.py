@@ -16,9 +16,9 @@ without the worst 2 % of the pixels, and over all. References are those of speed
 own noise is no part of the error. With equal passes, error^2 x time is the time to one error, over the default's.
 
 With --size there is no reference: pictures of that size are rendered with two seeds, and half of the mean square of
-their difference is the variance. Rays are counted, too, which no other work on the machine changes. A bias does not show in it, so the last column tells how far the means of variant and
-default over blocks of 32 x 32 pixels are apart, root mean square, over the default's error of a pixel. Time is that of
-the whole render, planning included.
+their difference is the variance. Rays are counted, too, which no other work on the machine changes. A bias does not
+show, so the last column tells how far the means of variant and default over blocks of 32 x 32 pixels are apart, root
+mean square, over the default's error of a pixel. Time is that of the whole render, planning included.
 """
 
 import argparse
