@@ -23,7 +23,7 @@ import pytest
 from addon.solver import Settings, render
 from addon.solver.planning import preparation
 from tests.benchmarks.speed_scenes import SCENES
-from tests.helpers.counting import counted_rays
+from tests.helpers.counting import counted_rays, total
 
 WIDTH, HEIGHT = 64, 48
 SETTINGS = Settings(passes=16, photons_per_pass=25_000)
@@ -46,8 +46,8 @@ def figure(name, seed=0):
     scene = SCENES[name]()
     scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, width=WIDTH, height=HEIGHT))
     after = []
-    with counted_rays() as rays:
-        film = render(scene, dataclasses.replace(SETTINGS, seed=seed), lambda _: after.append(sum(rays)))
+    with counted_rays() as calls:
+        film = render(scene, dataclasses.replace(SETTINGS, seed=seed), lambda _: after.append(total(calls).rays))
     rays_per_pass = (after[-1] - after[0]) / (film.passes - 1)  # those before the first pass learn about the scene
     film.estimated[:] = False  # each pixel tells its own noise: shared with neighbours, the worst 2 % would be others
     squares = np.sort(film.noise().astype(float).ravel() ** 2)[: int(KEPT * WIDTH * HEIGHT)]

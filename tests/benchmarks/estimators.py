@@ -42,7 +42,7 @@ from docs.tools.pages import MADE_AT
 from tests.benchmarks.large_pictures import blocks
 from tests.benchmarks.speed_scenes import SCENES, of_size
 from tests.benchmarks.speed_vs_error import KEPT, load_reference, user_cache
-from tests.helpers.counting import counted_rays
+from tests.helpers.counting import counted_rays, total
 from tests.helpers.paper_estimator import (
     ALWAYS_RECALL,
     by_power_alone,
@@ -144,7 +144,7 @@ def measure(variant, name, seed, options):
     chosen = {key: value(name, scene) if callable(value) else value for key, value in chosen.items()}
     limits = {"passes": options.passes, "time_limit": 0.0 if options.passes else 1e6}
     ends, start = [], time.process_time()
-    with counted_rays() as rays:
+    with counted_rays() as calls:
         film = render(
             scene,
             Settings(seed=seed, threads=options.threads, **limits, **chosen),
@@ -154,7 +154,7 @@ def measure(variant, name, seed, options):
     each = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else np.nan
     if options.size:
         each = ends[-1]
-    return film.temperature(), film.passes, each, sum(rays)
+    return film.temperature(), film.passes, each, total(calls).rays
 
 
 def kernel_globals():

@@ -3,10 +3,11 @@
 
     python -m tests.benchmarks.hair [--hairs N] [--width PIXELS] [--passes N] [--photons N]
 
-Prints Markdown: times of reading Blender's scene, of the preparation and of a pass (the median), processor time of all
-threads in s; the triangles; the camera rays of a pixel and pass; and the ratio of whole renders. Hair is all edges, so
-a pass sends more camera rays through it. The last row is of the same hair with no more of them than the bald head has;
-below stands what more of them bring: 1 / (noise^2 x time), with the mean square of the noise of all pixels.
+Prints Markdown: times of reading Blender's scene, of the preparation, of a pass (the median) and of what of it is
+Embree's, processor time of all threads in s; the triangles; the camera rays of a pixel and pass; and the ratio of whole
+renders. Hair is all edges, so a pass sends more camera rays through it. The last row is of the same hair with no more
+of them than the bald head has; below stands what more of them bring: 1 / (noise^2 x time), with the mean square of the
+noise of all pixels.
 """
 
 import argparse
@@ -23,6 +24,7 @@ from addon.solver import passes as pass_loop
 from addon.solver.planning import antialiasing
 from docs.tools.blender import registered
 from tests.helpers.blender import camera, link, material, read_as_rendered
+from tests.helpers.counting import counted_rays, total
 from tests.helpers.process import resident
 
 POINTS = 8  # of a hair
@@ -32,13 +34,15 @@ MEASURED = 100  # passes of a render, to which the ratio in the last column belo
 
 class Cost(NamedTuple):
     """Processor times of all threads in s; rays: mean of camera rays of a pixel in a pass; noise: its mean square over
-    the pixels after the passes that were measured, K2; peak: largest resident memory of the process, MB."""
+    the pixels after the passes that were measured, K2; embree: what of a pass Embree takes; peak: largest resident
+    memory of the process, MB."""
 
     triangles: int
     rays: float
     read: float
     prepare: float
     one_pass: float
+    embree: float
     noise: float
     peak: float
 
@@ -99,7 +103,7 @@ def measure(hairs, options):
 
     with patch.object(motion, "read_scene", timed):
         ((scene, _),) = read_as_rendered().values()
-    marks, planned = [time.process_time()], []
+    marks, traced, planned = [time.process_time()], [], []
     as_ever = pass_loop.prepare
 
     def prepare(*inputs):
@@ -107,31 +111,41 @@ def measure(hairs, options):
         marks.append(time.process_time())
         return planned[0]
 
-    with patch.object(pass_loop, "prepare", prepare):
-        settings = Settings(passes=options.passes, photons_per_pass=options.photons)
-        film = render(scene, settings, lambda film: marks.append(time.process_time()))
+    def note(_):
+        marks.append(time.process_time())
+        traced.append(total(calls).seconds)
+
+    with patch.object(pass_loop, "prepare", prepare), counted_rays() as calls:
+        film = render(scene, Settings(passes=options.passes, photons_per_pass=options.photons), note)
+    embree = np.median(np.diff(traced))  # without the first, whose preparation traces rays, too
     spent, rays, noise = np.diff(marks), float(planned[0].samples.mean()), float(np.mean(film.noise() ** 2))
     triangles, peak = len(scene.triangles), resident("VmHWM") / 1e6
-    return Cost(triangles, rays, reading[0], spent[0], np.median(spent[1:]), noise, peak)
+    return Cost(triangles, rays, reading[0], spent[0], np.median(spent[1:]), embree, noise, peak)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hairs", type=int, default=100_000)
     parser.add_argument("--width", type=int, default=640)
-    parser.add_argument("--passes", type=int, default=5, help="that are measured")
+    parser.add_argument("--passes", type=int, default=5, help="that are measured, two at least")
     parser.add_argument("--photons", type=int, default=100_000)
     options = parser.parse_args()
     with registered():
-        measure(10, argparse.Namespace(width=32, passes=1, photons=1000))  # loads the kernels
+        measure(10, argparse.Namespace(width=32, passes=2, photons=1000))  # loads the kernels
         bald, hairy = measure(0, options), measure(options.hairs, options)
         with patch.object(antialiasing, "_MEAN", bald.rays):
             as_few = measure(options.hairs, options)
-    columns = "hairs", "triangles", "camera rays", *(f"{what}, s" for what in ("read", "prepare", "pass", "100 passes"))
+    columns = (
+        "hairs",
+        "triangles",
+        "camera rays",
+        *(f"{what}, s" for what in ("read", "prepare", "pass", "Embree", "100 passes")),
+    )
     print(f"| {' | '.join(columns)} | peak, MB |\n{'|--:' * (len(columns) + 1)}|")
     for hairs, cost in ((0, bald), (options.hairs, hairy), (options.hairs, as_few)):
-        times = f"{cost.read:.2f} | {cost.prepare:.2f} | {cost.one_pass:.2f} | {cost.render(MEASURED):.0f}"
-        print(f"| {hairs:,} | {cost.triangles:,} | {cost.rays:.1f} | {times} | {cost.peak:.0f} |")
+        times = " | ".join(f"{seconds:.2f}" for seconds in (cost.read, cost.prepare, cost.one_pass, cost.embree))
+        sizes = f"{hairs:,} | {cost.triangles:,} | {cost.rays:.1f}"
+        print(f"| {sizes} | {times} | {cost.render(MEASURED):.0f} | {cost.peak:.0f} |")
     for name, cost in (("Hairy", hairy), ("As few camera rays", as_few)):
         ratio = cost.render(MEASURED) / bald.render(MEASURED)
         print(f"\n{name} over bald: {cost.one_pass / bald.one_pass:.2f} a pass, {ratio:.2f} for {MEASURED} passes.")
