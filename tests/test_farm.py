@@ -5,6 +5,7 @@ script of a job type for Flamenco, run by a stand-in for its manager and its wor
 import fnmatch
 import json
 import shlex
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -82,6 +83,38 @@ def test_a_frame_by_passes_is_the_single_render(job):
     assert_merged(job)
     code, told = submit(job, "--step", "Merge", "--no-run-dependencies", TargetNoise=1e-4)
     assert code != 0 and "more passes are needed for 0.0001 K" in told
+
+
+# Blender's program, whose process is killed when it has rendered three passes
+KILLED = """
+import os, signal, sys
+from addon.solver.image.film import Film
+from tests.helpers import blender_command
+
+add_pass = Film.add_pass
+
+def add_pass_and_die(film, *values):
+    add_pass(film, *values)
+    if film.passes == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+Film.add_pass = add_pass_and_die
+sys.exit(blender_command.main(sys.argv[1:]))
+"""
+
+
+def test_a_task_that_is_killed_in_the_middle_is_rendered_again(job):
+    """Whatever it leaves, the next run makes the same picture of it."""
+    folder, _, _ = job
+    film = folder / "films" / "frame1_9-16.npz"
+    task = "--command", "infrared_passes", "--frame", "1", "--passes", "9-16", "--film", film
+    done = subprocess.run([sys.executable, "-c", KILLED, "-b", folder / "scene.blend", *task], cwd=run.ROOT)
+    assert done.returncode == -signal.SIGKILL
+    assert not film.exists() or read(film).film.passes < 8
+    code, told = submit(job, "--step", "Merge", "--run-dependencies")
+    assert code == 0, told
+    assert read(film).film.ranges == [(0, 9, 17)]
+    assert_merged(job)
 
 
 @pytest.mark.parametrize("name", ["passes", "frames"])
