@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from .output.formats import numbered
+from .output.formats import numbered, replaced
 from .solver.physics.humidity import FREEZING
 from .solver.system.files import replacing
 
@@ -385,15 +385,10 @@ def converted(paths: Iterable[Path], options) -> Iterator[tuple[Path, Surface, f
 def check_output(paths: Sequence[Path], output: str) -> None:
     """Raise ConvertError if files that are read would be replaced by those that are written. All of these are looked
     at beforehand, so that no part of a series is lost when the next one turns out to be in the way."""
-    sources = {}  # what tells a file from others, whatever it is called -> its path
-    for path in paths:
-        for source in _sources(path):
-            if source.exists():
-                sources[_identity(source)] = source
+    sources = list(chain.from_iterable(map(_sources, paths)))
     targets = (numbered(output, ".ply", number, True) for number in range(1, len(sources) + 1))
-    for target in chain([numbered(output, ".ply", 1, False)], targets):
-        if target.exists() and _identity(target) in sources:
-            raise ConvertError(f"'{sources[_identity(target)]}' is read, and would be replaced: --output names another")
+    if source := replaced(chain([numbered(output, ".ply", 1, False)], targets), sources):
+        raise ConvertError(f"'{source}' is read, and would be replaced: --output names another")
 
 
 def _sources(path: Path) -> list[Path]:
@@ -404,11 +399,6 @@ def _sources(path: Path) -> list[Path]:
         return [path, *(part for _, part in _entries(path))]
     except (OSError, ValueError, LookupError, ElementTree.ParseError):  # told when it is read
         return [path]
-
-
-def _identity(path: Path) -> tuple[int, int]:
-    about = path.stat()
-    return about.st_dev, about.st_ino
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

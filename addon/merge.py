@@ -15,12 +15,13 @@ import math
 import sys
 from collections.abc import Sequence
 from functools import reduce
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from .output.description import CORRECTION_FACTS
-from .output.formats import FORMATS, layer_suffixes, numbered, without_extension, write_file
+from .output.formats import FORMATS, layer_suffixes, numbered, replaced, without_extension, write_file
 from .pass_ranges import read_passes
 from .solver import layered_image
 from .solver.checkpoint import CheckpointError, StoredFilm, differences, read, save, told_ranges
@@ -171,12 +172,9 @@ def _path(text: str, ending: str, key: tuple[int, str], images) -> Path:
 def _check_films(options, images) -> None:
     """Raise MergeError if a merged film would replace one that is read: passes could then not be merged in another
     way again. All are looked at before the first is written."""
-    read_from = [path for films in images.values() for path in films]
-    for key in images if options.film else ():
-        target = _path(options.film, ".npz", key, images)
-        for path in read_from if target.exists() else ():
-            if target.samefile(path):
-                raise MergeError(f"'{path}' is read, and would be replaced: --film names another")
+    targets = (_path(options.film, ".npz", key, images) for key in images if options.film)
+    if source := replaced(targets, chain.from_iterable(images.values())):
+        raise MergeError(f"'{source}' is read, and would be replaced: --film names another")
 
 
 def _write(options, key: tuple[int, str], films: dict[Path, StoredFilm], images) -> int:

@@ -22,7 +22,7 @@ import pytest
 
 from addon.solver import Settings, render
 from addon.solver.planning import preparation
-from tests.benchmarks.speed_scenes import SCENES
+from tests.benchmarks.speed_scenes import SCENES, build
 from tests.helpers.counting import counted_rays, total
 
 WIDTH, HEIGHT = 64, 48
@@ -43,8 +43,7 @@ STORED = {
 
 def figure(name, seed=0):
     """Squared error times rays of a pass of a scene, K2."""
-    scene = SCENES[name]()
-    scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, width=WIDTH, height=HEIGHT))
+    scene = build(name, (WIDTH, HEIGHT))
     after = []
     with counted_rays() as calls:
         film = render(scene, dataclasses.replace(SETTINGS, seed=seed), lambda _: after.append(total(calls).rays))

@@ -79,6 +79,18 @@ def without_extension(path: str, extensions: Collection[str] = EXTENSIONS) -> st
     return stem if extension.lower() in extensions else path
 
 
+def replaced(targets: Iterable[Path], sources: Iterable[Path]) -> Path | None:
+    """The first of the files that are read (sources) that writing the targets would replace, by whatever name or link;
+    None if it would replace none."""
+    known = {_identity(path): path for path in sources if path.exists()}
+    return next((known[_identity(path)] for path in targets if path.exists() and _identity(path) in known), None)
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    about = path.stat()
+    return about.st_dev, about.st_ino
+
+
 def numbered(path: str, extension: str, frame: int, several: bool, suffix: str = "") -> Path:
     """File of a frame: '####' becomes its number, and suffix and extension end the name.
 

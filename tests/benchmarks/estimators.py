@@ -40,7 +40,7 @@ from addon.solver.photons.side_table import build_side_table
 from addon.solver.system.kernel_cache import FOLDER_VARIABLE
 from docs.tools.pages import MADE_AT
 from tests.benchmarks.large_pictures import blocks
-from tests.benchmarks.speed_scenes import SCENES, of_size
+from tests.benchmarks.speed_scenes import SCENES, build
 from tests.benchmarks.speed_vs_error import KEPT, load_reference, user_cache
 from tests.helpers.counting import counted_rays, total
 from tests.helpers.paper_estimator import (
@@ -139,7 +139,7 @@ def apply(variant):
 def measure(variant, name, seed, options):
     """Image of temperatures (K), passes, processor time (s): of a pass behind the first, or of all with a size; and
     how many rays all took."""
-    scene = of_size(SCENES[name](), *options.size) if options.size else SCENES[name]()
+    scene = build(name, options.size)
     chosen = {key: value for key, value in VARIANTS[variant].items() if "." not in key}
     chosen = {key: value(name, scene) if callable(value) else value for key, value in chosen.items()}
     limits = {"passes": options.passes, "time_limit": 0.0 if options.passes else 1e6}

@@ -15,7 +15,7 @@ from itertools import combinations
 
 from addon.solver import Settings, render
 from tests.benchmarks.large_pictures import apart, block_temperatures
-from tests.benchmarks.speed_scenes import build, of_size
+from tests.benchmarks.speed_scenes import build
 from tests.benchmarks.speed_vs_error import film_image, peer_problem, run_peer
 from tests.helpers.path_tracer import trace_paths
 
@@ -28,7 +28,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=150.0, help="of Cycles for all bands (%(default)s)")
     parser.add_argument("--samples", type=int, default=64, help="of the path tracer (%(default)s)")
     options = parser.parse_args()
-    scene = of_size(build("plume"), WIDTH, HEIGHT)
+    scene = build("plume", (WIDTH, HEIGHT))
     scene = replace(scene, media=tuple(replace(medium, absorption=1.0) for medium in scene.media))
     seeds = 0, 1
     cycles, _ = run_peer("cycles", peer_problem("cycles", scene), 2, "wall", [options.seconds] * len(seeds))

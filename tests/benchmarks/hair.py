@@ -135,12 +135,8 @@ def main():
         bald, hairy = measure(0, options), measure(options.hairs, options)
         with patch.object(antialiasing, "_MEAN", bald.rays):
             as_few = measure(options.hairs, options)
-    columns = (
-        "hairs",
-        "triangles",
-        "camera rays",
-        *(f"{what}, s" for what in ("read", "prepare", "pass", "Embree", "100 passes")),
-    )
+    times = "read", "prepare", "pass", "Embree", "100 passes"
+    columns = "hairs", "triangles", "camera rays", *(f"{what}, s" for what in times)
     print(f"| {' | '.join(columns)} | peak, MB |\n{'|--:' * (len(columns) + 1)}|")
     for hairs, cost in ((0, bald), (options.hairs, hairy), (options.hairs, as_few)):
         times = " | ".join(f"{seconds:.2f}" for seconds in (cost.read, cost.prepare, cost.one_pass, cost.embree))

@@ -21,7 +21,7 @@ import numpy as np
 
 from addon.solver import Settings, render
 from tests.benchmarks.peers.__main__ import CLOCKS
-from tests.benchmarks.speed_scenes import GAS_SCENES, SCENES, build, of_size
+from tests.benchmarks.speed_scenes import GAS_SCENES, SCENES, build
 from tests.benchmarks.speed_vs_error import KEPT, band_temperatures, film_image, peer_problem, run_peer
 
 BLOCK = 32  # pixels
@@ -71,7 +71,7 @@ def apart(one, other):
 
 def compare(name, options):
     """Print the rows of one scene."""
-    scene = of_size(build(name), *options.size)
+    scene = build(name, options.size)
     render(build(name), Settings(passes=2, threads=options.threads))  # compiles
     ours = [our_image(scene, seed, options) for seed in (0, 1)]
     spent, passes = np.mean([each[1] for each in ours]), min(each[2] for each in ours)

@@ -326,15 +326,14 @@ def plume_grid(cells: int) -> Grid:
     return Grid.from_arrays(transform, density, 292.0 + 150.0 * core)
 
 
-def of_size(scene, width, height):
-    """The scene with so many pixels."""
-    return replace(scene, camera=replace(scene.camera, width=width, height=height))
-
-
 SCENES = {scene.__name__: scene for scene in (room, ring, cavity, engine, street, office, bay)}
 GAS_SCENES = {scene.__name__: scene for scene in (fog, plume, clear)}
 
 
-def build(name):
-    """The scene of this name."""
-    return (SCENES | GAS_SCENES)[name]()
+def build(name, size=None):
+    """The scene of this name. size: width and height in pixels, if not its own."""
+    scene = (SCENES | GAS_SCENES)[name]()
+    if not size:
+        return scene
+    width, height = size
+    return replace(scene, camera=replace(scene.camera, width=width, height=height))

@@ -40,7 +40,7 @@ from docs.tools.paths import ROOT
 from docs.tools.plots import pyplot
 from tests.benchmarks.peers.__main__ import CLOCKS, ENGINES
 from tests.benchmarks.peers.problem import build_problem
-from tests.benchmarks.speed_scenes import GAS_SCENES, SCENES, build, of_size
+from tests.benchmarks.speed_scenes import GAS_SCENES, SCENES, build
 from tests.helpers.paper_estimator import PAPER, photons_alone
 
 ROOM, OTHER = (200, 20), (10, 10)  # trimmed, all pixels
@@ -81,11 +81,6 @@ MODES = {"ours": ({}, contextlib.nullcontext), "paper+": (PAPER, photons_alone)}
 def user_cache() -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(home) / "infrared_photons" / "benchmarks"
-
-
-def scene_of(name, options):
-    """The scene of this name, in as many pixels as are asked for."""
-    return of_size(build(name), *options.size) if options.size else build(name)
 
 
 def run_peer(engine, problem, threads, clock, seconds, polite=False, python=None):
@@ -221,7 +216,7 @@ def time_to_reach(curve, error, which):
 def compare(name, options):
     """Of one scene: rows of the table, {engine: (seconds, errors)} for the plot, and what the best peer would gain by
     paths that carry all bands."""
-    scene = scene_of(name, options)
+    scene = build(name, options.size)
     reference = load_reference(name, scene, options.cache, options.threads)
     print(f"\n{name}: {len(scene.triangles)} triangles, {scene.band_count} bands")
     print(f"  reference: standard error {reference.standard_error:.4g} K over all pixels")
@@ -274,7 +269,7 @@ def our_curves(scene, mode, measure, enough, options):
 
 def slope(name, options):
     """Print the error after 1, 2, 4, ... passes and its slope against passes."""
-    scene = scene_of(name, options)
+    scene = build(name, options.size)
     reference = load_reference(name, scene, options.cache, options.threads)
     settings = Settings(passes=options.slope, threads=options.threads, **options.settings)
     last = []
@@ -307,7 +302,7 @@ def _slope(x, y):
 
 def check(name, options):
     """Print how far every engine's long-run image is from the reference, in the mean and pixel by pixel."""
-    scene = scene_of(name, options)
+    scene = build(name, options.size)
     reference = load_reference(name, scene, options.cache, options.threads)
     runs = 8
     print(f"\n{name}: deviations of {runs} runs from the reference, in brackets over their standard error")
@@ -434,7 +429,7 @@ def main():
     rows, curves, gains = [], {}, {}
     for name in options.scene:
         if options.references:
-            reference = load_reference(name, scene_of(name, options), options.cache, options.threads)
+            reference = load_reference(name, build(name, options.size), options.cache, options.threads)
             print(f"{name}: reference with a standard error of {reference.standard_error:.4g} K")
         elif options.check:
             check(name, options)
