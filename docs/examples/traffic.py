@@ -94,7 +94,7 @@ def build() -> None:
     add_clear_sky("Clear day", AIR, humidity=60.0).color = (0.35, 0.5, 0.8)
     add_sun()
     add_camera((-0.4, 0.0, 2.1), (0.1, 30.0, 1.6), lens=32.0)
-    choose_settings((8.1, 13.9, 3), "WHITE_HOT", (268.15, 308.15), passes=6, time_limit=0.0)
+    choose_settings((8.1, 13.9, 3), "WHITE_HOT", (268.15, 308.15), passes=4, time_limit=0.0)
     choose_data_set_settings()
 
 

@@ -12,7 +12,7 @@ reflectance F0 of the specular lobe along the normal: n = (1 + sqrt(F0)) / (1 - 
 
 The lobe's albedo A(theta) is R itself for a mirror. For a rough lobe it is the mean of R over the facets that are met,
 each under its own angle. What A leaves reaches what lies below and is reflected diffusely there, on the way in and on
-the way out by the same share 1 - A (docs/method.md, section 2):
+the way out by the same share 1 - A (docs/surfaces.md):
 
     f(i, o) = f_lobe(i, o) + beta / pi (1 - A(i)) (1 - A(o)) / t,    t = mean of 1 - A over a cosine distribution
     albedo(theta) = A(theta) + beta (1 - A(theta))
