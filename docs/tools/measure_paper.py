@@ -44,9 +44,9 @@ PHOTONS = 30_000_000  # thrown in all, of which about a tenth is stored: the pap
 TIMED = (1, 2, 5, 10, 30, 60)  # passes of figure 2
 GATHERED = 600  # photons that all maps together count in one estimate, figure 2
 SEEDS = 5  # of figure 3, to tell chance
-NOISE_PHOTONS, NOISE_NEIGHBOURS = 3_000_000, 50  # of a pass of figure 4, a tenth of the paper's
+NOISE_PHOTONS, NOISE_NEIGHBOURS = 30_000_000, 500  # of a pass of figure 4; a tenth of the photons is stored
 NOISE_PASSES = (1, 5, 20, 250)  # of its pictures
-TUBE_PHOTONS, TUBE_PASSES = 1_360_000, 50  # thrown in one pass of figure 1, of which a million are stored
+TUBE_PHOTONS, TUBE_PASSES = 1_360_000, 100  # thrown in one pass of figure 1, of which a million are stored
 COMPARED = Settings(passes=30, photons_per_pass=1_000_000, neighbours=51)  # both estimators
 TRUTH = Settings(passes=40, photons_per_pass=1_000_000, seed=1000)
 MANY_PASSES, MANY_PHOTONS = 200, 5_000_000  # of thousand-million
