@@ -98,6 +98,26 @@ def random_tube(rng):
     return tube(radius, bottom, bottom + length, wall, (height, size, rng.uniform(600, 1400)), rng.random() < 0.4)
 
 
+def baffles(rng):
+    """A duct with plates from two sides by turns, and something hot behind the last: what gets out went round all."""
+    parts = Parts()
+    width, count = rng.uniform(0.1, 0.3), int(rng.integers(2, 7))
+    gap, wall = width * rng.uniform(0.4, 1.5), grey(rng.uniform(0.02, 0.3), rng.choice((0.0, 0.0, 0.6)))
+    length = gap * (count + 1)
+    vertices, triangles = box((width, width, length))
+    parts.add((vertices, triangles[[t for t in range(12) if t // 2 != 4]]), AMBIENT, wall, (0, 0, 0.1))
+    reach = width * rng.uniform(0.5, 0.9)
+    for i in range(count):
+        left = 0.0 if i % 2 else width - reach
+        parts.add(quad((left + reach / 2, width / 2, 0.1 + gap * (i + 1)), (reach / 2, 0, 0), (0, width / 2, 0)),
+                  AMBIENT, wall)  # fmt: skip
+    size = rng.uniform(0.05, 0.3) * min(width, gap)
+    place = rng.uniform(0.25, 0.75, 2) * width
+    parts.add(sphere(3, size / 2), rng.uniform(600, 1400), grey(0.9), (*place, 0.1 + length - gap / 2))
+    floor(parts, grey(0.5))
+    return parts.scene(view((0.8, -1.0, 0.8), (width / 2, width / 2, 0.1), 0.3), BAND, AMBIENT)
+
+
 # Combs, fins, louvres, grooves
 
 
@@ -356,6 +376,24 @@ def mirrors(rng):
     parts.add(sphere(3, size), rng.uniform(600, 1300), grey(0.9), rng.uniform((-0.3, -0.3, 0.08), (0.3, 0.3, 0.5)))
     floor(parts, grey(0.5))
     return parts.scene(view((0.6, -2.2, 1.7), (0, 0, 0.05)), BAND, AMBIENT)
+
+
+def reflector(rng):
+    """A hot filament near the focus of a dish, of mirror or of rough metal, that throws its light at a wall."""
+    parts = Parts()
+    focus, radius = rng.uniform(0.02, 0.1), rng.uniform(0.08, 0.25)
+    metal = grey(rng.uniform(0.02, 0.2), rng.choice((0.7, 1.0, 1.0)), rng.choice((0.0, 0.0, 0.08, 0.3)))
+    r = np.linspace(radius, 0.0, 24)
+    at, aim = np.array((0.0, -0.6, 0.35)), np.array((rng.uniform(-0.3, 0.3), 1.0, rng.uniform(-0.2, 0.2)))
+    aim /= np.linalg.norm(aim)
+    parts.add(revolve(np.column_stack((r, r**2 / (4.0 * focus))), 96, at, aim), AMBIENT, metal)
+    middle = at + focus * rng.uniform(0.6, 1.4) * aim
+    half = np.array((rng.uniform(0.005, 0.02), 0.0, 0.0))
+    filament = cylinder(middle - half, middle + half, rng.uniform(0.001, 0.006), 12)
+    parts.add(filament, rng.uniform(700, 1500), grey(0.9))
+    parts.add(quad((0, 0.8, 0.6), (1.2, 0, 0), (0, 0, 0.6)), AMBIENT, grey(rng.uniform(0.3, 0.9)))
+    floor(parts, grey(0.5), half=1.2)
+    return parts.scene(view((1.0, -2.0, 1.1), (0, 0.1, 0.3), 0.5), BAND, AMBIENT)
 
 
 def rough(roughness=0.15, emissivity=0.2, specular=1.0, ball=((0.35, 0.1, 0.12), 0.03, 1200.0), lean=0.0):
@@ -768,6 +806,7 @@ def distant(rng):
 
 FAMILIES = {
     "tube": random_tube,
+    "baffles": baffles,
     "comb": random_comb,
     "fins": fins,
     "louvres": louvres,
@@ -781,6 +820,7 @@ FAMILIES = {
     "bulb": bulb,
     "hidden": hidden,
     "mirrors": mirrors,
+    "reflector": reflector,
     "rough": random_rough,
     "pipe": pipe,
     "fence": fence,
