@@ -18,7 +18,7 @@ from ..sampling.heuristics import Looking
 from ..sampling.low_discrepancy import LATTICES
 from ..sampling.rng import PILOT, PRICED_CELLS, PRICED_PIXELS, pass_key, strata
 from ..system.kernels import KERNEL, njit
-from .antialiasing import FEWEST, PASSES, camera_variance, choose_samples, least_price
+from .antialiasing import FEWEST, camera_variance, choose_samples, least_price
 from .sheets import Sheets
 from .survey import Cells, Survey
 
@@ -40,6 +40,7 @@ NEAR = 0.05  # largest radius of that disk, over the harmonic mean distance to w
 # (sum of w)^2 / (n sum of w^2).
 _EQUAL = 0.75
 _EQUAL_MOST = 28.0  # final gathers of equal weight that those in the window of pixels are worth, at most
+_PASSES = 32.0  # after which the price weighs the variance from edges, which falls faster than all other: the default
 _UNKNOWN = 64.0  # rays of a final gather that are assumed where the survey found no gathers at all
 _LEAST_CHANCE = 1.0 / 8.0  # of recalling, as the mean radiance of a sheet does not tell the radiance at each point
 _LITTLE = 1.0 / 32.0  # share of a pixel over which a gather is always kept, as sheets do not tell where caustics lie
@@ -199,11 +200,11 @@ def plan_splitting(sheets: Sheets, survey: Survey, reach2: float, neighbours: in
     usual, pixels = _fewer_cells(splitting, pixels)
     noise, time = noise_and_time(usual, pixels, reach2, neighbours)
     tried = []
-    noise += float(camera_variance(variance, np.full(len(variance), FEWEST), survey.in_fog, PASSES).mean()) + rest
+    noise += float(camera_variance(variance, np.full(len(variance), FEWEST), survey.in_fog, _PASSES).mean()) + rest
     for price in max(noise, 1e-300) / (fixed + time + _CAMERA * FEWEST) * _PRICES:
         noise, time = noise_and_time(usual._replace(price=price), pixels, reach2, neighbours)
         samples = choose_samples(variance, unknown, max(price, least), survey.in_fog)
-        noise += float(camera_variance(variance, samples, survey.in_fog, PASSES).mean()) + rest
+        noise += float(camera_variance(variance, samples, survey.in_fog, _PASSES).mean()) + rest
         tried.append((noise * (fixed + time + _CAMERA * samples.mean()), price))
     return splitting._replace(price=min(tried)[1])
 
