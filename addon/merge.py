@@ -12,10 +12,11 @@ from __future__ import annotations
 import argparse
 import glob
 import math
+import os
 import sys
 from collections.abc import Sequence
 from functools import reduce
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
@@ -154,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser().error(f"--target-noise is {options.target_noise:g} K, expected 0 or at least {LEAST_TARGET:g}")
     try:
         images = by_image(read_films(options.films))
-        _check_films(options, images)
+        _check_targets(options, images)
         needed = [_write(options, key, films, images) for key, films in images.items()]
     except (CheckpointError, MergeError, OSError) as error:
         print(f"Error: {error}", file=sys.stderr)
@@ -169,9 +170,15 @@ def _path(text: str, ending: str, key: tuple[int, str], images) -> Path:
     return numbered(without_extension(text, {Path(ending).suffix, ending}), ending, frame, several, suffix)
 
 
-def _check_films(options, images) -> None:
-    """Raise MergeError if a merged film would replace one that is read: passes could then not be merged in another
-    way again. All are looked at before the first is written."""
+def _check_targets(options, images) -> None:
+    """Raise MergeError if two options name the same file, or if a merged film would replace one that is read: passes
+    could then not be merged in another way again. All are looked at before the first is written."""
+    endings = {"output": FORMATS[options.format].ending, "groups": ".exr", "film": ".npz"}
+    owners = {}
+    for name, key in product((name for name in endings if getattr(options, name)), images):
+        path = _path(getattr(options, name), endings[name], key, images)
+        if owners.setdefault(os.path.normcase(os.path.abspath(path)), name) != name:
+            raise MergeError(f"Two options would both write '{path}'; give --{name} another path")
     targets = (_path(options.film, ".npz", key, images) for key in images if options.film)
     if source := replaced(targets, chain.from_iterable(images.values())):
         raise MergeError(f"'{source}' is read, and would be replaced: --film names another")

@@ -14,6 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from addon.output.formats import EXTENSIONS, FORMATS  # noqa: E402
 from addon.rendering.render_files import check_paths  # noqa: E402
+from addon.solver.scene import SceneError  # noqa: E402
 from addon.ui.exporter import Exporter  # noqa: E402
 from tests.helpers.blender import camera, cube_mesh, link, read_exr, render_to_exr, use_multilayer_exr  # noqa: E402
 
@@ -130,6 +131,16 @@ def test_two_settings_never_write_the_same_file(infrared, tmp_path, paths, both)
     with pytest.raises(RuntimeError, match=f"{both}.* would both write '{tmp_path}"):
         render_to_exr(tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_blenders_own_file_is_not_that_of_a_setting(infrared, tmp_path):
+    """Blender would write its picture over the bands."""
+    infrared.band_exr_path = bpy.context.scene.render.filepath = f"{tmp_path}/image_####"
+    bpy.context.scene.render.image_settings.file_format = "OPEN_EXR"
+    with pytest.raises(SceneError, match="Band Images and Blender's Output would both write"):
+        check_paths(infrared, animation=True)
+    bpy.context.scene.render.filepath = f"{tmp_path}/other_####"
+    check_paths(infrared, animation=True)
 
 
 def test_files_in_a_folder_are_called_after_the_frame(infrared, tmp_path):

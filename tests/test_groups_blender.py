@@ -107,9 +107,9 @@ def test_an_animation_takes_keyed_temperatures(scene, tmp_path):
         engine["temperature"] = kelvin
         engine.keyframe_insert('["temperature"]', frame=frame)
     scene.frame_start, scene.frame_end = 1, 3
-    scene.frame_set(2)
+    scene.frame_set(2, subframe=0.25)
     assert bpy.ops.infrared.recombine(filepath=str(tmp_path / "new_##.exr"), source="ANIMATION") == {"FINISHED"}
-    assert scene.frame_current == 2
+    assert scene.frame_float == 2.25
     means = [channel(tmp_path / f"new_{frame:02d}.exr", "Radiance").mean() for frame in (1, 2, 3)]
     assert means[0] < means[1] < means[2]
     assert all((tmp_path / f"new_{frame:02d}.png").stat().st_size > 100 for frame in (1, 2, 3))
@@ -185,6 +185,15 @@ def test_a_render_without_groups_says_so(scene, tmp_path):
     assert not (tmp_path / "groups.exr").exists() and not final_render.finished_groups
     with pytest.raises(RuntimeError, match="no render with temperature groups yet"):
         bpy.ops.infrared.recombine(filepath=str(tmp_path / "new.exr"))
+
+
+def test_groups_are_never_replaced_by_their_images(scene, tmp_path):
+    render_to_exr(tmp_path)
+    groups = tmp_path / "groups.exr"
+    before = groups.read_bytes()
+    with pytest.raises(RuntimeError, match=f"'{groups}' is read, and would be replaced"):
+        bpy.ops.infrared.recombine(filepath=str(groups))
+    assert groups.read_bytes() == before
 
 
 def test_a_missing_library_is_named(scene, tmp_path, monkeypatch):

@@ -465,6 +465,34 @@ def test_fog_agrees_with_a_path_tracer(scattering, anisotropy, mirror):
     assert np.all(abs(ours - theirs) < 4.0 * np.hypot(error, other))
 
 
+@pytest.mark.parametrize(("radius", "half"), [(0.15, 20.0), (0.03, 2.0)])
+def test_a_small_flame_lights_a_wide_floor(radius, half):
+    """Of the power 4 pi^2 r^2 e dB of a ball of gas (Modest, section 10.4: e = 1 - 2 / tau^2 (1 - (1 + tau) exp(-tau)),
+    tau = 2 k r) a floor at the height h gets P cos / (4 pi d^2), as the flux of a ball goes straight away from it.
+    Photons that are even over the floor seldom meet the flame. Within 4 standard errors and the share of the ball's
+    volume that its mesh leaves out."""
+    kelvin, absorption, height = 1200.0, 0.5 / radius, 1.0
+    vertices, triangles = sphere(2, radius)
+    flame = Medium("flame", absorption, kelvin, vertices=vertices + (0, 0, height), triangles=triangles)
+    floor = quad((0, 0, 0), (half, 0, 0), (0, half, 0))
+    view = look((0, 0, 0.8), (0, 0, 0), 8, 6, tangent=0.4)
+    material = Material("floor", 0.5)
+    scene = make_scene(*floor, 300.0, [material], view, EDGES, world_temperature=300.0, media=(flame,))
+    found = pass_means(scene, Settings(passes=48, photons_per_pass=10_000, threads=1)).sum(axis=1)
+    tau = 2.0 * absorption * radius
+    emitted = 1.0 - 2.0 / tau**2 * (1.0 - (1.0 + tau) * math.exp(-tau))
+    x, y = np.meshgrid((np.arange(80) + 0.5) / 80 * 0.64 - 0.32, (np.arange(60) + 0.5) / 60 * 0.48 - 0.24)
+    seen_of = radius**2 * height / (x**2 + y**2 + height**2) ** 1.5
+    truth = 0.5 * emitted * np.mean(seen_of) * (black(kelvin) - black(300.0))
+    excess = found - black(300.0)
+    error = standard_error(excess)
+    print(excess.mean() / truth, error / truth)
+    corners = vertices[triangles]
+    missing = 1.0 - np.linalg.det(corners).sum() / 6.0 / (4.0 / 3.0 * math.pi * radius**3)
+    assert abs(excess.mean() - truth) < 4.0 * error + missing * truth
+    assert error < 0.3 * truth
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("mirror", [False, True])
 def test_bands_may_differ_in_anisotropy(mirror):

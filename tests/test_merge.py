@@ -73,6 +73,13 @@ def test_merged_films_merge_on(parts, whole, tmp_path):
     )
 
 
+def test_two_options_never_write_the_same_file(parts, tmp_path, capsys):
+    same = tmp_path / "out.exr"
+    error = refused(capsys, *parts, "--output", same, "--groups", tmp_path / "x" / ".." / "out")
+    assert "Two options would both write" in error and "give --groups another path" in error
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", ["a.npz", "a"])
 def test_a_film_that_is_read_is_never_replaced(parts, tmp_path, capsys, name):
     own = tmp_path / "a.npz"

@@ -9,7 +9,7 @@ from numba import njit
 
 from addon.solver import Material
 from addon.solver.physics.lobes import interpolate_albedo, sample_ggx
-from addon.solver.physics.radiometry import build_radiometry, emission_range, excess
+from addon.solver.physics.radiometry import build_radiometry, emission_range, excess, typical_emissivity
 from addon.solver.physics.spectrum import C2, band_emissivity, band_radiance
 
 EDGES = np.array([7.5, 8.0, 9.5, 9.6, 14.0])
@@ -226,3 +226,11 @@ def test_rounding_below_the_coldest_surface_keeps_its_emission(coldest):
     below = coldest * (1 - 1e-6)
     excess(radiometry, 0, below, 1.0, value)
     np.testing.assert_allclose(value, band_radiance(edges, below), rtol=1e-7)
+
+
+@pytest.mark.parametrize(("low", "high", "bands"), [(7.5, 14.0, 3), (7.5, 14.0, 6), (0.9, 1.7, 4)])
+def test_a_curve_of_1_is_no_more_than_1(low, high, bands):
+    """The quadrature of its bands may round to 1 + 4e-16, and what then is reflected would be less than nothing."""
+    materials = (Material("black", np.array([[8.0, 1.0]])),)
+    emissivity = typical_emissivity(materials, np.linspace(low, high, bands + 1), np.array([300.0]))
+    assert emissivity.max() <= 1.0 and emissivity == pytest.approx(1.0, rel=1e-15)

@@ -84,6 +84,11 @@ def test_a_table_over_zenith_angle_and_wavelength(world):
         ("temperature_table", {"zenith": [0.0]}, "expected lists named zenith, wavelength, kelvin"),
         (
             "temperature_table",
+            {"zenith": "a", "wavelength": [8.0], "kelvin": [250.0]},
+            "expected numbers in the lists zenith, wavelength, kelvin",
+        ),
+        (
+            "temperature_table",
             {"zenith": [0.0, 90.0], "wavelength": [8.0, 9.0], "kelvin": [250.0, 260.0, 270.0]},
             "has 3 temperatures, expected 2 zenith angles times 2 wavelengths",
         ),

@@ -138,6 +138,7 @@ def test_a_range_says_what_0_and_1_are(warm, is_float, tolerance):
     "values, is_float, span, message",
     [
         (SHARES, False, None, "Object 'Wall': Image 'Bad' has 8 bits and holds no kelvin"),
+        (SHARES, True, None, "Object 'Wall': Image 'Bad' has values from .* to .*, which are no kelvin"),  # 16 bits
         (KELVIN - 400.0, True, None, "Object 'Wall': Image 'Bad': temperature -100 K"),
         ([[math.nan, 300.0]], True, None, "Object 'Wall': Image 'Bad': temperature nan K"),
         (SHARES, True, [300.0], "Object 'Wall': temperature_range is"),
@@ -390,6 +391,7 @@ def test_a_mix_by_the_alpha_channel(mixed):
 def test_an_image_that_serves_as_both_is_read_for_each(mixed):
     image = image_of(SHARES, "Both")
     mixed.data.materials[0]["mix"] = mixed["temperature_image"] = image
+    mixed["temperature_range"] = [280.0, 380.0]
     textures = read()[0].textures
     of_temperature, of_share = textures.temperature_image[0], textures.share_image[0]
     assert {of_temperature, of_share} == {0, 1}

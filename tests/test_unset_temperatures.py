@@ -51,9 +51,9 @@ def rendered(caplog):
     return [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
 
 
-def drive(owner, expression):
-    """Drive a data block's temperature."""
-    curve = owner.driver_add('["temperature"]')
+def drive(owner, expression, key="temperature"):
+    """Drive a custom property of a data block."""
+    curve = owner.driver_add(f'["{key}"]')
     curve.driver.expression = expression
     return curve
 
@@ -96,6 +96,24 @@ def test_drivers_of_lights_and_worlds_are_named_too(cube, owner, called):
     (check,) = checks()
     assert check.startswith(f"{called}: the driver 'float('nan')' of temperature gives 0 K")
     assert read()[1] == [check.replace(called, f"'{owner}'")]
+
+
+@pytest.mark.parametrize("key", ["emissivity", "specular", "absorption"])
+def test_drivers_of_materials_are_named_too(cube, key):
+    paint = cube.data.materials[0]
+    paint[key] = 0.5
+    drive(paint, "1 / 0", key)
+    told = f"the driver '1 / 0' of {key} fails; what the property holds counts: 0"
+    assert f"Material '{paint.name}': {told}" in checks()
+    link("Floor", cube_mesh(), temperature=300.0)  # as gas needs a surface
+    assert f"'{paint.name}': {told}" in read()[1]
+
+
+def test_drivers_of_settings_are_named_too(cube):
+    bpy.context.scene.driver_add("infrared.ambient_temperature").driver.expression = "missing"
+    told = "the driver 'missing' of ambient_temperature fails; what the setting holds counts: 0.0"
+    assert f"Scene: {told}" in checks()
+    assert f"'{bpy.context.scene.name}': {told}" in read()[1]
 
 
 def test_an_object_of_many_instances_is_named_once(cube):

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from ..solver.scene import SceneError, check_temperature
 
 
@@ -44,23 +46,37 @@ def number_hint(key: str, text: str) -> str:
     return f"; {key} is a text: for a number set the property's type to Float, or write it without quotes"
 
 
-def driver_remark(id_block, key: str = "temperature", unit: str = "K") -> str:
+def driver_remark(id_block, key: str = "temperature", unit: str = " K", zero: bool = False) -> str:
     """What is wrong with the driver of a custom property, and which value counts; an empty text if nothing is.
 
     Blender puts 0 where a driver fails, gives no number or may not run its script, and only of a failure it leaves a
-    sign. So any 0 is told: hardly anybody drives a temperature there.
+    sign. So any 0 is told, unless people drive it there (zero): hardly anybody does that with a temperature.
     """
     animation, value = (id_block.original or id_block).animation_data, id_block.get(key)
     curve = animation.drivers.find(f'["{key}"]') if animation else None
     if curve is None or curve.mute or not isinstance(value, int | float):
         return ""
-    driver = curve.driver
-    name = f"the driver '{driver.expression}' of {key}" if driver.type == "SCRIPTED" else f"the driver of {key}"
-    if not driver.is_valid:
-        return f"{name} fails; what the property holds counts: {value:.5g} {unit}"
-    if value == 0.0:
-        return f"{name} gives 0 {unit}, as it does if its result is no number or scripts may not run; 0 {unit} counts"
+    if not curve.driver.is_valid:
+        return f"{_name_of(curve, key)} fails; what the property holds counts: {value:.5g}{unit}"
+    if value == 0.0 and not zero:
+        why = "as it does if its result is no number or scripts may not run"
+        return f"{_name_of(curve, key)} gives 0{unit}, {why}; 0{unit} counts"
     return ""
+
+
+def setting_remarks(scene) -> Iterator[str]:
+    """Which drivers of the scene's settings of this engine fail, and which values count."""
+    animation = (scene.original or scene).animation_data
+    for curve in animation.drivers if animation else ():
+        group, _, name = curve.data_path.partition(".")
+        if group == "infrared" and not curve.mute and not curve.driver.is_valid:
+            yield f"{_name_of(curve, name)} fails; what the setting holds counts: {getattr(scene.infrared, name)}"
+
+
+def _name_of(curve, key: str) -> str:
+    """How messages call the driver of a value."""
+    scripted = curve.driver.type == "SCRIPTED"
+    return f"the driver '{curve.driver.expression}' of {key}" if scripted else f"the driver of {key}"
 
 
 def describe(value) -> str:

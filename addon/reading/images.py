@@ -80,6 +80,11 @@ def kelvin_pixels(image, id_block, owner: str) -> np.ndarray:
         raise SceneError(
             f"{owner}: Image '{image.name}' has 8 bits and holds no kelvin; set temperature_range to what 0 and 1 mean"
         )
+    if span is None and 0.0 < values.max() <= 1.0:  # Blender says of 16 bits that they are floating point, too
+        raise SceneError(
+            f"{owner}: Image '{image.name}' has values from {values.min():.4g} to {values.max():.4g}, which are no "
+            "kelvin; set temperature_range to what 0 and 1 mean"
+        )
     kelvin = values if span is None else (span[0] + (span[1] - span[0]) * values).astype(np.float32)
     for value in (kelvin.min(), kelvin.max()):  # NaN is both
         check_temperature(float(value), f"{owner}: Image '{image.name}'")

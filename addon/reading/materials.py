@@ -8,7 +8,7 @@ import numpy as np
 
 from ..solver.physics import library
 from ..solver.scene import Material, SceneError
-from .custom_properties import describe, is_number, number_hint, read_choice, read_number
+from .custom_properties import describe, driver_remark, is_number, number_hint, read_choice, read_number
 
 _PLURAL = {"emissivity": "emissivities", "transmittance": "transmittances"}
 FRESNEL_LEFT_OUT = "fresnel is left out: a thin sheet with a transmittance is alike at all angles"
@@ -34,6 +34,12 @@ def read_material(material, default_emissivity: float) -> Material:
         constants=library.find_constants(emissivity) if by_name else None,
         transmittance=transmittance,
     )
+
+
+def surface_remarks(material) -> list[str]:
+    """What is wrong with the drivers of a Blender material's surface, and which values count."""
+    others = (driver_remark(material, key, "", zero=True) for key in ("transmittance", "specular", "roughness", "mix"))
+    return [remark for remark in (driver_remark(material, "emissivity", ""), *others) if remark]
 
 
 def leaves_fresnel_out(material, read: Material) -> bool:

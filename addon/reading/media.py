@@ -9,7 +9,7 @@ from ..solver.geometry.closed import fault_of
 from ..solver.physics.aerosols import mix_in
 from ..solver.physics.gases import find_gas
 from ..solver.scene import ATMOSPHERE, Medium, SceneError
-from .custom_properties import describe, is_number, number_hint, read_number
+from .custom_properties import describe, driver_remark, is_number, number_hint, read_number
 from .materials import pair_points
 from .warnings import Warnings
 from .world import unset_surroundings
@@ -36,6 +36,12 @@ def read_optics(block, owner: str, metres: float) -> dict:
     optics = {quantity: _coefficient(block, quantity, owner, metres) for quantity in ("absorption", "scattering")}
     anisotropy = read_number(block, "anisotropy", 0.0, owner, " from -1 to 1")
     return optics | {"anisotropy": anisotropy, "contents": _contents(block, owner), "metres": metres}
+
+
+def gas_remarks(block) -> list[str]:
+    """What is wrong with the drivers of the gas of a material or world, and which values count."""
+    remarks = (driver_remark(block, key, "", zero=True) for key in ("absorption", "scattering", "anisotropy"))
+    return [remark for remark in remarks if remark]
 
 
 def build_medium(name: str, contents: dict[str, float], **values) -> Medium:
@@ -86,6 +92,8 @@ def read_medium(
     if leak:
         warnings.add(obj.name, leak)
         return None
+    for remark in gas_remarks(material):
+        warnings.add(material.name, remark)
     optics = read_optics(material, f"Material '{material.name}'", metres)
     optics["pressure"] = read_pressure(obj, f"Object '{obj.name}'")
     return build_medium(
@@ -121,5 +129,7 @@ def read_world_medium(world, kelvin: float, warnings: Warnings, metres: float) -
         warnings.add(world.name, "its gas has no depth, so rays that leave the scene cross none of it")
     if unset_surroundings(world):
         warnings.add(world.name, "its gas has no temperature; it absorbs, and emits nothing, as at 0 K")
+    for remark in gas_remarks(world):
+        warnings.add(world.name, remark)
     optics = read_optics(world, owner, metres) | {"pressure": read_pressure(world, owner)}
     return (build_medium(owner, temperature=kelvin, **optics),), depth

@@ -17,7 +17,7 @@ from ..solver.scene import Hidden, Scene, SceneError
 from .bands import read_band_edges
 from .camera import pixel_size, read_camera
 from .categories import Categories
-from .custom_properties import driver_remark
+from .custom_properties import driver_remark, setting_remarks
 from .groups import UNGROUPED_LIGHT, GroupReader, read_group
 from .ignored import ignored_scene_settings, ignored_settings, left_out_instance
 from .lights import metres_per_unit, read_light, uneven_beam
@@ -113,6 +113,8 @@ def read_contents(depsgraph, surfaces: SurfaceReader, space=None, camera=None) -
     world = layer_world(scene, layer)
     if world is not None and (remark := driver_remark(world)):
         warnings.add(world.name, remark)
+    for remark in setting_remarks(scene):
+        warnings.add(scene.name, remark)
     arrays = surfaces.arrays(world)
     if any(medium.scatters for medium in arrays.get("media", ())):
         for name in sorted(hiding):

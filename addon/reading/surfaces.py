@@ -13,7 +13,7 @@ from ..solver.scene import Material, SceneError
 from .categories import Categories
 from .custom_properties import driver_remark, read_temperature
 from .groups import GroupReader, read_group
-from .materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
+from .materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material, surface_remarks
 from .media import GROUPED_AIR, NO_GROUP, is_medium, read_medium, read_world_medium
 from .meshes import MeshData, read_mesh
 from .objects import STRAND_TYPES
@@ -338,6 +338,8 @@ class SurfaceReader:
         read = read_material(material, self.default.emissivity)
         if leaves_fresnel_out(material, read):
             self.warnings.add(material.name, FRESNEL_LEFT_OUT)
+        for remark in surface_remarks(material):
+            self.warnings.add(material.name, remark)
         return read
 
 

@@ -69,7 +69,11 @@ def _sky_of_table(table, owner: str) -> Sky:
     first."""
     if not hasattr(table, "to_dict") or any(key not in table for key in _COLUMNS):
         raise SceneError(f"{owner}: temperature_table is {describe(table)}, expected lists named {', '.join(_COLUMNS)}")
-    zenith, wavelength, kelvin = (np.atleast_1d(np.array(table[key], np.float64)) for key in _COLUMNS)
+    try:
+        zenith, wavelength, kelvin = (np.atleast_1d(np.array(table[key], np.float64)) for key in _COLUMNS)
+    except (TypeError, ValueError):
+        expected = f"expected numbers in the lists {', '.join(_COLUMNS)}"
+        raise SceneError(f"{owner}: temperature_table is {describe(table)}, {expected}") from None
     if kelvin.size != zenith.size * wavelength.size:
         raise SceneError(
             f"{owner}: temperature_table has {kelvin.size} temperatures, expected {zenith.size} zenith angles times "

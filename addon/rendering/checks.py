@@ -16,14 +16,15 @@ import numpy as np
 
 from ..reading.bands import read_adaptive_bands, read_band_edges, read_band_range
 from ..reading.camera import read_camera
-from ..reading.custom_properties import driver_remark, is_number, read_temperature
+from ..reading.custom_properties import driver_remark, is_number, read_temperature, setting_remarks
 from ..reading.groups import UNGROUPED_LIGHT, read_group_temperatures
 from ..reading.ignored import ignored_scene_settings, ignored_settings, left_out
 from ..reading.lights import read_light, uneven_beam
-from ..reading.materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material
+from ..reading.materials import FRESNEL_LEFT_OUT, leaves_fresnel_out, read_material, surface_remarks
 from ..reading.media import (
     GROUPED_AIR,
     NO_GROUP,
+    gas_remarks,
     is_medium,
     leak_message,
     read_gas_alone,
@@ -90,13 +91,16 @@ def problems(read: Callable, *arguments) -> list[Check]:
 
 def settings_checks(infrared) -> list[Check]:
     """Checks of the solver's settings."""
-    return problems(read_settings, infrared)
+    failing = [Check("WARNING", f"Scene: {remark}") for remark in setting_remarks(infrared.id_data)]
+    return problems(read_settings, infrared) + failing
 
 
 def material_checks(material, infrared) -> list[Check]:
     """Checks of a material: of its gas, if it fills meshes, else of its surface."""
     if is_medium(material):
-        return gas_checks(material, f"Material '{material.name}'", infrared) + _mix_checks(material)
+        owner = f"Material '{material.name}'"
+        driven = [Check("WARNING", f"{owner}: {remark}") for remark in gas_remarks(material)]
+        return driven + gas_checks(material, owner, infrared) + _mix_checks(material)
     return _surface_checks(material, infrared) + _mix_checks(material) + _shader_checks(material)
 
 
@@ -142,7 +146,8 @@ def _surface_checks(material, infrared) -> list[Check]:
         read = read_material(material, infrared.default_emissivity)
     except SceneError as error:
         return [Check("ERROR", str(error))]
-    return [*_fresnel_checks(material, read, owner), *_emissivity_checks(material, read.curve[0], infrared)]
+    driven = [Check("WARNING", f"{owner}: {remark}") for remark in surface_remarks(material)]
+    return [*driven, *_fresnel_checks(material, read, owner), *_emissivity_checks(material, read.curve[0], infrared)]
 
 
 def _fresnel_checks(material, read: Material, owner: str) -> list[Check]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 
 from ..heat_settings import read_scale, scene_unit
-from ..output.formats import numbered
+from ..output.formats import numbered, replaced
 from ..output.group_exr import read_group_exr, write_recombined
 from ..output.heat_picture import write_picture
 from ..reading.groups import read_group_temperatures
@@ -46,13 +46,13 @@ def moments(context, source: str, series: str, known: Iterable[str]) -> Iterator
     elif source == "CURRENT":
         yield scene.frame_current, read_group_temperatures(scene)
     else:
-        shown = scene.frame_current
+        shown, between = scene.frame_current, scene.frame_subframe
         try:
             for frame in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
                 scene.frame_set(frame)
                 yield frame, read_group_temperatures(scene)
         finally:
-            scene.frame_set(shown)
+            scene.frame_set(shown, subframe=between)
 
 
 def recombine(context, groups: Path, target: str, source: str, series: str = "", pictures: bool = False) -> list[Path]:
@@ -71,13 +71,14 @@ def recombine(context, groups: Path, target: str, source: str, series: str = "",
             image.factors(temperatures)
         except SceneError as error:
             raise SceneError(f"'{told}', frame {frame}: {error}") from error
-    scale, unit, paths = read_scale(context.scene.infrared), scene_unit(context.scene), []
-    for frame, temperatures in wanted:
-        path = numbered(bpy.path.abspath(target), ".exr", frame, len(wanted) > 1)
+    scale, unit = read_scale(context.scene.infrared), scene_unit(context.scene)
+    paths = [numbered(bpy.path.abspath(target), ".exr", frame, len(wanted) > 1) for frame, _ in wanted]
+    if replaced(paths, [groups]):
+        raise SceneError(f"'{groups}' is read, and would be replaced: give the images another path")
+    for path, (_, temperatures) in zip(paths, wanted, strict=True):
         temperature = write_recombined(path, image, temperatures, facts)
         if pictures:
             write_picture(path.with_suffix(".png"), temperature, scale, unit)
         log.info("%s: %s", path, ", ".join(f"{name} {kelvin:g} K" for name, kelvin in temperatures.items()))
-        paths.append(path)
     keep_picture(PICTURE, thermal_picture(temperature, scale, working_primaries()))
     return paths

@@ -23,11 +23,13 @@ PATHS = {  # settings of a scene, and what users read of them
     "film_path": "Keep Film",
     "label_path": "Labels",
 }
+_OUTPUT = "Blender's Output"
 
 
 def check_paths(infrared, animation: bool = False) -> None:
-    """Raise SceneError if two settings would write the same file, or if a path starts at the folder of the blend file
-    ('//'), but that was never saved: Blender would then take the folder that it happened to be started in."""
+    """Raise SceneError if two settings, or one and Blender itself, would write the same file, or if a path starts at
+    the folder of the blend file ('//'), but that was never saved: Blender would then take the folder that it happened
+    to be started in."""
     for path in (getattr(infrared, name) for name in PATHS):
         if path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"Save the file first: '{path}' starts at its folder")
@@ -35,7 +37,7 @@ def check_paths(infrared, animation: bool = False) -> None:
     for name, path in _files(infrared.id_data, animation):
         owner = owners.setdefault(os.path.normcase(os.path.abspath(path)), name)
         if owner != name:
-            both = f"{PATHS[owner]} and {PATHS[name]}"
+            both = f"{PATHS.get(owner, owner)} and {PATHS.get(name, name)}"
             raise SceneError(f"{both} would both write '{path}'; give one of them another path")
 
 
@@ -48,6 +50,8 @@ def _files(scene, animation: bool) -> Iterator[tuple[str, Path]]:
     for name, path in others.items():
         if getattr(scene.infrared, name):
             yield name, path(scene, "", animation)
+    if animation:  # of a still picture Blender does not say whether it will be written
+        yield _OUTPUT, Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_current)))
 
 
 def written_formats(infrared) -> list[str]:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.eye import Eye, build_eye, empty_eye_rays, eye_rays
-from ..geometry.interaction import interact, pass_on
+from ..geometry.interaction import interact, mixed_at, pass_on
 from ..geometry.media import radius_of_media
 from ..geometry.segments import ENDLESS, RayBatch, Tracer
 from ..geometry.surfaces import Geometry, Surfaces, build_geometry, build_surfaces
@@ -139,7 +139,8 @@ def _go_on(surfaces, optics, hits, rays, ends, found, onward):
         if hits.triangle[i] < 0:
             continue
         at, of, way = interact(surfaces, hits, i, rays.direction), ray[i], vector(rays.direction, i)
-        passed = left[of] * transmittance[at.material]
+        (other, share), own = mixed_at(surfaces, at), transmittance[surfaces.material[at.triangle]]
+        passed = left[of] * (own + share * (transmittance[other] - own))
         if not held[at.triangle]:
             alpha[of] += left[of] - passed
         left[of] = passed

@@ -66,7 +66,8 @@ def first_hit_images(
     """
     geometry = build_geometry(scene, geometry)
     surfaces, tracer, centre = build_surfaces(scene, geometry)
-    tracer = with_holes(tracer, surfaces, mean_transmittance(scene.materials, scene.band_edges)).camera
+    holes = np.floor(mean_transmittance(scene.materials, scene.band_edges))
+    tracer = with_holes(tracer, surfaces, holes).camera
     through = Transmittance(scene, tracer, centre) if "transmittance" in names and scene.media else None
     radius = max(scene_radius(surfaces.corners), radius_of_media(scene.media, centre) if through else 0.0)
     pinhole = build_eye(scene.camera, centre, radius)._replace(lens_radius=0.0)

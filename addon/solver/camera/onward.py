@@ -6,7 +6,15 @@ import numpy as np
 from ..geometry.curved import reflecting
 from ..geometry.interaction import interact, leave
 from ..geometry.segments import FROM_DIFFUSE, FROM_GLOSSY
-from ..geometry.stage import diffuse_reflectance_at, enter, lobe_reflectance_at, lobes_at, lobes_met, reflectance_at
+from ..geometry.stage import (
+    diffuse_reflectance_at,
+    enter,
+    is_grainy,
+    lobe_reflectance_at,
+    lobes_at,
+    lobes_met,
+    reflectance_at,
+)
 from ..geometry.surfaces import clear_of, sheet_of
 from ..photons.transport import MAX_SURVIVAL
 from ..physics.lobes import (
@@ -195,7 +203,7 @@ def _reflect_specularly(stage, at, bounce, i, counts, out, sent):
     _leave(stage.surfaces, at, direction, rays.pixel[i], path, onward, sent)
     onward.final[sent], onward.continued[sent] = rays.final[i], rays.continued[i]
     onward.doubts[sent], onward.kind[sent] = rays.doubts[i], FROM_GLOSSY
-    onward.steady[sent] = rays.steady[i] and survival >= 1.0 and lobes.alpha == 0.0
+    onward.steady[sent] = rays.steady[i] and survival >= 1.0 and lobes.alpha == 0.0 and not is_grainy(stage, at)
     astray = is_astray(rays, i)
     onward.density[sent] = ASTRAY if astray else BLIND if rays.final[i] else ALONE
     if shares_by_lobe(lobes, rays.final[i]):

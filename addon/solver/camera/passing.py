@@ -10,8 +10,7 @@ import numpy as np
 
 from ..geometry.interaction import interact, pass_on
 from ..geometry.segments import ENDLESS
-from ..geometry.stage import Stage, lobes_met, transmittance_at
-from ..physics.lobes import transmits
+from ..geometry.stage import Stage, is_passed, passing_at
 from ..sampling.rng import path_key, uniform
 from ..sampling.vectors import dot, vector
 from ..system.kernels import FAST_KERNEL, njit
@@ -28,20 +27,21 @@ def pass_through(stage: Stage, bounce: Bounce, samples: np.ndarray, reach: np.nd
     length; the rays that go on have directions of unit length.
     """
     count = len(bounce.hits.triangle)
-    passed, left = empty_rays(count, bounce.rays.throughput.shape[1], True), np.empty(count, np.float32)
-    found = _pass_through(stage, bounce, samples, reach, passed, left)
+    bands = bounce.rays.throughput.shape[1]
+    passed, left, room = empty_rays(count, bands, True), np.empty(count, np.float32), np.empty(bands, np.float32)
+    found = _pass_through(stage, bounce, samples, reach, (passed, left), room)
     bounce.hits.distance[:] += bounce.rays.passed[:count]
     return Rays(*(column[:found] for column in passed)), left[:found]
 
 
 @njit(**FAST_KERNEL)
-def _pass_through(stage, bounce, samples, reach, passed, left):
-    rays, hits, found = bounce.rays, bounce.hits, np.int64(0)
+def _pass_through(stage, bounce, samples, reach, out, room):
+    rays, hits, (passed, left), found = bounce.rays, bounce.hits, out, np.int64(0)
     for i in range(hits.triangle.size):
-        if hits.triangle[i] < 0 or not transmits(lobes_met(stage, hits, i)):
+        if hits.triangle[i] < 0 or not is_passed(stage, np.int64(hits.triangle[i])):
             continue
         at, way = interact(stage.surfaces, hits, i, rays.direction), vector(rays.direction, i)
-        tau, path = transmittance_at(stage, at), path_key(rays.path[i], PASSING + bounce.number)
+        tau, path = passing_at(stage, at, room), path_key(rays.path[i], PASSING + bounce.number)
         through = largest_throughput(rays.throughput[i], tau)
         if through <= 0.0:
             continue

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..sampling.vectors import difference, dot, put_vector, scaled, vector
 from ..system.kernels import INLINED, njit
-from .surfaces import clear_of, facing_side, material_at, shading_normal, unit_normal
+from .surfaces import clear_of, facing_side, material_at, other_material, shading_normal, unit_normal
+from .textures import mixed_share, row_of
 from .triangles import barycentric, point
 
 LEAST_COSINE = 1e-6  # least cosine of an Interaction, so that nothing is divided by 0 at grazing rays
@@ -63,6 +64,15 @@ def interact_at(surfaces, triangle, u, v, direction, length):
     return Interaction(
         triangle, side_id, at, n, ns, lean, material, u, v, incoming, cosine, geometric_cosine, length * norm
     )
+
+
+@njit(**INLINED)
+def mixed_at(surfaces, at):
+    """Of a mixed material at an Interaction: the material that is mixed in, and its share; else its own, and 0."""
+    other = other_material(surfaces, at.triangle)
+    if other < 0:
+        return surfaces.material[at.triangle], 0.0
+    return other, mixed_share(surfaces.textures, row_of(surfaces.textures, at.triangle), at.u, at.v)
 
 
 @njit(**INLINED)

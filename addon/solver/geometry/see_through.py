@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Seeing through: rays that pass some points of surfaces as if nothing were there.
 
-Where a mixed material has grains that transmit everything, as between the leaves on a card, there is a hole, and no ray
-but a photon's knows of a surface: a photon is counted on the whole card, and then goes on. While a render is planned,
-before it is known in which band sheets transmit how much, thin sheets have holes, too, as large a share of them as they
-transmit in the mean.
+Where a mixed material transmits everything, as between the leaves on a card, there is a hole, and no ray but a photon's
+knows of a surface: a photon is counted on the whole card, and then goes on. Where but some grains transmit everything,
+as at the blurred edge of a leaf, the rays of a render meet the surface: what is emitted and passes there is the mean
+over the grains, so these bring no noise. While a render is planned, before it is known in which band sheets transmit
+how much, rays pass by chance: such grains, and of thin sheets as large a share as they transmit in the mean.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import numpy as np
 
 from ..sampling.vectors import moved, put_vector, vector
 from ..scene import Hidden
-from ..system.kernels import KERNEL, njit
-from .interaction import interact, pass_on, pass_towards
+from ..system.kernels import INLINED, KERNEL, njit
+from .interaction import interact, mixed_at, pass_on, pass_towards
 from .segments import ENDLESS, Hits, RayBatch, Tracer, empty_ray_batch, trace_by_kind, transmit
 from .stage import Stage, shine_through, transmits_anywhere
 from .surfaces import Surfaces, used_materials
@@ -26,14 +27,16 @@ from .textures import PASSING, grain
 class SeeingThrough(Tracer):
     """A tracer of rays that pass the points of surfaces with a chance that hangs on the material there."""
 
-    def __init__(self, tracer: Tracer, surfaces: Surfaces, chance: np.ndarray):
-        """tracer: of these surfaces. chance: (materials,) float64, 0..1, 1 for holes."""
-        self._uncut, self._surfaces, self._chance = tracer, surfaces, chance
+    def __init__(self, tracer: Tracer, surfaces: Surfaces, chance: np.ndarray, certain: bool):
+        """tracer: of these surfaces. For chance and certain see with_holes."""
+        self._uncut, self._surfaces, self._chance, self._certain = tracer, surfaces, chance, certain
         self._may = _may_pass(surfaces, chance)
         self.hidden = tracer.hidden
         parts = [tracer.seen_from(kind) for kind in range(len(Hidden))]
         if any(part is not tracer for part in parts):
-            self._parts = tuple(self if part is tracer else SeeingThrough(part, surfaces, chance) for part in parts)
+            self._parts = tuple(
+                self if part is tracer else SeeingThrough(part, surfaces, chance, certain) for part in parts
+            )
 
     def trace(self, origin: np.ndarray, direction: np.ndarray, reach: np.ndarray | None = None) -> Hits:
         ends = np.full(len(origin), ENDLESS) if reach is None else reach.copy()
@@ -41,7 +44,7 @@ class SeeingThrough(Tracer):
         ray, onward, met = np.arange(len(origin)), RayBatch(origin, direction), hits
         while len(ray):
             room = empty_ray_batch(len(ray))
-            rays, passing = (origin, direction, ends), (self._may, self._chance)
+            rays, passing = (origin, direction, ends), (self._may, self._chance, self._certain)
             passed = _pass(self._surfaces, passing, met, onward, rays, room, ray)
             ray, onward = ray[:passed], RayBatch(*(column[:passed] for column in room))
             unit = np.where(ends[ray] < ENDLESS, ends[ray] - hits.distance[ray], np.float32(1.0))
@@ -138,11 +141,10 @@ def _set_out(surfaces, at, whole, of, onward, i):
         put_vector(vector(direction, of), onward.direction, i)  # distances are in units of its length
 
 
-def with_holes(tracer: Tracer, surfaces: Surfaces, transmittance: np.ndarray, in_thin_sheets: bool = False) -> Tracer:
-    """The tracer of surfaces whose materials have this transmittance, (materials,) 0..1, in the mean over the bands: it
-    sees through what transmits everything and, if asked to, through points of thin sheets. Itself if there is none."""
-    chance = transmittance if in_thin_sheets else np.floor(transmittance)
-    return SeeingThrough(tracer, surfaces, chance) if chance[used_materials(surfaces)].any() else tracer
+def with_holes(tracer: Tracer, surfaces: Surfaces, chance: np.ndarray, certain: bool = False) -> Tracer:
+    """The tracer of surfaces whose materials let rays pass with this chance, (materials,) float64, 0..1, 1 for holes;
+    itself if none does. certain: rays pass only where all grains of a mixed material have one chance."""
+    return SeeingThrough(tracer, surfaces, chance, certain) if chance[used_materials(surfaces)].any() else tracer
 
 
 def _may_pass(surfaces: Surfaces, chance: np.ndarray) -> np.ndarray:
@@ -155,6 +157,13 @@ def _may_pass(surfaces: Surfaces, chance: np.ndarray) -> np.ndarray:
     return may
 
 
+@njit(**INLINED)
+def _is_sure(surfaces, at, chance):
+    """Whether all grains at an Interaction let rays pass with the same chance."""
+    other, share = mixed_at(surfaces, at)
+    return not 0.0 < share < 1.0 or chance[other] == chance[surfaces.material[at.triangle]]
+
+
 @njit(**KERNEL)
 def _pass(surfaces, passing, hits, rays, whole, onward, ray):
     """Fill onward with those of n rays that pass what they meet, moved behind it, and move ray (n,) alike; returns how
@@ -162,13 +171,15 @@ def _pass(surfaces, passing, hits, rays, whole, onward, ray):
 
     passing: see SeeingThrough. whole: origin, direction and reach of all rays, of which these are rows `ray`.
     """
-    (may, chance), count = passing, np.int64(0)
+    (may, chance, certain), count = passing, np.int64(0)
     for i in range(hits.triangle.size):
         t, of = hits.triangle[i], ray[i]
         if t < 0 or not may[t]:
             continue
         at = interact(surfaces, hits, i, rays.direction)
         chosen = chance[at.material]
+        if certain and not _is_sure(surfaces, at, chance):
+            continue
         if chosen < 1.0 and grain(t, hits.u[i], hits.v[i], PASSING) >= chosen:
             continue
         _set_out(surfaces, at, whole, of, onward, count)

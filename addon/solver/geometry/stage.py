@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..physics.fresnel import BELOW, ENTERING, FACET, TOTAL, fill_reflectance, multiply_reflectance, reflectance_of
-from ..physics.lobes import facet_cosine, is_angular, lobes_of
+from ..physics.lobes import facet_cosine, is_angular, lobes_of, transmits
 from ..physics.radiometry import Radiometry, excess
 from ..system.kernels import FAST_INLINED, INLINED, njit
-from .surfaces import Surfaces, layer_of, material_at
-from .textures import mixed_share, row_of, temperature_in_image
+from .interaction import mixed_at
+from .surfaces import Surfaces, layer_of, material_at, other_material
+from .textures import row_of, temperature_in_image
 
 
 class Stage(NamedTuple):
@@ -100,21 +101,31 @@ def shine_through(stage, at, value):
     return left
 
 
-@njit(**INLINED)
-def is_mixed(stage, at):
-    """Whether the triangle at an Interaction has a mixed material."""
-    row = row_of(stage.surfaces.textures, at.triangle)
-    return row >= 0 and stage.surfaces.textures.mixed[row] >= 0
+@njit(inline="always")
+def passing_at(stage, at, room):
+    """As transmittance_at, of a mixed material the mean over its grains, so that these bring no noise to what is seen
+    through them: a row of a table, or the room (b,) float32."""
+    (other, share), tau = mixed_at(stage.surfaces, at), stage.radiometry.transmittance
+    row = tau[at.material]
+    if 0.0 < share < 1.0:
+        own = stage.surfaces.material[at.triangle]
+        for b in range(room.size):
+            room[b] = tau[own, b] + np.float32(share) * (tau[other, b] - tau[own, b])
+        row = room
+    return row
 
 
 @njit(**INLINED)
-def mixed_at(stage, at):
-    """Of a mixed material at an Interaction: the material that is mixed in, and its share; else its own, and 0."""
-    if not is_mixed(stage, at):
-        return stage.surfaces.material[at.triangle], 0.0
-    table = stage.surfaces.textures
-    row = row_of(table, at.triangle)
-    return table.mixed[row], mixed_share(table, row, at.u, at.v)
+def is_passed(stage, t):
+    """Whether light passes any grain of triangle t straight on."""
+    lobes, other = stage.radiometry.lobes, other_material(stage.surfaces, t)
+    return transmits(lobes_of(lobes, stage.surfaces.material[t])) or (other >= 0 and transmits(lobes_of(lobes, other)))
+
+
+@njit(**INLINED)
+def is_grainy(stage, at):
+    """Whether it hangs on the grain what happens at an Interaction."""
+    return 0.0 < mixed_at(stage.surfaces, at)[1] < 1.0
 
 
 @njit(inline="always")
@@ -135,9 +146,9 @@ def lobes_met(stage, hits, i):
 def stored_at(stage, at):
     """Which photons are stored at an Interaction: NONE, STRAIGHT or ALL, see radiometry.stored_photons. Of a mixed
     material both grains store what either does: photons are counted on areas that hold both."""
-    stores, table = stage.radiometry.stores, stage.surfaces.textures
-    kept = stores[stage.surfaces.material[at.triangle]]
-    return max(kept, stores[table.mixed[row_of(table, at.triangle)]]) if is_mixed(stage, at) else kept
+    stores = stage.radiometry.stores
+    kept, other = stores[stage.surfaces.material[at.triangle]], other_material(stage.surfaces, at.triangle)
+    return max(kept, stores[other]) if other >= 0 else kept
 
 
 @njit(**INLINED)
@@ -215,7 +226,7 @@ def emission_at(stage, at, emitted):
 def _emit_into_slot(stage, at, emitted):
     """Fill a slot of the cache with the emission at an Interaction, if it is not there yet; returns the slot."""
     kelvin, angular = temperature_at(stage, at), is_angular(lobes_at(stage, at))
-    (other, share), own = mixed_at(stage, at), stage.surfaces.material[at.triangle]
+    (other, share), own = mixed_at(stage.surfaces, at), stage.surfaces.material[at.triangle]
     slot = (own + int(_PER_KELVIN * kelvin)) % _SLOTS
     if angular or share > 0.0 or own != emitted.material[slot] or kelvin != emitted.kelvin[slot]:
         excess(stage.radiometry, own, kelvin, at.cosine, emitted.room)

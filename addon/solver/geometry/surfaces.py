@@ -334,11 +334,17 @@ def shading_normal(surfaces, side_id, u, v):
 @njit(**INLINED)
 def material_at(surfaces, t, u, v):
     """Index of the material at (u, v) of triangle t: of a mixed one, that of the grain there, see textures."""
-    own, table = surfaces.material[t], surfaces.textures
-    row = row_of(table, t)
-    if row < 0 or table.mixed[row] < 0:
+    own, other, table = surfaces.material[t], other_material(surfaces, t), surfaces.textures
+    if other < 0:
         return own
-    return table.mixed[row] if grain(t, u, v, MATERIAL) < mixed_share(table, row, u, v) else own
+    return other if grain(t, u, v, MATERIAL) < mixed_share(table, row_of(table, t), u, v) else own
+
+
+@njit(**INLINED)
+def other_material(surfaces, t):
+    """Index of the material that is mixed into that of triangle t, -1 if none is."""
+    row = row_of(surfaces.textures, t)
+    return surfaces.textures.mixed[row] if row >= 0 else np.int32(-1)
 
 
 @njit(inline="always")

@@ -13,7 +13,6 @@ from ..geometry.stage import (
     Stage,
     diffuse_reflectance_at,
     enter,
-    is_mixed,
     lobe_reflectance_at,
     lobes_at,
     reflectance_at,
@@ -21,6 +20,7 @@ from ..geometry.stage import (
     transmits_anywhere,
     transmittance_at,
 )
+from ..geometry.surfaces import other_material
 from ..physics.lobes import (
     adjoint,
     diffuse_share,
@@ -149,7 +149,7 @@ def scatter(stage, optics, key, bounce, hits, wave, out):
         if transmits(lobes) and wave.arrival[i] < 0:
             through = _reflected_share(optics, wave.power[i], transmittance_at(stage, at))
         goes_on = share > 0.0 or through > 0.0
-        if not (goes_on or is_mixed(stage, at)):
+        if not (goes_on or other_material(stage.surfaces, at.triangle) >= 0):
             continue
         diffuse = evaluate_diffuse(at, scaled(at.incoming, -1.0))
         straight, stores = wave.chain[i] & STRAIGHT_FROM_LIGHT != 0 and is_glossy(lobes), stored_at(stage, at)

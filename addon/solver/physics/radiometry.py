@@ -280,7 +280,8 @@ def _times_black_excess(radiometry, row, t, out):
 def typical_emissivity(materials: tuple[Material, ...], edges: np.ndarray, temperature: np.ndarray) -> np.ndarray:
     """(m, b) emissivity of each material in each band, weighted at the mean of the surfaces' temperatures (K)."""
     kelvin = float(temperature.mean(dtype=np.float64))
-    return np.array([band_emissivity(edges, kelvin, material.curve) for material in materials])
+    found = np.array([band_emissivity(edges, kelvin, material.curve) for material in materials])
+    return np.clip(found, 0.0, 1.0)  # a quadrature of a curve that is 1 may give 1 + 2e-16
 
 
 def emission_range(temperature: np.ndarray, images: tuple[Texture, ...] = ()) -> tuple[float, float]:

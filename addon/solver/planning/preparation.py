@@ -55,7 +55,7 @@ from ..physics.radiometry import (
 from ..physics.sensors import band_weights
 from ..physics.spectrum import faintest
 from ..sampling.heuristics import Looking, typical_looking
-from ..sampling.rng import AFAR, PILOT, SHEETS, TRIAL, pass_key
+from ..sampling.rng import PILOT, SHEETS, TRIAL, pass_key
 from ..scene import MOLECULES, Scene
 from ..settings import Settings
 from .antialiasing import choose_samples, least_price
@@ -135,8 +135,8 @@ def prepare(
     layers, layer = scene_layers(scene)
     surfaces, tracer, centre = build_surfaces(scene, geometry, layer)
     transmittance = mean_transmittance(scene.materials, scene.band_edges)
-    rendering = with_holes(tracer, surfaces, transmittance)  # the tracer of passes
-    tracer = with_holes(tracer, surfaces, transmittance, in_thin_sheets=True)
+    rendering = with_holes(tracer, surfaces, np.floor(transmittance), certain=True)  # the tracer of passes
+    tracer = with_holes(tracer, surfaces, transmittance)
     if scene.media:
         tracer = Atmosphere(tracer, scene.media, centre, scene.world_depth)
     radius = scene_radius(surfaces.corners)
@@ -173,8 +173,8 @@ def prepare(
         heat = build_heat_table(scene.media, scene.band_edges, radiometry.quiet, radiometry.reference)
         tracer.fill(table if molecular is None else molecular.typical_table(2.0 * radius), heat)
         reach = reach._replace(arrival=pilot.weight, openness=1.0)  # from media light arrives everywhere
-        key = pass_key(0, AFAR, PILOT)
-        surroundings = fill_surroundings(surroundings, tracer, stage, lights, reach, lamps, key)
+        outlines = [medium.outline - centre for medium in scene.media if medium.outline is not None]
+        surroundings = fill_surroundings(surroundings, tracer, stage, lights, reach, lamps, outlines)
     emitters = build_emitters(stage, surroundings, lights, reach, emission, lamps)
     optics, storing = _choose_optics(scene, settings, stage, lamps, len(layers))
     throws = optics.keep_caustic and len(scene.lights) > 0 and tracer.scatters
