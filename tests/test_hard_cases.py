@@ -529,6 +529,27 @@ def furnished(size=1.0, shift=0.0, count=0):
     return make_scene(vertices * size + shift, triangles, kelvin, materials, camera, EDGES, material, lights=(lamp,))
 
 
+@pytest.mark.parametrize("distance", [2e4, 1e6])
+def test_one_thing_far_away_changes_nothing(distance):
+    """Coordinates count from where most of the scene is, so that float32 resolves what is there. Differences of pixels
+    over their stated errors, with 2 mK in quadrature: about 1, or less as both renders have one seed, and none beyond
+    5."""
+    near = furnished()
+    plate, triangles = quad((distance, 0, 0), (1, 0, 0), (0, 1, 0))
+    both = dataclasses.replace(
+        near,
+        vertices=np.concatenate((near.vertices, plate)),
+        triangles=np.concatenate((near.triangles, triangles + len(near.vertices))).astype(np.int32),
+        temperature=np.append(near.temperature, [300.0, 300.0]).astype(np.float32),
+        material=np.append(near.material, [0, 0]).astype(np.int32),
+    )
+    one, other = (render(scene, QUICK) for scene in (near, both))
+    stated = np.sqrt(one.noise() ** 2 + other.noise() ** 2 + 0.002**2)
+    ratio = np.abs(one.temperature() - other.temperature()) / stated
+    print(np.sqrt(np.mean(ratio**2)), ratio.max())
+    assert np.sqrt(np.mean(ratio**2)) < 1.2 and ratio.max() < 5.0
+
+
 @pytest.mark.parametrize("size", [2.0**-20, 2.0**20])
 def test_size_of_a_furnished_room(size):
     """Radiance does not depend on size, if lamps grow as areas do. Powers of two scale float numbers exactly, so every

@@ -17,7 +17,7 @@ from .mesh import distinct, find_neighbours, first_at_point, label_sheets
 from .point_tree import WIDTH, PointTree, build_tree, empty_leaves, morton_order
 from .segments import Tracer
 from .textures import MATERIAL, TextureTable, build_textures, grain, mixed_share, row_of, temperature_in_image
-from .triangles import Corners, area_of, bounds, centroid, centroids, extended, longest_edge, planes
+from .triangles import Corners, area_of, centroid, centroids, extended, longest_edge, planes
 
 log = logging.getLogger(__name__)
 
@@ -25,6 +25,7 @@ _FLAT = 1.0 - 1e-6  # cosine from which on a normal is the triangle's own: 0.08 
 # Least cosine between normal and shading normal. Where normals lean more, as custom ones may, they tell nothing of the
 # surface: it is shaded flat.
 LEAST_LEAN = 0.1
+_SAMPLED = 1 << 16  # triangles, about, whose corners tell where most of a scene is
 _TYPICAL = 8  # points along each axis of the unit square that tell a triangle's mean temperature
 AREA, LONGEST = 3, 4  # rows of a leaf of triangles that hold the area and the length of the longest edge
 NORMAL_UNIT = 32767.0  # of the normals in leaf_facing
@@ -115,7 +116,7 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
     if earlier and all(np.array_equal(old, new) for old, new in zip(earlier[:4], mine, strict=True)):
         return earlier
     triangles = np.ascontiguousarray(scene.triangles, dtype=np.int32)
-    centre = 0.5 * np.add(*bounds(np.ascontiguousarray(scene.vertices), triangles))
+    centre = _middle(scene.vertices, triangles)
     vertices = (scene.vertices - centre).astype(np.float32)
     first = first_at_point(vertices)
     counts, has_area = distinct(triangles, first), extended(Corners(vertices, triangles))
@@ -155,6 +156,13 @@ def build_geometry(scene: Scene, earlier: Geometry | None = None) -> Geometry:
         leaf_triangle=leaf_triangle,
         plane=plane,
     )
+
+
+def _middle(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(3,) float64, m: the median of the triangles' corners, where most of the scene is. Float32 resolves what is there
+    best, however far away a few others are."""
+    step = max(1, len(triangles) // _SAMPLED)
+    return np.median(vertices[triangles[::step].ravel()].astype(np.float64), axis=0)
 
 
 @njit(cache=True, nogil=True)

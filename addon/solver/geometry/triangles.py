@@ -90,18 +90,6 @@ def extended(corners):
 
 
 @njit(cache=True, nogil=True)
-def bounds(vertices, triangles):
-    """Lowest and highest coordinates, (3,) float64 each, m, of vertices (n, 3) that are corners of triangles (m, 3)."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for t in range(triangles.shape[0]):
-        for i in range(3):
-            at = vector(vertices, triangles[t, i])
-            for axis in range(3):
-                low[axis], high[axis] = min(low[axis], at[axis]), max(high[axis], at[axis])
-    return low, high
-
-
-@njit(cache=True, nogil=True)
 def centroids(corners):
     """(m, 3) float32 centroids, m."""
     middle = np.empty((corners.triangles.shape[0], 3), np.float32)

@@ -5,10 +5,11 @@ A thing that fills a thousandth of a pixel, such as a person a kilometre away or
 none may be among the first thousands. Then nothing in the pixel tells of it. But the plan knows where it is. So the
 sheets that span few pixels, or are narrow, are projected into the picture, and rays to points on their triangles tell
 which are seen. They add to the variance by which camera rays are chosen, and to the error of pixels that have not met
-them yet (Film.expected).
+them yet (Film.expected). Where the temperature or the material changes from one triangle to the next, a sheet falls
+into parts: hot faces of a large mesh are specks, too.
 
 What is seen of them in mirrors and through thin sheets is not looked for, nor what is seen through narrow gaps; a lens
-is taken as a pinhole.
+is taken as a pinhole. Hot texels of an image, and small hot gas, are no specks.
 """
 
 import math
@@ -18,10 +19,11 @@ import numpy as np
 
 from ..geometry.eye import Eye, empty_eye_rays, rays_through
 from ..geometry.interaction import interact
+from ..geometry.mesh import label_sheets
 from ..geometry.see_through import transmit_all
 from ..geometry.segments import Tracer, ways
 from ..geometry.stage import Stage, emission_at, nothing_emitted
-from ..geometry.surfaces import facing_side, sheet_count, sheet_of
+from ..geometry.surfaces import Surfaces, facing_side
 from ..geometry.triangles import corner
 from ..image.pooling import REACH
 from ..sampling.vectors import difference
@@ -40,7 +42,7 @@ _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 class Specks(NamedTuple):
     """Specks by pixel of the window (p,), float64. share: of the pixel's area. radiance: W m-2 sr-1 of all bands, mean
-    excess that they emit, 0 where there are none. width: pixels, mean width of their sheets."""
+    excess that they emit, 0 where there are none. width: pixels, mean width of their parts."""
 
     share: np.ndarray
     radiance: np.ndarray
@@ -65,7 +67,7 @@ def what_to_expect(specks: Specks, variance: np.ndarray, samples: np.ndarray, we
 
 class _Projected(NamedTuple):
     """Triangles (t,) in the picture. area: pixels, 0 if it is not all before the camera. length: pixels, along the axis
-    of the picture along which it is longer. label: int32, of the sheet of the side towards the camera."""
+    of the picture along which it is longer. label: int32, of the part of a sheet on the side towards the camera."""
 
     area: np.ndarray
     length: np.ndarray
@@ -75,10 +77,11 @@ class _Projected(NamedTuple):
 def find_specks(stage: Stage, tracer: Tracer, eye: Eye) -> Specks:
     """The Specks that an eye sees."""
     surfaces, (x0, y0, x1, y1) = stage.surfaces, (int(end) for end in eye.window)
+    parts = find_parts(surfaces)
     specks, count = Specks(*np.zeros((3, (x1 - x0) * (y1 - y0)))), len(surfaces.sheet)
     seen, place = _Projected(*np.empty((2, count)), np.empty(count, np.int32)), np.empty((3, 2))
-    ends = np.full((sheet_count(surfaces), 4), -math.inf)  # of each sheet: -x, -y, x and y where it reaches farthest
-    _project(surfaces, eye, place, seen, ends)
+    ends = np.full((int(parts.max()) + 1, 4), -math.inf)  # of each part: -x, -y, x and y where it reaches farthest
+    _project(surfaces, parts, eye, place, seen, ends)
     extent, total = ends[:, :2] + ends[:, 2:], np.bincount(seen.label, seen.area, len(ends))
     extent = extent.max(axis=1)
     small = (extent < _LARGEST) | ((total < _NARROW * extent) & (extent < math.inf))
@@ -103,19 +106,66 @@ def find_specks(stage: Stage, tracer: Tracer, eye: Eye) -> Specks:
     pixel = np.floor(x).astype(np.int64) - x0 + (np.floor(y).astype(np.int64) - y0) * (x1 - x0)
     label, width = seen.label[chosen[of]], total / np.maximum(extent, 1e-300)
     wanted = label, pixel, every * (seen.area[chosen] / points)[of], width[label]
-    _add(stage, hits, rays[1], wanted, (nothing_emitted(bands, np.float64), through), specks)
+    _add(stage, parts, hits, rays[1], wanted, (nothing_emitted(bands, np.float64), through), specks)
     for column in specks[1:]:
         column /= np.maximum(specks.share, 1e-300)
     np.minimum(specks.share, 1.0, out=specks.share)
     return specks
 
 
+def find_parts(surfaces: Surfaces) -> np.ndarray:
+    """(m, 2) int32 label of the part of a sheet to which each side of each triangle belongs: of connected surface, over
+    which neither the temperature nor the material jumps. The sheets themselves where none does."""
+    if not _jumps_anywhere(surfaces):
+        return surfaces.sheet
+    neighbours = surfaces.neighbours.copy()
+    _cut(surfaces, neighbours)
+    return label_sheets(surfaces.plane, neighbours)
+
+
 @njit(**KERNEL)
-def _project(surfaces, eye, place, seen, ends):
+def _jumps_anywhere(surfaces):
+    for t in range(surfaces.sheet.shape[0]):
+        for i in range(3):
+            if _jumps(surfaces, t, surfaces.neighbours[t, i]):
+                return True
+    return False
+
+
+@njit(**KERNEL)
+def _cut(surfaces, neighbours):
+    """Part the triangles between which the temperature or the material jumps. neighbours: (m, 3), copy of Surfaces'."""
+    for t in range(neighbours.shape[0]):
+        for i in range(3):
+            if _jumps(surfaces, t, surfaces.neighbours[t, i]):
+                neighbours[t, i] = -1
+
+
+@njit(**INLINED)
+def _jumps(surfaces, t, neighbour):
+    """Whether a triangle does not emit what its neighbour (see Surfaces) does. Where temperatures run from corner to
+    corner they are taken to be the same along the edge."""
+    if neighbour < 0:
+        return False
+    kelvin, other = surfaces.temperature, neighbour >> 1
+    changes = kelvin[t, 0] != kelvin[other, 0] and _is_even(kelvin, t) and _is_even(kelvin, other)
+    return changes or surfaces.material[t] != surfaces.material[other]
+
+
+@njit(**INLINED)
+def _is_even(kelvin, t):
+    """Whether triangle t has one temperature. kelvin: (m, 1) or (m, 3), of corners."""
+    last = kelvin.shape[1] - 1
+    return kelvin[t, 0] == kelvin[t, last] and kelvin[t, 0] == kelvin[t, last // 2]
+
+
+@njit(**KERNEL)
+def _project(surfaces, parts, eye, place, seen, ends):
     """Fill seen, and ends (labels, 4), see find_specks. place: room for (3, 2) float64."""
     for t in range(seen.area.size):
         is_before = _put_corners(surfaces, eye, t, place)
-        label = sheet_of(surfaces, facing_side(surfaces, t, _towards(eye, corner(surfaces.corners, t, 0))))
+        side_id = facing_side(surfaces, t, _towards(eye, corner(surfaces.corners, t, 0)))
+        label = parts[side_id >> 1, side_id & 1]
         seen.label[t], seen.area[t], seen.length[t] = label, 0.0, 0.0
         if not is_before:  # the sheet has no size in the picture
             ends[label, :] = np.inf
@@ -183,15 +233,15 @@ def _place(eye, point):
 
 
 @njit(**KERNEL)
-def _add(stage, hits, direction, wanted, rooms, specks):
-    """Add to the pixels what rays meet on the sheets that they were sent to, radiance and width times the area. wanted:
-    label of the sheet, pixel, area and width in pixels. rooms: for emission, and what media let through (n, b)."""
+def _add(stage, parts, hits, direction, wanted, rooms, specks):
+    """Add to the pixels what rays meet on the parts that they were sent to, radiance and width times the area. wanted:
+    label of the part, pixel, area and width in pixels. rooms: for emission, and what media let through (n, b)."""
     (labels, pixel, area, width), (emitted, through) = wanted, rooms
     for i in range(labels.size):
         if hits.triangle[i] < 0:
             continue
         at = interact(stage.surfaces, hits, i, direction)
-        if sheet_of(stage.surfaces, at.side_id) == labels[i]:
+        if parts[at.side_id >> 1, at.side_id & 1] == labels[i]:
             radiance, total = emission_at(stage, at, emitted), 0.0
             for b in range(radiance.size):
                 total += through[i, b] * radiance[b]
