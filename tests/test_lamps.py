@@ -17,7 +17,7 @@ import pytest
 from addon.solver import AreaLight, Camera, Material, PointLight, Settings, SpotLight, SunLight, render
 from addon.solver.camera.shadow_rays import Lighting, direct_irradiance, lamp_points
 from addon.solver.geometry.segments import hidden_from_lobes
-from addon.solver.geometry.surfaces import unit_normal
+from addon.solver.geometry.surfaces import build_geometry, unit_normal
 from addon.solver.geometry.triangles import Corners, areas
 from addon.solver.photons.lights import light_spectrum
 from addon.solver.physics.lobes import ggx_albedo, interpolate_albedo
@@ -637,7 +637,7 @@ def test_photons_and_shadow_rays_together_are_the_irradiance(monkeypatch):
     centre, radius, half = np.array((0.0, 0.0, 0.8)), 0.15, 0.3
     scene = floor_scene((0.0, 0.0), (*ball(centre, radius), HOT, 1), half=half)
     model = prepare(scene, Settings(reference_temperature=0.0))
-    surfaces, middle = model.stage.surfaces, 0.5 * (scene.vertices.min(axis=0) + scene.vertices.max(axis=0))
+    surfaces, middle = model.stage.surfaces, build_geometry(scene).centre
     rng, passes = np.random.default_rng(1), 16
     by_photons, by_shadows = np.zeros((2, passes))
     up = [int(unit_normal(surfaces, 2 * t)[2] < 0) for t in (0, 1)]
