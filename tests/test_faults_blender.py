@@ -124,6 +124,13 @@ def test_a_full_disk_is_told_and_the_image_and_older_files_are_kept(infrared, tm
 # Memory ---------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", ["range_low", "isotherm_high", "band_tolerance", "checkpoint_minutes"])
+def test_a_setting_that_is_no_number_is_named(infrared, name):
+    setattr(infrared, name, np.nan)
+    with pytest.raises(RuntimeError, match=rf"Setting '.*' \({name}\) is nan, expected a finite number"):
+        bpy.ops.render.render()
+
+
 def test_a_render_that_needs_too_much_memory_is_refused(infrared, monkeypatch):
     monkeypatch.setattr(memory, "available_memory", lambda: 10**8)
     infrared.photons_per_pass = 10**8

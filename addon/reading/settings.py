@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from ..solver.physics.correction import Correction
@@ -14,10 +15,18 @@ from .shown import as_shown, as_typed
 DEFAULTS = "Where Nothing Is Set"  # label of the panel with these settings
 
 
+# Settings that no value makes an error but these: scripts and drivers can put NaN and infinity anywhere.
+_FINITE = "range_low", "range_high", "isotherm_low", "isotherm_high", "band_tolerance", "checkpoint_minutes"
+
+
 def read_settings(infrared) -> Settings:
     """The solver's settings from scene.infrared. Raises SceneError, with the names that the interface shows, if nothing
     would stop the render or a value makes no sense.
     """
+    for name in _FINITE:
+        if not math.isfinite(getattr(infrared, name)):
+            shown = infrared.bl_rna.properties[name].name
+            raise SceneError(f"Setting '{shown}' ({name}) is {getattr(infrared, name)}, expected a finite number")
     correction = read_object_parameters(infrared).correction
     of_correction = _by_setting(correction)
     names = [name for name in Settings.__dataclass_fields__ if hasattr(infrared, name) and name not in of_correction]
