@@ -67,7 +67,8 @@ def what_to_expect(specks: Specks, variance: np.ndarray, samples: np.ndarray, we
 
 class _Projected(NamedTuple):
     """Triangles (t,) in the picture. area: pixels, 0 if it is not all before the camera. length: pixels, along the axis
-    of the picture along which it is longer. label: int32, of the part of a sheet on the side towards the camera."""
+    of the picture along which it is longer. Both are float32. label: int32, of the part of a sheet on the side towards
+    the camera."""
 
     area: np.ndarray
     length: np.ndarray
@@ -79,11 +80,11 @@ def find_specks(stage: Stage, tracer: Tracer, eye: Eye) -> Specks:
     surfaces, (x0, y0, x1, y1) = stage.surfaces, (int(end) for end in eye.window)
     parts = find_parts(surfaces)
     specks, count = Specks(*np.zeros((3, (x1 - x0) * (y1 - y0)))), len(surfaces.sheet)
-    seen, place = _Projected(*np.empty((2, count)), np.empty(count, np.int32)), np.empty((3, 2))
+    seen, place = _Projected(*np.empty((2, count), np.float32), np.empty(count, np.int32)), np.empty((3, 2))
     ends = np.full((int(parts.max()) + 1, 4), -math.inf)  # of each part: -x, -y, x and y where it reaches farthest
-    _project(surfaces, parts, eye, place, seen, ends)
-    extent, total = ends[:, :2] + ends[:, 2:], np.bincount(seen.label, seen.area, len(ends))
-    extent = extent.max(axis=1)
+    total = np.zeros(len(ends))
+    _project(surfaces, parts, eye, place, seen, (ends, total))
+    extent = (ends[:, :2] + ends[:, 2:]).max(axis=1)
     small = (extent < _LARGEST) | ((total < _NARROW * extent) & (extent < math.inf))
     chosen = np.flatnonzero((seen.area > 0.0) & small[seen.label])
     every = max(1, -(-len(chosen) // _RAYS))
@@ -160,8 +161,10 @@ def _is_even(kelvin, t):
 
 
 @njit(**KERNEL)
-def _project(surfaces, parts, eye, place, seen, ends):
-    """Fill seen, and ends (labels, 4), see find_specks. place: room for (3, 2) float64."""
+def _project(surfaces, parts, eye, place, seen, whole):
+    """Fill seen, and of whole parts ends (labels, 4), see find_specks, and the total area (labels,), in pixels. place:
+    room for (3, 2) float64."""
+    ends, total = whole
     for t in range(seen.area.size):
         is_before = _put_corners(surfaces, eye, t, place)
         side_id = facing_side(surfaces, t, _towards(eye, corner(surfaces.corners, t, 0)))
@@ -173,6 +176,7 @@ def _project(surfaces, parts, eye, place, seen, ends):
         ux, uy = place[1, 0] - place[0, 0], place[1, 1] - place[0, 1]
         vx, vy = place[2, 0] - place[0, 0], place[2, 1] - place[0, 1]
         seen.area[t] = 0.5 * abs(ux * vy - uy * vx)
+        total[label] += seen.area[t]
         for axis in range(2):
             low = min(place[0, axis], min(place[1, axis], place[2, axis]))
             high = max(place[0, axis], max(place[1, axis], place[2, axis]))
