@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import glob
 import math
-import os
 import sys
 from collections.abc import Sequence
 from functools import reduce
@@ -22,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from .output.description import CORRECTION_FACTS
-from .output.formats import FORMATS, layer_suffixes, numbered, replaced, without_extension, write_file
+from .output.formats import FORMATS, clash, layer_suffixes, numbered, replaced, without_extension, write_file
 from .pass_ranges import read_passes
 from .solver import layered_image
 from .solver.checkpoint import CheckpointError, StoredFilm, differences, read, save, told_ranges
@@ -174,11 +173,10 @@ def _check_targets(options, images) -> None:
     """Raise MergeError if two options name the same file, or if a merged film would replace one that is read: passes
     could then not be merged in another way again. All are looked at before the first is written."""
     endings = {"output": FORMATS[options.format].ending, "groups": ".exr", "film": ".npz"}
-    owners = {}
-    for name, key in product((name for name in endings if getattr(options, name)), images):
-        path = _path(getattr(options, name), endings[name], key, images)
-        if owners.setdefault(os.path.normcase(os.path.abspath(path)), name) != name:
-            raise MergeError(f"Two options would both write '{path}'; give --{name} another path")
+    pairs = product((name for name in endings if getattr(options, name)), images)
+    both = clash((name, _path(getattr(options, name), endings[name], key, images)) for name, key in pairs)
+    if both:
+        raise MergeError(f"Two options would both write '{both[2]}'; give --{both[1]} another path")
     targets = (_path(options.film, ".npz", key, images) for key in images if options.film)
     if source := replaced(targets, chain.from_iterable(images.values())):
         raise MergeError(f"'{source}' is read, and would be replaced: --film names another")

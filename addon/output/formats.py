@@ -86,6 +86,17 @@ def replaced(targets: Iterable[Path], sources: Iterable[Path]) -> Path | None:
     return next((known[_identity(path)] for path in targets if path.exists() and _identity(path) in known), None)
 
 
+def clash(targets: Iterable[tuple[str, Path]]) -> tuple[str, str, Path] | None:
+    """The first two of the names that would write the same file, and the file; None if each has its own. targets: names
+    with their files, of which one name may have several."""
+    owners = {}
+    for name, path in targets:
+        owner = owners.setdefault(os.path.normcase(os.path.abspath(path)), name)
+        if owner != name:
+            return owner, name, path
+    return None
+
+
 def _identity(path: Path) -> tuple[int, int]:
     about = path.stat()
     return about.st_dev, about.st_ino

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from ..solver.scene import SceneError, check_temperature
 
@@ -62,6 +62,11 @@ def driver_remark(id_block, key: str = "temperature", unit: str = " K", zero: bo
         why = "as it does if its result is no number or scripts may not run"
         return f"{_name_of(curve, key)} gives 0{unit}, {why}; 0{unit} counts"
     return ""
+
+
+def driver_remarks(id_block, keys: Iterable[str], zero: bool = True) -> list[str]:
+    """What driver_remark says of several properties without a unit; nothing of those that are well."""
+    return [remark for key in keys if (remark := driver_remark(id_block, key, "", zero))]
 
 
 def setting_remarks(scene) -> Iterator[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..solver.physics import library
 from ..solver.scene import Material, SceneError
-from .custom_properties import describe, driver_remark, is_number, number_hint, read_choice, read_number
+from .custom_properties import describe, driver_remarks, is_number, number_hint, read_choice, read_number
 
 _PLURAL = {"emissivity": "emissivities", "transmittance": "transmittances"}
 FRESNEL_LEFT_OUT = "fresnel is left out: a thin sheet with a transmittance is alike at all angles"
@@ -38,8 +38,8 @@ def read_material(material, default_emissivity: float) -> Material:
 
 def surface_remarks(material) -> list[str]:
     """What is wrong with the drivers of a Blender material's surface, and which values count."""
-    others = (driver_remark(material, key, "", zero=True) for key in ("transmittance", "specular", "roughness", "mix"))
-    return [remark for remark in (driver_remark(material, "emissivity", ""), *others) if remark]
+    others = driver_remarks(material, ("transmittance", "specular", "roughness", "mix"))
+    return driver_remarks(material, ("emissivity",), zero=False) + others
 
 
 def leaves_fresnel_out(material, read: Material) -> bool:

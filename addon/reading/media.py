@@ -9,7 +9,7 @@ from ..solver.geometry.closed import fault_of
 from ..solver.physics.aerosols import mix_in
 from ..solver.physics.gases import find_gas
 from ..solver.scene import ATMOSPHERE, Medium, SceneError
-from .custom_properties import describe, driver_remark, is_number, number_hint, read_number
+from .custom_properties import describe, driver_remarks, is_number, number_hint, read_number
 from .materials import pair_points
 from .warnings import Warnings
 from .world import unset_surroundings
@@ -40,8 +40,7 @@ def read_optics(block, owner: str, metres: float) -> dict:
 
 def gas_remarks(block) -> list[str]:
     """What is wrong with the drivers of the gas of a material or world, and which values count."""
-    remarks = (driver_remark(block, key, "", zero=True) for key in ("absorption", "scattering", "anisotropy"))
-    return [remark for remark in remarks if remark]
+    return driver_remarks(block, ("absorption", "scattering", "anisotropy"))
 
 
 def build_medium(name: str, contents: dict[str, float], **values) -> Medium:

@@ -13,9 +13,7 @@ from .object_parameters import read_object_parameters
 from .shown import as_shown, as_typed
 
 DEFAULTS = "Where Nothing Is Set"  # label of the panel with these settings
-
-
-# Settings that no value makes an error but these: scripts and drivers can put NaN and infinity anywhere.
+# Scripts and drivers can put NaN and infinity anywhere. All other settings are checked where they are read.
 _FINITE = "range_low", "range_high", "isotherm_low", "isotherm_high", "band_tolerance", "checkpoint_minutes"
 
 

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 
-from ..output.formats import FORMATS, layer_suffixes, numbered, without_extension, write_file
+from ..output.formats import FORMATS, clash, layer_suffixes, numbered, without_extension, write_file
 from ..reading.views import view_names, views_of
 from ..solver.scene import SceneError
 
@@ -33,12 +32,10 @@ def check_paths(infrared, animation: bool = False) -> None:
     for path in (getattr(infrared, name) for name in PATHS):
         if path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"Save the file first: '{path}' starts at its folder")
-    owners = {}
-    for name, path in _files(infrared.id_data, animation):
-        owner = owners.setdefault(os.path.normcase(os.path.abspath(path)), name)
-        if owner != name:
-            both = f"{PATHS.get(owner, owner)} and {PATHS.get(name, name)}"
-            raise SceneError(f"{both} would both write '{path}'; give one of them another path")
+    if both := clash(_files(infrared.id_data, animation)):
+        *names, path = both
+        called = " and ".join(PATHS.get(name, name) for name in names)
+        raise SceneError(f"{called} would both write '{path}'; give one of them another path")
 
 
 def _files(scene, animation: bool) -> Iterator[tuple[str, Path]]:
